@@ -1,0 +1,3 @@
+"""Online lidar scene flow for ROS 2: the motion of every point, without training or labels."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,50 @@
+"""Random rows to optimize on, and networks applied to many rows."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+_ROWS_AT_ONCE = 16_384
+
+
+class Batches:
+    """Random rows of a table, or all of them."""
+
+    def __init__(self, rows: torch.Tensor, size: int, generator: torch.Generator) -> None:
+        """Prepares the draws.
+
+        Args:
+            rows: (M, C) what to draw from.
+            size: Rows of a batch; 0, or at least M: all of them.
+            generator: Source of randomness, on the CPU so that a GPU draws the same rows.
+        """
+        self._rows = rows
+        self._size = size
+        self._generator = generator
+
+    @property
+    def are_whole(self) -> bool:
+        """Whether each batch has all rows, so that losses can be compared."""
+        return not 0 < self._size < len(self._rows)
+
+    def draw(self) -> torch.Tensor:
+        """The next batch."""
+        if self.are_whole:
+            return self._rows
+        indices = torch.randint(len(self._rows), (self._size,), generator=self._generator)
+        return self._rows[indices.to(self._rows.device)]
+
+
+@torch.no_grad()
+def evaluate(network: nn.Module, rows: torch.Tensor) -> torch.Tensor:
+    """Applies a network to any number of rows, in pieces that bound the memory.
+
+    Args:
+        network: Maps (M, C) to (M, 3).
+        rows: (N, C).
+
+    Returns:
+        (N, 3), without gradient.
+    """
+    return torch.cat([network(part) for part in rows.split(_ROWS_AT_ONCE)])

@@ -1,0 +1,85 @@
+"""MNSF: from three sweeps to the flow of the middle one, one line per step of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.estimation_run import EstimationRun
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.motion_inversion import invert_motion
+from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.warm_start import WarmStart
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+
+def _never() -> bool:
+    return False
+
+
+class MultiFrameEstimator:
+    """Estimates scene flow from triplets, each starting where the last one ended.
+
+    Not for use from several threads at once.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        """Makes an estimator that has seen nothing yet.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        self.settings = settings
+        self._device = compute_device(settings.compute)
+        self._preparation = SweepPreparation(settings)
+        self._warm_start = WarmStart()
+
+    def with_settings(self, settings: Settings) -> MultiFrameEstimator:
+        """An estimator with other settings that takes over what still holds.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        other, old = MultiFrameEstimator(settings), self.settings
+        if settings.compute == old.compute:
+            if (settings.field, settings.fusion) == (old.field, old.fusion):
+                other._warm_start = self._warm_start
+            preparing = (settings.crop, settings.ground, settings.distance)
+            if preparing == (old.crop, old.ground, old.distance):
+                other._preparation = self._preparation
+        return other
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+    ) -> FlowEstimate:
+        """Estimates the flow of the triplet's current sweep (section 3 of the paper).
+
+        Without a previous sweep the forward flow alone is the result, which is FNSF.
+
+        Args:
+            triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
+            cancelled: Asked again and again; True ends the estimate with CancelledError.
+
+        Raises:
+            SweepError: If crop and ground removal leave too few points of a sweep.
+            OptimizationError: If the optimization finds no finite flow.
+            CancelledError: If `cancelled` says so.
+        """
+        limit_threads(self.settings.compute)
+        run = EstimationRun(
+            triplet=triplet,
+            settings=self.settings,
+            device=self._device,
+            preparation=self._preparation,
+            warm_start=self._warm_start,
+            cancelled=cancelled,
+        )
+        forward_flow = run.forward_flow()
+        if triplet.previous is None:
+            return run.finish(forward_flow)
+        backward_flow = run.backward_flow()
+        inverted_flow = invert_motion(backward_flow, triplet.interval_ratio)
+        fused_flow = run.fused_flow(forward_flow, inverted_flow)
+        self._warm_start.keep(run.learners, triplet)
+        return run.finish(fused_flow)

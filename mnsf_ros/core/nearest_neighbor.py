@@ -1,0 +1,41 @@
+"""Distance to the nearest point of a target sweep: exact, and small for any extent."""
+
+from __future__ import annotations
+
+import torch
+from scipy.spatial import cKDTree
+
+# Distances of a CUDA search that are in memory at once: 256 MiB of float32.
+_MAX_PAIRS = 64 * 1024 * 1024
+
+
+class NearestNeighborDistance:
+    """Distance to the nearest target point: a k-d tree on the CPU, brute force on CUDA."""
+
+    kind = "tree"
+
+    def __init__(self, points: torch.Tensor) -> None:
+        self._points = points
+        self._tree = None if points.is_cuda else cKDTree(points.numpy())
+
+    def __call__(self, positions: torch.Tensor) -> torch.Tensor:
+        """Distance of positions to the sweep.
+
+        Args:
+            positions: (M, 3) metres.
+
+        Returns:
+            (M,) metres, differentiable: the gradient pulls toward the nearest point.
+        """
+        nearest = self._points[self._nearest_indices(positions.detach())]
+        distances: torch.Tensor = torch.linalg.vector_norm(positions - nearest, dim=1)
+        return distances
+
+    def _nearest_indices(self, positions: torch.Tensor) -> torch.Tensor:
+        if self._tree is not None:
+            _, indices = self._tree.query(positions.numpy())
+            return torch.from_numpy(indices)
+        chunk = max(1, _MAX_PAIRS // len(self._points))
+        return torch.cat(
+            [torch.cdist(part, self._points).argmin(dim=1) for part in positions.split(chunk)]
+        )

@@ -1,0 +1,149 @@
+"""The one Adam loop of the project: make a network's loss small, keep the best weights."""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import torch
+from torch import nn
+
+from mnsf_ros.core.early_stopping import EarlyStopping
+from mnsf_ros.core.schedule import Schedule
+from mnsf_ros.errors import CancelledError, OptimizationError
+
+
+class StopReason(Enum):
+    """Why an optimization ended."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_BUDGET = "time_budget"
+    NOT_FINITE = "not_finite"
+
+
+@dataclass
+class Learner:
+    """A network with its optimizer, so that both can be carried from triplet to triplet.
+
+    Attributes:
+        network: What is optimized.
+        optimizer: Adam over the network's weights, with its moments; None if it has no weights.
+        last_loss: Loss at the end of the last optimization, metres; None for a fresh network.
+    """
+
+    network: nn.Module
+    optimizer: torch.optim.Adam | None
+    last_loss: float | None = None
+
+    @classmethod
+    def fresh(cls, network: nn.Module) -> Learner:
+        """A learner whose optimizer has seen nothing yet."""
+        weights = list(network.parameters())
+        return cls(network, torch.optim.Adam(weights) if weights else None)
+
+
+@dataclass(frozen=True)
+class OptimizationResult:
+    """How an optimization went.
+
+    Attributes:
+        loss_m: Lowest loss where all points are used in each step, else the last one.
+        iterations: Steps taken.
+        stop_reason: Why it ended.
+    """
+
+    loss_m: float
+    iterations: int
+    stop_reason: StopReason
+
+
+def minimize(
+    learner: Learner,
+    loss_of: Callable[[], torch.Tensor],
+    schedule: Schedule,
+    *,
+    keep_best: bool,
+) -> OptimizationResult:
+    """Optimizes the learner's network in place.
+
+    Args:
+        learner: Network and optimizer. Gets the final loss as `last_loss`.
+        loss_of: Computes the loss of the network as it is now, a scalar in metres.
+        schedule: Number and size of the steps, and when to stop.
+        keep_best: Whether to return to the weights of the lowest loss. Meaningful only if
+            `loss_of` means the same thing at each call, not for random batches.
+
+    Raises:
+        OptimizationError: If the loss is not finite and there are no better weights to return to.
+        CancelledError: If the schedule's `cancelled` says so.
+    """
+    if learner.optimizer is None:
+        return OptimizationResult(loss_of().item(), 0, StopReason.CONVERGED)
+    best = _BestWeights(learner.network)
+    stopping = EarlyStopping(schedule.patience, schedule.min_delta_m)
+    loss = torch.tensor(math.nan)
+    iterations, reason = 0, StopReason.ITERATION_LIMIT
+    while iterations < schedule.max_iterations:
+        if schedule.cancelled():
+            raise CancelledError("the estimate was cancelled")
+        if iterations and time.monotonic() > schedule.deadline:
+            reason = StopReason.TIME_BUDGET
+            break
+        loss = loss_of()
+        # Reading the loss makes a GPU wait, so it is read only where somebody looks at it.
+        value = loss.item() if keep_best or stopping.is_on else 0.0
+        if not math.isfinite(value):
+            reason = StopReason.NOT_FINITE
+            break
+        if keep_best:
+            best.offer(value)
+        _step(learner.optimizer, loss, schedule.learning_rate_at(iterations))
+        iterations += 1
+        if stopping.should_stop(value):
+            reason = StopReason.CONVERGED
+            break
+    learner.last_loss = _final_loss(loss, best)
+    return OptimizationResult(learner.last_loss, iterations, reason)
+
+
+def _step(optimizer: torch.optim.Adam, loss: torch.Tensor, learning_rate: float) -> None:
+    for group in optimizer.param_groups:
+        group["lr"] = learning_rate
+    optimizer.zero_grad()
+    loss.backward()
+    optimizer.step()
+
+
+def _final_loss(loss: torch.Tensor, best: _BestWeights) -> float:
+    if best.loss < math.inf:
+        best.restore()
+        return best.loss
+    value = loss.item()
+    if not math.isfinite(value):
+        raise OptimizationError(f"the loss became {value}, expected a finite number of metres")
+    return value
+
+
+class _BestWeights:
+    """The weights that had the lowest loss so far."""
+
+    def __init__(self, network: nn.Module) -> None:
+        self._network = network
+        self._weights: dict[str, Any] = {}
+        self.loss = math.inf
+
+    def offer(self, loss: float) -> None:
+        """Keeps the network's weights if their loss is the lowest."""
+        if loss < self.loss:
+            self.loss = loss
+            self._weights = copy.deepcopy(self._network.state_dict())
+
+    def restore(self) -> None:
+        """Puts the best weights back into the network."""
+        self._network.load_state_dict(self._weights)

@@ -1,0 +1,65 @@
+"""What one triplet hands to the next: networks and their optimizers. Not in the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.core.flow_field import FlowField
+from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.temporal_fusion import fusion_network
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+
+
+@dataclass(frozen=True)
+class Learners:
+    """The three networks of the method."""
+
+    forward: Learner
+    backward: Learner
+    fusion: Learner
+
+    @classmethod
+    def fresh(
+        cls, settings: Settings, generator: torch.Generator, device: torch.device
+    ) -> Learners:
+        """Networks with random weights."""
+        forward, backward = (FlowField(settings.field, generator) for _ in range(2))
+        fusion = fusion_network(settings.fusion, generator)
+        return cls(*(Learner.fresh(network.to(device)) for network in (forward, backward, fusion)))
+
+
+class WarmStart:
+    """Keeps the networks of the last triplet until they no longer fit."""
+
+    def __init__(self) -> None:
+        self._carried: Learners | None = None
+        self._origin: SweepTriplet | None = None
+
+    def keep(self, learners: Learners, triplet: SweepTriplet) -> None:
+        """Carries the networks, fitted to this triplet, to the next one."""
+        self._carried, self._origin = learners, triplet
+
+    def forget(self) -> None:
+        """Makes the next start a cold one."""
+        self._carried = self._origin = None
+
+    def carried(self, triplet: SweepTriplet, settings: Settings) -> tuple[Learners | None, Start]:
+        """The networks to start this triplet from, or None and the reason for a cold start."""
+        start = self._start(triplet, settings)
+        return (self._carried if start is Start.WARM else None), start
+
+    def _start(self, triplet: SweepTriplet, settings: Settings) -> Start:
+        if not settings.warm_start.enabled:
+            return Start.COLD_BY_SETTING
+        if self._carried is None or self._origin is None:
+            return Start.COLD_FIRST
+        if triplet.current.frame_id != self._origin.current.frame_id:
+            return Start.COLD_FRAME
+        elapsed_s = (triplet.current.stamp_ns - self._origin.current.stamp_ns) / NANOSECONDS
+        if elapsed_s < 0:
+            return Start.COLD_TIME_JUMP
+        return Start.COLD_GAP if elapsed_s > settings.warm_start.max_gap_s else Start.WARM

@@ -1,0 +1,27 @@
+"""The errors that callers of this package may catch. All of them say what was found."""
+
+from __future__ import annotations
+
+
+class MnsfError(Exception):
+    """Root of all errors raised on purpose by `mnsf_ros`; its text is one line for the user."""
+
+
+class SettingsError(MnsfError, ValueError):
+    """A setting is unknown, of the wrong type or out of its range."""
+
+
+class SweepError(MnsfError, ValueError):
+    """A sweep cannot be used, for example because too few of its points are left."""
+
+
+class OptimizationError(MnsfError):
+    """An optimization produced no finite flow."""
+
+
+class CancelledError(MnsfError):
+    """An estimate was abandoned because its caller asked for it (shutdown, cancel)."""
+
+
+class RecordingError(MnsfError):
+    """A recording is missing, damaged, or does not hold what was asked of it."""

@@ -1,0 +1,389 @@
+"""Every setting of the project, declared once: type, default, unit, range and meaning.
+
+ROS parameters, the YAML files in `config/`, command-line help and the table in
+`docs/parameters.md` are all derived from the dataclasses below. A setting's full name is
+`group.field`, for example `crop.max_range_m`. The defaults are the `online` preset.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, get_type_hints
+
+from mnsf_ros.errors import SettingsError
+
+SettingValue = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The declaration of one setting.
+
+    Attributes:
+        name: `group.field`.
+        kind: `bool`, `int`, `float` or `str`.
+        default: Value of the `online` preset.
+        text: One line for people.
+        unit: Unit of the value, empty where it has none.
+        minimum: Smallest value allowed, numbers only.
+        maximum: Largest value allowed, numbers only.
+        choices: The words allowed, strings only.
+        fixed: True if it cannot change while a node runs.
+    """
+
+    name: str
+    kind: type
+    default: SettingValue
+    text: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    fixed: bool = False
+
+    def checked(self, value: object) -> SettingValue:
+        """Returns `value` in this setting's type.
+
+        Raises:
+            SettingsError: If the type does not fit, or the value is outside the range.
+        """
+        typed = self._typed(value)
+        if self.choices and typed not in self.choices:
+            raise SettingsError(f"{self.name}: got {value!r}, expected one of {self._expected()}")
+        if isinstance(typed, (int, float)) and not isinstance(typed, bool):
+            too_small = self.minimum is not None and typed < self.minimum
+            too_large = self.maximum is not None and typed > self.maximum
+            if too_small or too_large or not math.isfinite(typed):
+                raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+        return typed
+
+    def _typed(self, value: object) -> SettingValue:
+        # bool is a subclass of int in Python, and `true` for a number is always a mistake.
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if self.kind is float and is_number:
+            return float(value)  # type: ignore[arg-type]
+        if self.kind is int and isinstance(value, float) and value.is_integer():
+            return int(value)
+        if type(value) is self.kind:
+            return value  # type: ignore[return-value]
+        raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+
+    def _expected(self) -> str:
+        if self.choices:
+            return ", ".join(self.choices)
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
+        return f"{words[self.kind]}{self.range_text(' from {} to {}')}"
+
+    def range_text(self, pattern: str = "{} to {}") -> str:
+        """The range as text, empty where there is none."""
+        if self.choices:
+            return ", ".join(self.choices)
+        if self.minimum is None or self.maximum is None:
+            return ""
+        return pattern.format(f"{self.minimum:g}", f"{self.maximum:g}")
+
+
+def _setting(
+    default: SettingValue,
+    text: str,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    fixed: bool = False,
+) -> Any:  # noqa: ANN401 - dataclasses.field is typed like this, too
+    return field(
+        default=default,
+        metadata={
+            "text": text,
+            "unit": unit,
+            "minimum": minimum,
+            "maximum": maximum,
+            "choices": choices,
+            "fixed": fixed,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class CropSettings:
+    """Which points the fields are fitted to. Points outside get their flow all the same."""
+
+    min_range_m: float = _setting(
+        0.5, "Leave out points nearer than this, for example the robot itself", "m", 0, 1000
+    )
+    max_range_m: float = _setting(
+        80.0, "Leave out points farther than this, measured in the horizontal plane", "m", 1, 1000
+    )
+    min_height_m: float = _setting(
+        -20.0, "Leave out points below this height in the sensor frame", "m", -1000, 1000
+    )
+    max_height_m: float = _setting(
+        4.0, "Leave out points above this height in the sensor frame", "m", -1000, 1000
+    )
+
+
+@dataclass(frozen=True)
+class GroundSettings:
+    """How ground is told from objects (it tells the fields nothing about motion)."""
+
+    remove: bool = _setting(True, "Fit the fields without ground points")
+    cell_size_m: float = _setting(0.5, "Cell of the ground height map", "m", 0.1, 10)
+    window_m: float = _setting(
+        8.0, "Things narrower than this stand on the ground, wider ones are terrain", "m", 1, 50
+    )
+    max_slope: float = _setting(
+        0.25, "Steepest ground, as rise over run, followed by the height map", "", 0, 1
+    )
+    margin_m: float = _setting(
+        0.2, "A point less than this above the height map is ground", "m", 0.01, 2
+    )
+
+
+@dataclass(frozen=True)
+class BufferSettings:
+    """Which sweeps may stand beside each other in a triplet."""
+
+    min_interval_s: float = _setting(
+        0.001, "A sweep less than this after the last one is a duplicate", "s", 0.000001, 1
+    )
+    max_interval_s: float = _setting(
+        0.5, "After a longer gap the buffer starts anew, with a cold start", "s", 0.01, 60
+    )
+
+
+@dataclass(frozen=True)
+class DistanceSettings:
+    """How far a moved point is from the target sweep: D in the paper."""
+
+    kind: str = _setting(
+        "tree",
+        "grid: distance transform as in the paper; tree: exact nearest neighbor, cheaper on a CPU "
+        "for few points",
+        choices=("grid", "tree"),
+    )
+    cell_size_m: float = _setting(0.1, "Cell of the distance transform", "m", 0.01, 10)
+    max_cells: int = _setting(
+        250_000_000,
+        "A sweep whose grid would have more cells (4 bytes each) uses the tree instead",
+        "",
+        1000,
+        2_000_000_000,
+    )
+    truncation_m: float = _setting(
+        2.0, "Distances beyond this count as this and pull no more; 0: never", "m", 0, 1000
+    )
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """The network of the forward and the backward field."""
+
+    num_hidden_layers: int = _setting(
+        4, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
+    )
+    hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
+
+
+@dataclass(frozen=True)
+class OptimizationSettings:
+    """The Adam loop that fits a field to a pair of sweeps."""
+
+    learning_rate: float = _setting(0.008, "Step size of Adam", "", 1e-7, 1)
+    decay: bool = _setting(True, "Let the step size fall to zero along a cosine")
+    max_iterations: int = _setting(150, "Steps of a cold start, per field", "", 1, 100_000)
+    max_points: int = _setting(
+        0, "Fit to this many random points of the cropped sweep; 0: to all", "", 0, 10_000_000
+    )
+    batch_points: int = _setting(
+        1024,
+        "Points of a random batch, drawn anew for each step; 0: all in each",
+        "",
+        0,
+        10_000_000,
+    )
+    time_budget_ms: float = _setting(
+        700.0, "Stop optimizing a triplet after this time; 0: never", "ms", 0, 3_600_000
+    )
+
+
+@dataclass(frozen=True)
+class EarlyStoppingSettings:
+    """When a fit counts as converged."""
+
+    patience: int = _setting(
+        0, "Stop a field after this many steps without improvement; 0: never", "", 0, 100_000
+    )
+    min_delta_m: float = _setting(0.001, "A smaller fall of the loss is no improvement", "m", 0, 10)
+
+
+@dataclass(frozen=True)
+class FusionSettings:
+    """How forward flow and inverted backward flow become one."""
+
+    kind: str = _setting(
+        "mlp",
+        "mlp: a network, as the paper; weighted_sum: W f + (I - W) f'; mean: (f + f') / 2",
+        choices=("mlp", "weighted_sum", "mean"),
+    )
+    num_hidden_layers: int = _setting(3, "Hidden layers of the fusion network", "", 1, 64)
+    hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
+    max_iterations: int = _setting(100, "Steps of a cold start", "", 1, 100_000)
+    patience: int = _setting(
+        0, "Stop after this many steps without improvement; 0: never", "", 0, 100_000
+    )
+
+
+@dataclass(frozen=True)
+class WarmStartSettings:
+    """What one triplet hands to the next: fields, fusion and the state of their optimizers."""
+
+    enabled: bool = _setting(True, "Start from the networks of the last triplet")
+    max_iterations: int = _setting(40, "Steps per network after a warm start", "", 1, 100_000)
+    learning_rate: float = _setting(0.002, "Step size of Adam after a warm start", "", 1e-7, 1)
+    max_gap_s: float = _setting(
+        2.0, "Start cold if the last triplet is older than this", "s", 0.01, 3600
+    )
+    max_loss_ratio: float = _setting(
+        2.0, "Start cold if the loss of the carried field has grown by more than this", "", 1, 1000
+    )
+
+
+@dataclass(frozen=True)
+class ComputeSettings:
+    """Where and how reproducibly the work is done."""
+
+    device: str = _setting(
+        "auto", "auto takes CUDA where there is one", choices=("auto", "cpu", "cuda")
+    )
+    num_threads: int = _setting(
+        0,
+        "Threads of torch; 0: in the node one per core less one, elsewhere torch's own",
+        "",
+        0,
+        512,
+    )
+    seed: int = _setting(0, "Seed of start weights and random batches", "", 0, 2_147_483_647)
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """What only the ROS node needs."""
+
+    always_estimate: bool = _setting(False, "Estimate even while nobody subscribes to any output")
+    input_reliability: str = _setting(
+        "auto",
+        "auto takes reliable where every publisher offers it",
+        choices=("auto", "reliable", "best_effort"),
+        fixed=True,
+    )
+    diagnostics_period_s: float = _setting(
+        1.0, "Time between two messages on /diagnostics", "s", 0.05, 60, fixed=True
+    )
+    stale_after_s: float = _setting(
+        2.0, "Report the input as stale after this time without a sweep", "s", 0.1, 3600
+    )
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings. Immutable: a change makes a new object, see `changed`."""
+
+    crop: CropSettings = CropSettings()
+    ground: GroundSettings = GroundSettings()
+    buffer: BufferSettings = BufferSettings()
+    distance: DistanceSettings = DistanceSettings()
+    field: FieldSettings = FieldSettings()
+    optimization: OptimizationSettings = OptimizationSettings()
+    early_stopping: EarlyStoppingSettings = EarlyStoppingSettings()
+    fusion: FusionSettings = FusionSettings()
+    warm_start: WarmStartSettings = WarmStartSettings()
+    compute: ComputeSettings = ComputeSettings()
+    node: NodeSettings = NodeSettings()
+
+    def changed(self, values: Mapping[str, object]) -> Settings:
+        """Returns these settings with some values replaced.
+
+        Args:
+            values: Full names (`crop.max_range_m`) to new values.
+
+        Raises:
+            SettingsError: For an unknown name, a wrong type, a value out of range, or values
+                that contradict each other.
+        """
+        groups: dict[str, dict[str, SettingValue]] = {}
+        for name, value in values.items():
+            setting = declared_setting(name)
+            group, _, key = name.partition(".")
+            groups.setdefault(group, {})[key] = setting.checked(value)
+        replaced = {
+            group: dataclasses.replace(getattr(self, group), **items)
+            for group, items in groups.items()
+        }
+        settings = dataclasses.replace(self, **replaced)
+        settings._check_consistency()
+        return settings
+
+    def to_mapping(self) -> dict[str, SettingValue]:
+        """Full name to value of every setting, in the order of declaration."""
+        return {setting.name: self.value_of(setting.name) for setting in declared_settings()}
+
+    def value_of(self, name: str) -> SettingValue:
+        """The value of the setting with this full name."""
+        group, _, key = name.partition(".")
+        value: SettingValue = getattr(getattr(self, group), key)
+        return value
+
+    def _check_consistency(self) -> None:
+        for group, low, high in (
+            ("crop", "min_range_m", "max_range_m"),
+            ("crop", "min_height_m", "max_height_m"),
+            ("buffer", "min_interval_s", "max_interval_s"),
+        ):
+            values = getattr(self, group)
+            smaller, larger = getattr(values, low), getattr(values, high)
+            if not smaller < larger:
+                raise SettingsError(
+                    f"{group}.{low}: got {smaller!r}, expected less than {group}.{high}, "
+                    f"which is {larger!r}"
+                )
+
+
+@cache
+def declared_settings() -> tuple[Setting, ...]:
+    """The declarations of all settings, in order."""
+    return tuple(_declarations())
+
+
+def declared_setting(name: str) -> Setting:
+    """The declaration of one setting.
+
+    Raises:
+        SettingsError: If there is none of that name; the text names the nearest ones.
+    """
+    import difflib
+
+    by_name = {setting.name: setting for setting in declared_settings()}
+    if name not in by_name:
+        near = difflib.get_close_matches(name, by_name, n=3)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise SettingsError(f"unknown setting {name!r}{hint}")
+    return by_name[name]
+
+
+def _declarations() -> Iterator[Setting]:
+    defaults = Settings()
+    for group in dataclasses.fields(Settings):
+        values = getattr(defaults, group.name)
+        kinds = get_type_hints(type(values))
+        for item in dataclasses.fields(values):
+            yield Setting(
+                name=f"{group.name}.{item.name}",
+                kind=kinds[item.name],
+                default=getattr(values, item.name),
+                **item.metadata,
+            )

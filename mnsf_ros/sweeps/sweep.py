@@ -1,0 +1,87 @@
+"""What a sweep is, and the three of them that one estimate needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.errors import SweepError
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The points of one lidar revolution, in the sensor's own frame.
+
+    Attributes:
+        xyz: (N, 3) float32, metres, finite, x forward, y left, z up.
+        stamp_ns: Time of the sweep, integer nanoseconds.
+        frame_id: Name of the sensor's coordinate frame.
+        source: What the sweep was decoded from. Carried along, never looked at.
+    """
+
+    xyz: NDArray[np.float32]
+    stamp_ns: int = 0
+    frame_id: str = ""
+    source: Any = None
+
+    @classmethod
+    def from_array(
+        cls, points: object, *, name: str = "points", stamp_ns: int = 0, frame_id: str = ""
+    ) -> Sweep:
+        """Checks an array and makes a sweep of it.
+
+        Args:
+            points: (N, 3) or wider, metres; columns beyond the third are ignored.
+            name: What the error text calls the array.
+            stamp_ns: Time of the sweep, integer nanoseconds.
+            frame_id: Name of the sensor's coordinate frame.
+
+        Raises:
+            SweepError: If the array is not two-dimensional with at least three columns, is not
+                numeric, or holds values that are not finite as float32.
+        """
+        array = np.asarray(points)
+        if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
+            raise SweepError(
+                f"{name}: got shape {array.shape} of {array.dtype}, expected (N, 3) numbers"
+            )
+        with np.errstate(over="ignore"):
+            xyz = np.ascontiguousarray(array[:, :3], dtype=np.float32)
+        num_bad = int(np.count_nonzero(~np.isfinite(xyz).all(axis=1)))
+        if num_bad:
+            raise SweepError(f"{name}: {num_bad} of {len(xyz)} points are not finite; remove them")
+        return cls(xyz, stamp_ns, frame_id)
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTriplet:
+    """Three consecutive sweeps: S1 (t-1), S2 (t) and S3 (t+1) of the paper.
+
+    `previous` may be missing: the estimate then uses two sweeps only.
+    """
+
+    previous: Sweep | None
+    current: Sweep
+    next: Sweep
+
+    @property
+    def interval_s(self) -> float:
+        """Seconds from the current to the next sweep."""
+        return (self.next.stamp_ns - self.current.stamp_ns) / NANOSECONDS
+
+    @property
+    def interval_ratio(self) -> float:
+        """Interval to the next sweep over interval from the previous one; 1 without stamps."""
+        if self.previous is None:
+            return 1.0
+        before = self.current.stamp_ns - self.previous.stamp_ns
+        after = self.next.stamp_ns - self.current.stamp_ns
+        return after / before if before > 0 and after > 0 else 1.0

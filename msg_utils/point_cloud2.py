@@ -1,0 +1,168 @@
+"""Point cloud messages <-> NumPy arrays. Works on any object with the message's attributes."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from msg_utils.cloud_layout import CloudLayout, PointCloudLike, read_only_bytes
+from msg_utils.encoded_cloud import Columns, EncodedCloud, aligned_step, column_fields
+from msg_utils.errors import MessageError, describe
+from msg_utils.integers import UINT32_MAX, checked_integer
+from msg_utils.point_fields import FieldLayout, fields_end, point_dtype
+
+__all__ = [
+    "EncodedCloud",
+    "FieldLayout",
+    "MessageError",
+    "decode_points",
+    "decode_xyz",
+    "encode_columns",
+    "encode_with_columns",
+]
+
+_XYZ: Final = ("x", "y", "z")
+
+
+def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
+    """View all fields of all points, whatever the layout, without a copy.
+
+    Args:
+        cloud: The message; its data stays as it is.
+
+    Returns:
+        (height, width) structured, one entry per field as `point_fields.point_dtype` names them, in
+        the byte order of the message. It is read-only and refers to the memory of the message.
+
+    Raises:
+        MessageError: The layout contradicts itself or the data is too short.
+    """
+    return _view_points(cloud, CloudLayout.from_cloud(cloud))
+
+
+def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Copy the positions of all finite points.
+
+    Coordinates have to be FLOAT32 or FLOAT64: for integers the message does not say the unit. A
+    cloud without points needs no fields at all.
+
+    Args:
+        cloud: The message; its data stays as it is.
+
+    Returns:
+        xyz: (N, 3) float32, metres, native byte order, C-contiguous, of its own memory. Points row
+            by row, without those of which x, y or z is NaN, infinite or beyond float32.
+        finite: (height * width,) bool, True for the N points of `xyz`. Apply it to every other
+            column of the cloud, and to put results back in place.
+
+    Raises:
+        MessageError: The cloud cannot be decoded, or has no x, y or z of a floating point type.
+    """
+    layout = CloudLayout.from_cloud(cloud)
+    points = _view_points(cloud, layout)
+    if points.size == 0:
+        return np.empty((0, 3), np.float32), np.empty(0, np.bool_)
+    _check_coordinates(layout.fields)
+    grid = np.empty((*points.shape, 3), np.float32)
+    # Float64 beyond float32 becomes infinite, and so not finite: no reason for a warning.
+    with np.errstate(all="ignore"):
+        for axis, name in enumerate(_XYZ):
+            grid[..., axis] = points[name]
+    xyz = grid.reshape(-1, 3)
+    finite = np.isfinite(xyz[:, 0])
+    finite &= np.isfinite(xyz[:, 1])
+    finite &= np.isfinite(xyz[:, 2])
+    # np.compress is five times faster than xyz[finite].
+    return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
+
+
+def encode_with_columns(cloud: PointCloudLike, columns: Columns) -> EncodedCloud:
+    """Copy a cloud and give every point further fields.
+
+    All fields of the cloud keep name, offset, datatype, count and the exact bytes of their values,
+    also where they overlap or repeat a name; points keep their order, the cloud its byte order. New
+    fields follow the last kept one, each at a multiple of its size. A field of the cloud with the
+    name of a column is dropped first, so that encoding the result again gives the same layout.
+    Padding at the end of points and rows is not kept.
+
+    Args:
+        cloud: The message; its data stays as it is.
+        columns: Name -> (height * width,) of a type that a field can have, values in row order. The
+            value of points that have none (NaN) is the caller's choice.
+
+    Returns:
+        Layout and data of the new cloud.
+
+    Raises:
+        MessageError: The cloud cannot be decoded, or a column does not fit it.
+    """
+    layout = CloudLayout.from_cloud(cloud)
+    buffer = read_only_bytes(cloud, layout)
+    kept = tuple(field for field in layout.fields if field.name not in columns)
+    kept_size = fields_end(kept)
+    added = column_fields(columns, layout.num_points, kept_size, aligned=True)
+    encoded = EncodedCloud.allocate(
+        layout.height,
+        layout.width,
+        kept + added,
+        aligned_step(added, fields_end(kept + added)),
+        is_bigendian=layout.is_bigendian,
+    )
+    if kept:
+        # One opaque element per point: the fastest copy, and no value is interpreted.
+        kept_bytes = np.dtype((np.void, kept_size))
+        encoded.view(encoded.data, kept_bytes)[...] = layout.view(buffer, kept_bytes)
+    for field in added:
+        encoded.write_column(field, columns[field.name])
+    return encoded
+
+
+def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
+    """Build a little-endian cloud of the given columns, in their order and without gaps.
+
+    Args:
+        columns: Name -> (height * width,) of a type that a field can have, values in row order.
+        height: Rows of points; 1 for an unorganized cloud.
+        width: Points per row.
+
+    Returns:
+        Layout and data of the cloud.
+
+    Raises:
+        MessageError: A column does not fit, or there are points but no columns.
+    """
+    rows = checked_integer(height, "height", maximum=UINT32_MAX)
+    points_per_row = checked_integer(width, "width", maximum=UINT32_MAX)
+    fields = column_fields(columns, rows * points_per_row, 0, aligned=False)
+    encoded = EncodedCloud.allocate(
+        rows, points_per_row, fields, fields_end(fields), is_bigendian=False
+    )
+    for field in fields:
+        encoded.write_column(field, columns[field.name])
+    return encoded
+
+
+def _view_points(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[Any]:
+    buffer = read_only_bytes(cloud, layout)
+    # The larger of the two differs from point_step only without points, see CloudLayout.from_cloud.
+    point_size = max(layout.point_step, fields_end(layout.fields))
+    return layout.view(
+        buffer, point_dtype(layout.fields, point_size, is_bigendian=layout.is_bigendian)
+    )
+
+
+def _check_coordinates(fields: tuple[FieldLayout, ...]) -> None:
+    for name in _XYZ:
+        field = next((field for field in fields if field.name == name), None)
+        if field is None:
+            names = [field.name for field in fields]
+            msg = f"no field {name!r}, expected x, y and z; the fields are {describe(names)}"
+            raise MessageError(msg)
+        if field.scalar.kind != "f" or field.num_elements > 1:
+            msg = (
+                f"field {name!r} is {field.num_elements} x {field.scalar.name.upper()}, "
+                f"expected 1 x FLOAT32 or 1 x FLOAT64"
+            )
+            raise MessageError(msg)

@@ -1,0 +1,62 @@
+"""Install list of the package, for colcon (ament_python) and for pip."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "mnsf_ros"
+HERE = Path(__file__).parent
+VERSION = re.search(r'__version__ = "(.+)"', (HERE / PACKAGE / "__init__.py").read_text())[1]
+
+# The PyPI wheels of ROS 2 must never be a hard requirement: beside an installed ROS they would
+# shadow it. They are an extra, for machines without ROS.
+ROS_WHEELS = [
+    "ros-jazzy-rclpy>=7.1,<8",
+    "ros-jazzy-common-interfaces>=5.3,<6",
+    "ros-rclpy[fastrtps]>=7.1,<8",
+]
+
+setup(
+    name=PACKAGE,
+    version=VERSION,
+    description="Online lidar scene flow for ROS 2: the motion of every point, without training",
+    license="Apache-2.0",
+    maintainer="The mnsf_ros developers",
+    maintainer_email="mnsf_ros@users.noreply.github.com",
+    python_requires=">=3.10",
+    packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
+    package_data={PACKAGE: ["py.typed", "node/fastdds.xml"], "msg_utils": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(map(str, Path("config").glob("*.yaml")))),
+        (f"share/{PACKAGE}/launch", sorted(map(str, Path("launch").glob("*.launch.py")))),
+        (f"share/{PACKAGE}/rviz", sorted(map(str, Path("rviz").glob("*.rviz")))),
+    ],
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "torch>=2.1",
+        "edt>=2.4",
+        "rosbags>=0.11,<0.12",
+        "mcap>=1.2,<2",
+        "matplotlib>=3.6",
+        "rich>=13",
+    ],
+    extras_require={
+        "wheels": ROS_WHEELS,
+        "test": ["pytest>=7.4,<9"],
+        "lint": ["ruff", "mypy"],
+    },
+    entry_points={
+        "console_scripts": [
+            "mnsf = mnsf_ros.cli.main:main",
+            "scene_flow_node = mnsf_ros.node.scene_flow_node:main",
+        ]
+    },
+    zip_safe=True,
+)

@@ -1,0 +1,74 @@
+"""Header stamps: both directions, and values that a careless or hostile sender may set."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from msg_utils.errors import MessageError
+from msg_utils.stamps import decode_stamp, encode_stamp
+
+
+@pytest.mark.parametrize(
+    ("sec", "nanosec", "stamp_ns"),
+    [
+        (0, 0, 0),
+        (0, 1, 1),
+        (1, 0, 1_000_000_000),
+        (1_700_000_000, 123_456_789, 1_700_000_000_123_456_789),
+        (2_147_483_647, 999_999_999, 2_147_483_647_999_999_999),
+    ],
+)
+def test_both_directions(stack, sec, nanosec, stamp_ns):
+    assert decode_stamp(stack.make_stamp(sec, nanosec)) == stamp_ns
+    assert encode_stamp(stamp_ns) == (sec, nanosec)
+
+
+@pytest.mark.parametrize(
+    ("nanosec", "stamp_ns"),
+    [(1_000_000_000, 8_000_000_000), (4_294_967_295, 11_294_967_295)],
+)
+def test_nanoseconds_of_a_second_or_more_are_carried(stack, nanosec, stamp_ns):
+    assert decode_stamp(stack.make_stamp(7, nanosec)) == stamp_ns
+
+
+def test_numpy_integers_do_not_overflow():
+    stamp = SimpleNamespace(sec=np.int32(2_000_000_000), nanosec=np.uint32(5))
+    assert decode_stamp(stamp) == 2_000_000_000_000_000_005
+    encoded = encode_stamp(np.int64(3_000_000_004))
+    assert encoded == (3, 4)
+    assert type(encoded.sec) is int
+    assert type(encoded.nanosec) is int
+
+
+def test_negative_seconds_are_refused(stack):
+    text = "stamp.sec is -1, expected an integer from 0 to 2147483647"
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}$"):
+        decode_stamp(stack.make_stamp(-1, 500_000_000))
+
+
+@pytest.mark.parametrize(
+    ("sec", "nanosec", "text"),
+    [
+        (2**31, 0, "stamp.sec is 2147483648, expected an integer from 0 to 2147483647"),
+        (1.5, 0, "stamp.sec is 1.5, expected an integer from 0 to 2147483647"),
+        (None, 0, "stamp.sec is None, expected an integer from 0 to 2147483647"),
+        (0, -1, "stamp.nanosec is -1, expected an integer from 0 to 4294967295"),
+        (0, 2**32, "stamp.nanosec is 4294967296, expected an integer from 0 to 4294967295"),
+        (0, "now", "stamp.nanosec is 'now', expected an integer from 0 to 4294967295"),
+        (0, np.array([1, 2]), "stamp.nanosec is array([1, 2]), expected an integer from 0 to 4294"),
+    ],
+)
+def test_impossible_stamps_are_refused(sec, nanosec, text):
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+        decode_stamp(SimpleNamespace(sec=sec, nanosec=nanosec))
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, 2_147_483_648_000_000_000, 1e9])
+def test_times_that_a_message_cannot_hold_are_refused(stamp_ns):
+    text = f"stamp_ns is {stamp_ns}, expected an integer from 0 to 2147483647999999999"
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}$"):
+        encode_stamp(stamp_ns)
