@@ -55,7 +55,7 @@ setup(
     entry_points={
         "console_scripts": [
             "mnsf = mnsf_ros.cli.main:main",
-            "scene_flow_node = mnsf_ros.node.scene_flow_node:main",
+            "scene_flow_node = mnsf_ros.node.main:main",
         ]
     },
     zip_safe=True,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, get_type_hints
@@ -53,7 +54,7 @@ class Setting:
         """
         typed = self._typed(value)
         if self.choices and typed not in self.choices:
-            raise SettingsError(f"{self.name}: got {value!r}, expected one of {self._expected()}")
+            raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
         if isinstance(typed, (int, float)) and not isinstance(typed, bool):
             too_small = self.minimum is not None and typed < self.minimum
             too_large = self.maximum is not None and typed > self.maximum
@@ -65,7 +66,8 @@ class Setting:
         # bool is a subclass of int in Python, and `true` for a number is always a mistake.
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if self.kind is float and is_number:
-            return float(value)  # type: ignore[arg-type]
+            with suppress(OverflowError):  # a whole number of more than 308 digits
+                return float(value)  # type: ignore[arg-type]
         if self.kind is int and isinstance(value, float) and value.is_integer():
             return int(value)
         if type(value) is self.kind:
@@ -74,7 +76,7 @@ class Setting:
 
     def _expected(self) -> str:
         if self.choices:
-            return ", ".join(self.choices)
+            return f"one of {', '.join(self.choices)}"
         words = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
         return f"{words[self.kind]}{self.range_text(' from {} to {}')}"
 
@@ -84,7 +86,14 @@ class Setting:
             return ", ".join(self.choices)
         if self.minimum is None or self.maximum is None:
             return ""
-        return pattern.format(f"{self.minimum:g}", f"{self.maximum:g}")
+        return pattern.format(_plain(self.minimum), _plain(self.maximum))
+
+
+def _plain(number: float) -> str:
+    return f"{number:g}" if abs(number) < _LARGE else f"{number:.0f}"
+
+
+_LARGE = 1_000_000
 
 
 def _setting(

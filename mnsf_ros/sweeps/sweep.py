@@ -45,7 +45,12 @@ class Sweep:
             SweepError: If the array is not two-dimensional with at least three columns, is not
                 numeric, or holds values that are not finite as float32.
         """
-        array = np.asarray(points)
+        try:
+            array = np.asarray(points)
+        except ValueError as error:
+            raise SweepError(
+                f"{name}: got rows of different lengths, expected (N, 3) numbers"
+            ) from error
         if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
             raise SweepError(
                 f"{name}: got shape {array.shape} of {array.dtype}, expected (N, 3) numbers"

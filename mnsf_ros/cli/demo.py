@@ -1,0 +1,50 @@
+"""`mnsf demo`: a recording through the live node, with tables and a picture at the end."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from pathlib import Path
+
+from rich.console import Console
+
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.node.main import NO_ROS
+from mnsf_ros.presets import PRESET_NAMES
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    parser = subparsers.add_parser(
+        "demo", help="replay a recording to the live node and show the flow"
+    )
+    parser.add_argument("--bag", type=Path, help="recording; without it, a street is simulated")
+    parser.add_argument("--topic", help="its PointCloud2 topic; not needed if there is only one")
+    parser.add_argument("--preset", choices=PRESET_NAMES, default="online")
+    parser.add_argument(
+        "--duration", type=float, default=6.0, metavar="S", help="length of the simulated recording"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the simulated recording")
+    parser.add_argument(
+        "--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all that is made"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.simulation.settings import SimulationSettings
+
+    if importlib.util.find_spec("rclpy") is None:
+        raise MnsfError(NO_ROS)
+    from mnsf_ros.demo.demo_run import DemoOptions, run_demo
+
+    run_demo(
+        DemoOptions(
+            bag=options.bag,
+            topic=options.topic,
+            preset=options.preset,
+            simulation=SimulationSettings(seed=options.seed, duration_s=options.duration),
+            folder=options.out,
+        ),
+        Console(),
+    )

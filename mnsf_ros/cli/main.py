@@ -1,0 +1,45 @@
+"""The `mnsf` command: one subcommand for each thing that a user does."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from mnsf_ros import __version__
+from mnsf_ros.cli import demo, parameters, simulate
+from mnsf_ros.errors import MnsfError
+
+_SUBCOMMANDS = (demo, simulate, parameters)
+
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs a subcommand and ends the process.
+
+    Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
+    130: interrupted.
+    """
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Runs a subcommand and returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="mnsf", description="Lidar scene flow: the motion of every point, without training."
+    )
+    parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    for subcommand in _SUBCOMMANDS:
+        subcommand.add_to(subparsers)
+    options = parser.parse_args(arguments)
+    try:
+        options.run(options)
+    except MnsfError as error:
+        print(f"mnsf: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    except KeyboardInterrupt:
+        print("mnsf: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    return 0

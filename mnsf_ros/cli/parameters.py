@@ -1,0 +1,40 @@
+"""`mnsf parameters`: all settings with their values, as YAML or as a table."""
+
+from __future__ import annotations
+
+import argparse
+
+from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.settings_documents import settings_markdown, settings_yaml
+
+TITLES = {
+    "online": (
+        "The default: the method of the paper, warm-started and optimized on random batches under "
+        "a time budget. Written by `mnsf parameters --preset online`."
+    ),
+    "paper": (
+        "The method as published, every triplet from scratch: slow, for comparison. Written by "
+        "`mnsf parameters --preset paper`."
+    ),
+}
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    parser = subparsers.add_parser("parameters", help="print all settings of a preset")
+    parser.add_argument("--preset", choices=PRESET_NAMES, default="online")
+    parser.add_argument(
+        "--format",
+        choices=("yaml", "markdown"),
+        default="yaml",
+        help="yaml: a ROS parameter file; markdown: the table of docs/parameters.md, all presets",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    if options.format == "yaml":
+        text = settings_yaml(preset(options.preset), TITLES[options.preset])
+    else:
+        text = settings_markdown({name: preset(name) for name in PRESET_NAMES})
+    print(text, end="")

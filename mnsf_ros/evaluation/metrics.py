@@ -1,0 +1,193 @@
+"""The errors of an estimated flow against pseudo ground truth, as the paper computes them.
+
+The formulas are those of the paper's own code, at its edges too:
+
+* All comparisons are strict: an error of exactly 0.05 m is not within 5 cm.
+* The relative error is e / (|truth| + 1e-20). A perfect zero counts as accurate, but a static
+  point (zero truth) that is 1 mm off has a huge relative error and *is an outlier*, though its
+  5 cm make it accurate. Outliers therefore say little where most of the truth is zero, as in
+  flow without the sensor's own motion.
+* A vector without direction, on either side, is π/2 away from any other.
+* The cosine is kept 1e-7 away from ±1, so even a perfect flow has an angle error of 0.00045.
+
+Points whose estimate or truth is not finite are refused, not left out silently: an estimator
+that gives up on difficult points would otherwise score better than one that tries. Whoever wants
+them left out says so with the `valid` mask.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.evaluation.errors import EvaluationError
+
+_STRICT: Final = 0.05  # metres, and share of the true length
+_RELAXED: Final = 0.10
+_OUTLIER_M: Final = 0.30
+_OUTLIER_SHARE: Final = 0.10
+_TINY_LENGTH_M: Final = 1e-20
+_COSINE_MARGIN: Final = 1e-7
+
+
+@dataclass(frozen=True)
+class FlowErrors:
+    """The errors of one flow, or their mean over several.
+
+    Attributes:
+        epe_m: Mean end point error, metres.
+        acc5: Share of points with an error below 5 cm or 5 % of the true length, 0 to 1.
+        acc10: The same with 10 cm and 10 %.
+        outliers: Share of points with an error above 30 cm or 10 % of the true length, 0 to 1.
+        angle_error_rad: Mean angle between the estimated and the true vector, radians.
+        num_points: Number of points scored. All errors are NaN where it is 0.
+    """
+
+    epe_m: float
+    acc5: float
+    acc10: float
+    outliers: float
+    angle_error_rad: float
+    num_points: int
+
+
+def flow_errors(
+    estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None = None
+) -> FlowErrors:
+    """Scores an estimated flow.
+
+    Args:
+        estimate: (N, 3) metres per sweep interval.
+        truth: (N, 3) pseudo ground truth, same unit, frame and order of points.
+        valid: (N,) bool, the points to score; all of them if None.
+
+    Raises:
+        EvaluationError: If shapes differ, or a point to score is not finite.
+    """
+    estimate, truth = _selected(estimate, truth, valid)
+    if len(estimate) == 0:
+        return FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+    errors_m = end_point_errors(estimate, truth)
+    relative = relative_errors(estimate, truth)
+    return FlowErrors(
+        epe_m=float(errors_m.mean()),
+        acc5=float(((errors_m < _STRICT) | (relative < _STRICT)).mean()),
+        acc10=float(((errors_m < _RELAXED) | (relative < _RELAXED)).mean()),
+        outliers=float(((errors_m > _OUTLIER_M) | (relative > _OUTLIER_SHARE)).mean()),
+        angle_error_rad=float(angle_errors(estimate, truth).mean()),
+        num_points=len(estimate),
+    )
+
+
+def by_motion(
+    estimate: NDArray[Any],
+    truth: NDArray[Any],
+    dynamic: NDArray[np.bool_],
+    valid: NDArray[np.bool_] | None = None,
+) -> dict[str, FlowErrors]:
+    """Scores all points, and apart those that move by themselves and those that do not.
+
+    Args:
+        estimate: (N, 3) metres per sweep interval.
+        truth: (N, 3) pseudo ground truth, same unit, frame and order of points.
+        dynamic: (N,) bool, the points that move by themselves.
+        valid: (N,) bool, the points to score; all of them if None.
+
+    Returns:
+        `all`, `dynamic` and `static`, in this order.
+
+    Raises:
+        EvaluationError: If shapes differ, or a point to score is not finite.
+    """
+    if valid is None:
+        valid = np.ones(len(truth), dtype=bool)
+    _check_mask("valid", valid, truth)
+    _check_mask("dynamic", dynamic, truth)
+    return {
+        "all": flow_errors(estimate, truth, valid),
+        "dynamic": flow_errors(estimate, truth, valid & dynamic),
+        "static": flow_errors(estimate, truth, valid & ~dynamic),
+    }
+
+
+def mean_of(examples: Iterable[FlowErrors]) -> FlowErrors:
+    """Returns the mean over examples of each value, as the paper's tables have it.
+
+    Every example counts the same, however many points it has. Examples without points (no
+    mover in the sweep, for instance) are left out; `num_points` is the sum.
+    """
+    scored = [errors for errors in examples if errors.num_points > 0]
+    if not scored:
+        return FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+    count = len(scored)
+    return FlowErrors(
+        epe_m=math.fsum(errors.epe_m for errors in scored) / count,
+        acc5=math.fsum(errors.acc5 for errors in scored) / count,
+        acc10=math.fsum(errors.acc10 for errors in scored) / count,
+        outliers=math.fsum(errors.outliers for errors in scored) / count,
+        angle_error_rad=math.fsum(errors.angle_error_rad for errors in scored) / count,
+        num_points=sum(errors.num_points for errors in scored),
+    )
+
+
+def end_point_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """Distance (N,) between estimated and true vectors (N, 3), metres."""
+    return _lengths(np.subtract(estimate, truth, dtype=np.float64))
+
+
+def relative_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """End point error (N,) over the true length; huge where the truth (N, 3) is zero."""
+    return end_point_errors(estimate, truth) / (_lengths(truth) + _TINY_LENGTH_M)
+
+
+def angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+    """Angle (N,) between estimated and true vectors (N, 3), radians; π/2 without direction."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosines = (_directions(estimate) * _directions(truth)).sum(axis=1)
+    cosines = np.clip(cosines, _COSINE_MARGIN - 1.0, 1.0 - _COSINE_MARGIN)
+    angles: NDArray[np.float64] = np.arccos(np.nan_to_num(cosines, nan=0.0))
+    return angles
+
+
+def _directions(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    directions: NDArray[np.float64] = vectors / _lengths(vectors)[:, None]
+    return directions
+
+
+def _lengths(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.linalg.norm(vectors.astype(np.float64), axis=1)
+    return lengths
+
+
+def _selected(
+    estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    if truth.ndim != 2 or truth.shape[1] != 3:
+        raise EvaluationError(f"truth: got shape {truth.shape}, expected (N, 3)")
+    if estimate.shape != truth.shape:
+        raise EvaluationError(
+            f"estimate: got shape {estimate.shape}, expected that of truth, {truth.shape}"
+        )
+    if valid is not None:
+        _check_mask("valid", valid, truth)
+        estimate, truth = estimate[valid], truth[valid]
+    for name, flow in (("estimate", estimate), ("truth", truth)):
+        num_bad = int(np.count_nonzero(~np.isfinite(flow).all(axis=1)))
+        if num_bad:
+            raise EvaluationError(
+                f"{name}: {num_bad} of {len(flow)} points to score have no finite flow; "
+                f"leave them out with valid"
+            )
+    return estimate, truth
+
+
+def _check_mask(name: str, mask: NDArray[np.bool_], truth: NDArray[Any]) -> None:
+    if mask.shape != (len(truth),) or mask.dtype != np.bool_:
+        raise EvaluationError(
+            f"{name}: got shape {mask.shape} of {mask.dtype}, expected ({len(truth)},) bool"
+        )

@@ -1,0 +1,157 @@
+"""What the node tells about itself on /diagnostics."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from mnsf_ros.online.online_pipeline import (
+    FLOWS_OUT,
+    SWEEPS_RECEIVED,
+    TRIPLETS_DROPPED,
+    TRIPLETS_UNWATCHED,
+)
+from mnsf_ros.online.online_statistics import StatisticsSnapshot
+
+_ALARMING_FAILURES = 3
+
+
+@dataclass(frozen=True)
+class InputState:
+    """How the subscription stands."""
+
+    topic: str
+    reliability: str
+    num_publishers: int
+
+
+class Diagnostics:
+    """Makes the two statuses, `input` and `flow`; remembers what it said about drops last time."""
+
+    def __init__(self, node_name: str) -> None:
+        self._node_name = node_name
+        self._last_counts: Mapping[str, int] = {}
+
+    def statuses(
+        self, snapshot: StatisticsSnapshot, state: InputState, load: int, stale_after_s: float
+    ) -> list[DiagnosticStatus]:
+        """The statuses as of now.
+
+        Args:
+            snapshot: Counters and recent figures.
+            state: How the subscription stands.
+            load: Triplets at hand: 0, 1 or 2.
+            stale_after_s: Silence after which the input counts as stale.
+        """
+        now_s = time.monotonic()
+        statuses = [
+            self._input_status(snapshot, state, stale_after_s, now_s),
+            self._flow_status(snapshot, load, now_s),
+        ]
+        self._last_counts = snapshot.counts
+        return statuses
+
+    def _input_status(
+        self, snapshot: StatisticsSnapshot, state: InputState, stale_after_s: float, now_s: float
+    ) -> DiagnosticStatus:
+        arrivals_s = snapshot.arrivals_s
+        silence_s = now_s - arrivals_s[-1] if arrivals_s else float("inf")
+        if silence_s > stale_after_s:
+            level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
+        elif self._new(snapshot, "clouds_undecodable"):
+            level, message = DiagnosticStatus.WARN, "clouds that cannot be decoded"
+        else:
+            level, message = DiagnosticStatus.OK, "receiving"
+        rate_hz = snapshot.input_rate_hz(now_s)
+        values = {
+            "topic": state.topic,
+            "publishers": state.num_publishers,
+            "reliability": state.reliability,
+            "rate [Hz]": f"{rate_hz:.2f}",
+            **{
+                event: count
+                for event, count in sorted(snapshot.counts.items())
+                if event.startswith(("sweeps_", "clouds_"))
+            },
+        }
+        return self._status("input", level, message, values)
+
+    def _flow_status(
+        self, snapshot: StatisticsSnapshot, load: int, now_s: float
+    ) -> DiagnosticStatus:
+        level, message = self._flow_level(snapshot)
+        values: dict[str, object] = {
+            "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
+            "latency median [ms]": _number(snapshot.latency_ms(50)),
+            "latency p95 [ms]": _number(snapshot.latency_ms(95)),
+            "queue": max(0, load - 1),
+            "busy": load > 0,
+            **{
+                event: count
+                for event, count in sorted(snapshot.counts.items())
+                if not event.startswith(("sweeps_", "clouds_"))
+            },
+            "last failure": snapshot.last_failure or "none",
+        }
+        if snapshot.recent:
+            values |= _recent_values(snapshot)
+        return self._status("flow", level, message, values)
+
+    def _flow_level(self, snapshot: StatisticsSnapshot) -> tuple[bytes, str]:
+        if snapshot.failures_in_a_row >= _ALARMING_FAILURES:
+            text = f"{snapshot.failures_in_a_row} estimates failed in a row"
+            return DiagnosticStatus.ERROR, text
+        if snapshot.failures_in_a_row:
+            return DiagnosticStatus.WARN, "the last estimate failed"
+        if self._new(snapshot, TRIPLETS_DROPPED):
+            return DiagnosticStatus.WARN, "slower than the sensor: dropping triplets"
+        if self._new(snapshot, TRIPLETS_UNWATCHED):
+            return DiagnosticStatus.OK, "resting: nobody subscribes to the flow"
+        if snapshot.counts.get(FLOWS_OUT):
+            return DiagnosticStatus.OK, "estimating"
+        waiting = "for the third sweep" if snapshot.counts.get(SWEEPS_RECEIVED) else "for sweeps"
+        return DiagnosticStatus.OK, f"waiting {waiting}"
+
+    def _new(self, snapshot: StatisticsSnapshot, event: str) -> bool:
+        return snapshot.counts.get(event, 0) > self._last_counts.get(event, 0)
+
+    def _status(
+        self, part: str, level: bytes, message: str, values: Mapping[str, object]
+    ) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=level,
+            name=f"{self._node_name}: {part}",
+            message=message,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+
+def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
+    newest = snapshot.recent[-1]
+    values: dict[str, object] = {
+        "device": newest.device,
+        "distance": newest.distance_kind,
+        "start": newest.start,
+        "cold starts, recent": sum(item.start != "warm" for item in snapshot.recent),
+    }
+    for stage in newest.times_ms:
+        times = [item.times_ms[stage] for item in snapshot.recent if stage in item.times_ms]
+        values[f"{stage} median [ms]"] = _number(float(np.median(times)))
+    for stage, iterations in newest.iterations.items():
+        reasons = Counter(
+            item.stop_reasons[stage] for item in snapshot.recent if stage in item.stop_reasons
+        )
+        values[f"{stage} iterations, last"] = iterations
+        values[f"{stage} stop reasons, recent"] = ", ".join(
+            f"{reason} {count}" for reason, count in reasons.most_common()
+        )
+    return values
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}" if np.isfinite(value) else "unknown"

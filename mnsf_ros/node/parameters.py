@@ -1,0 +1,94 @@
+"""Every setting as a ROS parameter: declared, checked, changed while running."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.settings import Setting, Settings, declared_settings
+
+
+def declare_parameters(node: Node) -> Settings:
+    """Declares all settings as parameters of the node and reads what the user gave.
+
+    Raises:
+        SettingsError: If a given value does not fit; one line that names the parameter.
+    """
+    given: dict[str, object] = {}
+    for setting in declared_settings():
+        try:
+            parameter = node.declare_parameter(setting.name, setting.default, _descriptor(setting))
+        except ParameterException as error:
+            raise SettingsError(f"parameter {setting.name}: {error}") from None
+        given[setting.name] = parameter.value
+    return Settings().changed(given)
+
+
+def undeclared_overrides(node: Node) -> list[str]:
+    """Parameters that the user gave but the node does not have: typos, mostly."""
+    # rclpy drops them without a word and offers no public way to see them.
+    overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
+    return sorted(name for name in overrides if not node.has_parameter(name))
+
+
+class ParameterChanges:
+    """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+
+    def __init__(self, node: Node, settings: Settings, apply: Callable[[Settings], None]) -> None:
+        """Registers with the node.
+
+        Args:
+            node: The node that has declared the parameters.
+            settings: The settings that hold now.
+            apply: Takes new settings, or raises SettingsError if they cannot hold.
+        """
+        self._settings = settings
+        self._apply = apply
+        node.add_on_set_parameters_callback(self._on_set)
+
+    def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
+        names = {setting.name for setting in declared_settings()}
+        values = {item.name: item.value for item in parameters if item.name in names}
+        try:
+            settings = self._settings.changed(values)
+            self._apply(settings)
+        except SettingsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
+        self._settings = settings
+        return SetParametersResult(successful=True)
+
+
+def _descriptor(setting: Setting) -> ParameterDescriptor:
+    unit = f" [{setting.unit}]" if setting.unit else ""
+    descriptor = ParameterDescriptor(
+        description=f"{setting.text}{unit}",
+        read_only=setting.fixed,
+        # Otherwise 70 for a float parameter is an error; the settings convert and check.
+        dynamic_typing=True,
+    )
+    if setting.choices:
+        descriptor.additional_constraints = f"one of {', '.join(setting.choices)}"
+    elif setting.minimum is not None and setting.maximum is not None:
+        if setting.kind is int:
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(setting.minimum), to_value=int(setting.maximum))
+            ]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(
+                    from_value=float(setting.minimum), to_value=float(setting.maximum)
+                )
+            ]
+    return descriptor

@@ -1,0 +1,128 @@
+"""The robot's side of the node's topics: publishes sweeps, receives flow and diagnostics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from msg_utils.stamps import decode_stamp
+
+FLOW_STATUS = ": flow"
+
+
+@dataclass(frozen=True)
+class ReceivedFlow:
+    """A flow cloud as it arrived.
+
+    Attributes:
+        stamp_ns: Stamp of the sweep that it belongs to.
+        arrived_s: `time.monotonic()` of its arrival.
+        raw: The serialized message.
+    """
+
+    stamp_ns: int
+    arrived_s: float
+    raw: bytes
+
+
+class ReplayLink:
+    """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
+
+    Use it as a context manager.
+    """
+
+    def __init__(
+        self,
+        points_topic: str,
+        flow_topic: str,
+        on_flow: Callable[[ReceivedFlow], None],
+        on_diagnostics: Callable[[bytes], None],
+    ) -> None:
+        """Joins the ROS graph.
+
+        Args:
+            points_topic: Where the sweeps go to.
+            flow_topic: Where the flow comes from.
+            on_flow: Gets each flow cloud.
+            on_diagnostics: Gets each serialized message on /diagnostics.
+        """
+        self._on_flow = on_flow
+        self._on_diagnostics = on_diagnostics
+        self._values: dict[str, str] = {}
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node("mnsf_replay", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+        self._publisher = self._node.create_publisher(PointCloud2, points_topic, reliable)
+        self._flow = self._node.create_subscription(
+            PointCloud2, flow_topic, self._receive_flow, reliable, raw=True
+        )
+        self._node.create_subscription(
+            DiagnosticArray, "/diagnostics", self._receive_diagnostics, 10, raw=True
+        )
+
+    def __enter__(self) -> ReplayLink:
+        """Returns itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leaves the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the scene flow node listens and will be heard."""
+        is_heard = self._publisher.get_subscription_count() > 0
+        return bool(is_heard and self._node.count_publishers(self._flow.topic_name) > 0)
+
+    @property
+    def flow_values(self) -> dict[str, str]:
+        """Key to value of the node's latest `flow` status on /diagnostics."""
+        return self._values
+
+    def publish(self, raw: bytes) -> int:
+        """Publishes a serialized cloud; returns the stamp in its header, nanoseconds.
+
+        Raises:
+            MessageError: If the stamp is no time.
+        """
+        stamp_ns = decode_stamp(deserialize_message(raw, PointCloud2).header.stamp)
+        self._publisher.publish(raw)
+        return stamp_ns
+
+    def spin_for(self, duration_s: float) -> None:
+        """Handles what arrives during some time."""
+        deadline_s = time.monotonic() + duration_s
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left_s)
+
+    def _receive_flow(self, raw: bytes) -> None:
+        arrived_s = time.monotonic()
+        stamp_ns = decode_stamp(deserialize_message(raw, PointCloud2).header.stamp)
+        self._on_flow(ReceivedFlow(stamp_ns, arrived_s, raw))
+
+    def _receive_diagnostics(self, raw: bytes) -> None:
+        message = deserialize_message(raw, DiagnosticArray)
+        for status in message.status:
+            if status.name.endswith(FLOW_STATUS):
+                self._values = {item.key: item.value for item in status.values}
+        self._on_diagnostics(raw)

@@ -1,0 +1,171 @@
+"""The ROS node: sweeps in, flow out."""
+
+from __future__ import annotations
+
+import os
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.node.cloud_messages import flow_message, sweep_from_message
+from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.node.input_subscription import InputSubscription
+from mnsf_ros.node.once_log import OnceLog
+from mnsf_ros.node.parameters import ParameterChanges, declare_parameters, undeclared_overrides
+from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep_buffer import Arrival
+from msg_utils.errors import MessageError
+
+NODE_NAME = "scene_flow"
+
+_REFRESH_PERIOD_S = 0.2
+
+
+class SceneFlowNode(Node):
+    """Subscribes to `~/points`, publishes `~/flow` and `/diagnostics`.
+
+    Callbacks of the executor only decode and hand over; the pipeline's worker thread estimates and
+    publishes. Call `close` before destroying the node.
+    """
+
+    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - handed to rclpy as they are
+        """Declares the parameters and starts to listen.
+
+        Raises:
+            SettingsError: If a parameter was given a value that it cannot have.
+        """
+        super().__init__(NODE_NAME, **node_options)
+        self._settings = declare_parameters(self)
+        self._once = OnceLog(self.get_logger())
+        self._pipeline = OnlinePipeline(
+            _with_node_threads(self._settings), self._publish, self._on_failure
+        )
+        self._changes = ParameterChanges(self, self._settings, self._apply_settings)
+        self._flow_publisher = self.create_publisher(
+            PointCloud2, "~/flow", QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        )
+        self._input = InputSubscription(
+            self,
+            "~/points",
+            self._settings.node.input_reliability,
+            self._guarded(self._on_cloud),
+            self._on_lost,
+        )
+        self._diagnostics = Diagnostics(self.get_name())
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._start_timers()
+        self._greet()
+
+    def close(self, timeout_s: float) -> bool:
+        """Abandons the estimate under way; False if it could not be interrupted in time."""
+        return self._pipeline.close(timeout_s)
+
+    def _start_timers(self) -> None:
+        # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        for period_s, callback in (
+            (_REFRESH_PERIOD_S, self._refresh_input),
+            (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
+        ):
+            self.create_timer(period_s, self._guarded(callback), clock=clock)
+
+    def _greet(self) -> None:
+        for name in undeclared_overrides(self):
+            self.get_logger().warning(f"there is no parameter {name!r}; its value is ignored")
+        self.get_logger().info(
+            f"sweeps from {self._input.topic}, flow on {self._flow_publisher.topic_name}"
+        )
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        arrived_ns = time.monotonic_ns()
+        try:
+            sweep = sweep_from_message(message, self.get_clock().now().nanoseconds)
+        except MessageError as error:
+            self._pipeline.statistics.count("clouds_undecodable")
+            self._once.warn("undecodable", f"a cloud cannot be decoded: {error}")
+            return
+        if len(sweep) == 0:
+            self._pipeline.statistics.count("clouds_empty")
+            self._once.warn("empty", "a cloud has no finite point; it is left out")
+            return
+        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=self._is_watched())
+        if arrival is not Arrival.ACCEPTED:
+            words = arrival.value.replace("_", " ")
+            self._once.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+
+    def _is_watched(self) -> bool:
+        if self._settings.node.always_estimate:
+            return True
+        return bool(self._flow_publisher.get_subscription_count() > 0)
+
+    def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
+        """Runs in the worker thread; rcl allows publishing from any."""
+        self._flow_publisher.publish(flow_message(job.triplet.current, estimate.flow))
+
+    def _on_failure(self, job: TripletJob, error: Exception) -> None:
+        """Runs in the worker thread."""
+        stamp_ns = job.triplet.current.stamp_ns
+        if isinstance(error, MnsfError):
+            self._once.warn(f"refused {type(error).__name__}", f"no flow for {stamp_ns}: {error}")
+            return
+        details = "".join(traceback.format_exception(error))
+        self.get_logger().error(f"no flow for {stamp_ns}: unexpected error\n{details}")
+
+    def _on_lost(self, how_many: int) -> None:
+        self._pipeline.statistics.count("sweeps_lost_in_transport", how_many)
+        self._once.warn(
+            "lost",
+            "the transport loses sweeps: publish them reliable, or give the publisher the "
+            "Fast DDS profile of this package (see README)",
+        )
+
+    def _refresh_input(self) -> None:
+        if self._input.refresh():
+            self.get_logger().info(f"subscribed {self._input.reliability} to {self._input.topic}")
+
+    def _publish_diagnostics(self) -> None:
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.status = self._diagnostics.statuses(
+            self._pipeline.statistics.snapshot(),
+            InputState(self._input.topic, self._input.reliability, self._input.num_publishers),
+            self._pipeline.load,
+            self._settings.node.stale_after_s,
+        )
+        self._diagnostics_publisher.publish(message)
+
+    def _apply_settings(self, settings: Settings) -> None:
+        self._pipeline.change_settings(_with_node_threads(settings))
+        self._settings = settings
+
+    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """A callback whose errors are logged and counted: out of it they would end the node."""
+
+        def guarded(*arguments: object) -> None:
+            try:
+                callback(*arguments)
+            except Exception as error:  # noqa: BLE001 - see above
+                self._pipeline.statistics.count("callback_errors")
+                details = "".join(traceback.format_exception(error))
+                self._once.error(f"{callback.__name__} {type(error).__name__}", details)
+
+        return guarded
+
+
+def _with_node_threads(settings: Settings) -> Settings:
+    """Leaves one core to the executor, where the user does not say how many threads to use."""
+    if settings.compute.num_threads:
+        return settings
+    num_threads = max(1, (os.cpu_count() or 1) - 1)
+    return replace(settings, compute=replace(settings.compute, num_threads=num_threads))

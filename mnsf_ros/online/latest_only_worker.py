@@ -1,0 +1,78 @@
+"""One thread with one waiting slot: a newer job takes the place of the one that waits."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+Job = TypeVar("Job")
+
+
+class LatestOnlyWorker(Generic[Job]):
+    """Runs jobs one at a time, always the newest, so that a slow job never makes a queue."""
+
+    def __init__(self, work: Callable[[Job], None], name: str) -> None:
+        """Starts the thread.
+
+        Args:
+            work: Called in the thread with each job; handles its own errors.
+            name: Name of the thread.
+        """
+        self._work = work
+        # Guards the three fields below it.
+        self._condition = threading.Condition()
+        self._waiting: Job | None = None
+        self._is_busy = False
+        self._is_closing = False
+        # A daemon, because a job deep in a library cannot be interrupted at the end of a process.
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def load(self) -> int:
+        """Jobs at hand: 0 idle, 1 working, 2 working with one waiting."""
+        with self._condition:
+            return int(self._is_busy) + int(self._waiting is not None)
+
+    @property
+    def is_closing(self) -> bool:
+        """True once `close` was called; a long job should look at it and give up."""
+        with self._condition:
+            return self._is_closing
+
+    def submit(self, job: Job) -> bool:
+        """Puts a job in the waiting slot; True if it took the place of another. Never blocks."""
+        with self._condition:
+            has_replaced = self._waiting is not None
+            self._waiting = job
+            self._condition.notify()
+        return has_replaced
+
+    def close(self, timeout_s: float) -> bool:
+        """Forgets the waiting job and waits for the running one.
+
+        Args:
+            timeout_s: How long to wait.
+
+        Returns:
+            True if the thread has ended, False if its job is still running.
+        """
+        with self._condition:
+            self._is_closing = True
+            self._waiting = None
+            self._condition.notify()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while True:
+            with self._condition:
+                self._is_busy = False
+                self._condition.wait_for(lambda: self._is_closing or self._waiting is not None)
+                if self._is_closing:
+                    return
+                job, self._waiting = self._waiting, None
+                self._is_busy = True
+            if job is not None:
+                self._work(job)

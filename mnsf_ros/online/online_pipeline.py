@@ -1,0 +1,150 @@
+"""From a stream of sweeps to a stream of flows: buffer, worker, estimator. No ROS in it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mnsf_ros.core.compute_device import compute_device
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.errors import CancelledError, MnsfError
+from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
+from mnsf_ros.online.online_statistics import OnlineStatistics
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
+
+SWEEPS_RECEIVED = "sweeps_received"
+TRIPLETS_FORMED = "triplets_formed"
+TRIPLETS_DROPPED = "triplets_dropped"
+TRIPLETS_UNWATCHED = "triplets_unwatched"
+ESTIMATES_FAILED = "estimates_failed"
+FLOWS_OUT = "flows_out"
+
+
+@dataclass(frozen=True)
+class TripletJob:
+    """A triplet that waits for its estimate.
+
+    Attributes:
+        triplet: The three sweeps.
+        arrived_ns: When the newest of them arrived, `time.monotonic_ns()`.
+        settings: The settings that hold for this triplet.
+    """
+
+    triplet: SweepTriplet
+    arrived_ns: int
+    settings: Settings
+
+
+class OnlinePipeline:
+    """Takes sweeps as they come and hands out flows as they get ready.
+
+    `add_sweep` and `change_settings` belong to one thread (the executor's). The two callbacks run
+    in the worker thread.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        on_estimate: Callable[[TripletJob, FlowEstimate], None],
+        on_failure: Callable[[TripletJob, Exception], None],
+    ) -> None:
+        """Starts the worker thread.
+
+        Args:
+            settings: How to estimate, until `change_settings`.
+            on_estimate: Gets each flow.
+            on_failure: Gets what went wrong with a triplet; the next one is tried all the same.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        self.statistics = OnlineStatistics()
+        self._settings = settings
+        self._on_estimate = on_estimate
+        self._on_failure = on_failure
+        self._buffer = SweepBuffer()
+        self._estimator = MultiFrameEstimator(settings)
+        self._worker: LatestOnlyWorker[TripletJob] = LatestOnlyWorker(self._estimate, "estimator")
+
+    @property
+    def load(self) -> int:
+        """Triplets at hand: 0 idle, 1 estimating, 2 estimating with one waiting."""
+        return self._worker.load
+
+    def change_settings(self, settings: Settings) -> None:
+        """Lets other settings hold from the next triplet on.
+
+        Raises:
+            SettingsError: If they ask for a device that is not there; nothing changes then.
+        """
+        compute_device(settings.compute)
+        self._settings = settings
+
+    def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
+        """Takes the newest sweep. Returns at once.
+
+        Args:
+            sweep: The sweep.
+            arrived_ns: When it arrived, `time.monotonic_ns()`.
+            is_watched: Whether anybody wants the flow; if not, the sweep is only kept.
+
+        Returns:
+            What became of it.
+        """
+        self.statistics.count(SWEEPS_RECEIVED)
+        self.statistics.add_arrival()
+        arrival = self._buffer.push(sweep, self._settings.buffer)
+        if arrival is not Arrival.ACCEPTED:
+            self.statistics.count(f"sweeps_{arrival.value}")
+        triplet = self._buffer.triplet()
+        if triplet is not None and triplet.next is sweep:
+            self._submit(TripletJob(triplet, arrived_ns, self._settings), is_watched)
+        return arrival
+
+    def close(self, timeout_s: float) -> bool:
+        """Abandons the estimate under way and ends the worker thread.
+
+        Args:
+            timeout_s: How long to wait for it.
+
+        Returns:
+            False if the thread is still inside a library call that cannot be interrupted. It will
+            hand out nothing any more.
+        """
+        return self._worker.close(timeout_s)
+
+    def _submit(self, job: TripletJob, is_watched: bool) -> None:
+        self.statistics.count(TRIPLETS_FORMED)
+        if not is_watched:
+            self.statistics.count(TRIPLETS_UNWATCHED)
+        elif self._worker.submit(job):
+            self.statistics.count(TRIPLETS_DROPPED)
+
+    def _estimate(self, job: TripletJob) -> None:
+        try:
+            if job.settings != self._estimator.settings:
+                self._estimator = self._estimator.with_settings(job.settings)
+            estimate = self._estimator.estimate(job.triplet, lambda: self._worker.is_closing)
+            if self._worker.is_closing:
+                return
+            self._on_estimate(job, estimate)
+        except CancelledError:
+            return
+        except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream
+            self._fail(job, error)
+        else:
+            self.statistics.count(FLOWS_OUT)
+            latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
+            self.statistics.add_estimate(latency_ms, estimate)
+
+    def _fail(self, job: TripletJob, error: Exception) -> None:
+        if self._worker.is_closing:
+            return
+        self.statistics.count(ESTIMATES_FAILED)
+        kind = "" if isinstance(error, MnsfError) else f"{type(error).__name__}: "
+        self.statistics.add_failure(f"{kind}{error}")
+        self._on_failure(job, error)

@@ -1,0 +1,132 @@
+"""What has happened so far: a count for every event, and the figures of recent estimates."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+
+_WINDOW = 100
+
+
+@dataclass(frozen=True)
+class RecentEstimate:
+    """What is remembered of one estimate.
+
+    Attributes:
+        finished_s: Steady clock, seconds.
+        latency_ms: From the arrival of the next sweep to the publication of the flow.
+    """
+
+    finished_s: float
+    latency_ms: float
+    times_ms: dict[str, float]
+    iterations: dict[str, int]
+    stop_reasons: dict[str, str]
+    start: str
+    device: str
+    distance_kind: str
+
+
+@dataclass(frozen=True)
+class StatisticsSnapshot:
+    """A copy of the statistics at one moment.
+
+    Attributes:
+        counts: Event to how often it happened.
+        recent: The last estimates, oldest first.
+        arrivals_s: Steady times of the last sweeps received, seconds.
+        last_failure: Text of the last failed estimate, empty if there was none.
+        failures_in_a_row: Estimates that failed since the last one that did not.
+    """
+
+    counts: dict[str, int] = field(default_factory=dict)
+    recent: tuple[RecentEstimate, ...] = ()
+    arrivals_s: tuple[float, ...] = ()
+    last_failure: str = ""
+    failures_in_a_row: int = 0
+
+    def latency_ms(self, percentile: float) -> float:
+        """Percentile of the recent latencies; NaN if there are none."""
+        latencies = [item.latency_ms for item in self.recent]
+        return float(np.percentile(latencies, percentile)) if latencies else float("nan")
+
+    def flow_rate_hz(self, now_s: float) -> float:
+        """Flows published per second, recently."""
+        return rate_hz([item.finished_s for item in self.recent], now_s)
+
+    def input_rate_hz(self, now_s: float) -> float:
+        """Sweeps received per second, recently."""
+        return rate_hz(self.arrivals_s, now_s)
+
+
+def rate_hz(times_s: Sequence[float], now_s: float) -> float:
+    """Events per second of the given times; falls toward zero when no more come."""
+    if len(times_s) < 2:
+        return 0.0
+    intervals = len(times_s) - 1
+    silence_s = max(0.0, now_s - times_s[-1])
+    usual_s = (times_s[-1] - times_s[0]) / intervals
+    elapsed_s = times_s[-1] - times_s[0] + max(0.0, silence_s - usual_s)
+    return intervals / elapsed_s if elapsed_s > 0 else 0.0
+
+
+class OnlineStatistics:
+    """Counters and recent figures; may be used from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: Counter[str] = Counter()
+        self._recent: deque[RecentEstimate] = deque(maxlen=_WINDOW)
+        self._arrivals_s: deque[float] = deque(maxlen=_WINDOW)
+        self._last_failure = ""
+        self._failures_in_a_row = 0
+
+    def count(self, event: str, times: int = 1) -> None:
+        """Counts an event."""
+        with self._lock:
+            self._counts[event] += times
+
+    def add_arrival(self) -> None:
+        """Notes that a sweep was received now."""
+        with self._lock:
+            self._arrivals_s.append(time.monotonic())
+
+    def add_failure(self, text: str) -> None:
+        """Notes that an estimate failed."""
+        with self._lock:
+            self._last_failure = text
+            self._failures_in_a_row += 1
+
+    def add_estimate(self, latency_ms: float, estimate: FlowEstimate) -> None:
+        """Notes that the flow of an estimate was published now."""
+        item = RecentEstimate(
+            finished_s=time.monotonic(),
+            latency_ms=latency_ms,
+            times_ms=estimate.times_ms,
+            iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
+            stop_reasons=estimate.stop_reasons,
+            start=estimate.start.value,
+            device=estimate.device,
+            distance_kind=estimate.distance_kind,
+        )
+        with self._lock:
+            self._recent.append(item)
+            self._failures_in_a_row = 0
+
+    def snapshot(self) -> StatisticsSnapshot:
+        """A copy of all of it."""
+        with self._lock:
+            return StatisticsSnapshot(
+                counts=dict(self._counts),
+                recent=tuple(self._recent),
+                arrivals_s=tuple(self._arrivals_s),
+                last_failure=self._last_failure,
+                failures_in_a_row=self._failures_in_a_row,
+            )

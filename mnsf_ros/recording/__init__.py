@@ -1,0 +1,1 @@
+"""Reading and writing recordings (bags), with or without the true flow."""

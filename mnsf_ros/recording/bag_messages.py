@@ -1,0 +1,105 @@
+"""Messages as the bag library wants them, built from arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rosbags.typesys.stores.ros2_jazzy import (
+    builtin_interfaces__msg__Time,
+    geometry_msgs__msg__Point,
+    geometry_msgs__msg__Pose,
+    geometry_msgs__msg__PoseWithCovariance,
+    geometry_msgs__msg__Quaternion,
+    geometry_msgs__msg__Twist,
+    geometry_msgs__msg__TwistWithCovariance,
+    geometry_msgs__msg__Vector3,
+    nav_msgs__msg__Odometry,
+    sensor_msgs__msg__PointCloud2,
+    sensor_msgs__msg__PointField,
+    std_msgs__msg__Header,
+)
+
+from mnsf_ros.recording.poses import quaternion_of
+from msg_utils.stamps import encode_stamp
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from msg_utils.point_cloud2 import EncodedCloud
+
+
+def cloud_message(
+    cloud: EncodedCloud, stamp_ns: int, frame_id: str, *, is_dense: bool
+) -> sensor_msgs__msg__PointCloud2:
+    """Return a sensor_msgs/PointCloud2.
+
+    Args:
+        cloud: Layout and data.
+        stamp_ns: Header stamp in nanoseconds.
+        frame_id: Frame of the coordinates.
+        is_dense: Whether all points are finite.
+
+    Raises:
+        MessageError: The stamp does not fit a ROS message.
+    """
+    return sensor_msgs__msg__PointCloud2(
+        header=_header(stamp_ns, frame_id),
+        height=cloud.height,
+        width=cloud.width,
+        fields=[
+            sensor_msgs__msg__PointField(
+                name=field.name, offset=field.offset, datatype=field.datatype, count=field.count
+            )
+            for field in cloud.fields
+        ],
+        is_bigendian=cloud.is_bigendian,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        data=cloud.data,
+        is_dense=is_dense,
+    )
+
+
+def odometry_message(
+    pose: NDArray[np.floating[Any]], stamp_ns: int, frame_id: str, child_frame_id: str
+) -> nav_msgs__msg__Odometry:
+    """Return a nav_msgs/Odometry without velocity or covariance.
+
+    Args:
+        pose: (4, 4) pose of the child frame in the other frame.
+        stamp_ns: Header stamp in nanoseconds.
+        frame_id: The fixed frame.
+        child_frame_id: The moving frame.
+
+    Raises:
+        MessageError: The stamp does not fit a ROS message.
+    """
+    x, y, z = (float(value) for value in pose[:3, 3])
+    qx, qy, qz, qw = quaternion_of(pose)
+    return nav_msgs__msg__Odometry(
+        header=_header(stamp_ns, frame_id),
+        child_frame_id=child_frame_id,
+        pose=geometry_msgs__msg__PoseWithCovariance(
+            pose=geometry_msgs__msg__Pose(
+                position=geometry_msgs__msg__Point(x=x, y=y, z=z),
+                orientation=geometry_msgs__msg__Quaternion(x=qx, y=qy, z=qz, w=qw),
+            ),
+            covariance=np.zeros(36),
+        ),
+        twist=geometry_msgs__msg__TwistWithCovariance(
+            twist=geometry_msgs__msg__Twist(
+                linear=geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
+                angular=geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
+            ),
+            covariance=np.zeros(36),
+        ),
+    )
+
+
+def _header(stamp_ns: int, frame_id: str) -> std_msgs__msg__Header:
+    stamp = encode_stamp(stamp_ns)
+    return std_msgs__msg__Header(
+        stamp=builtin_interfaces__msg__Time(sec=stamp.sec, nanosec=stamp.nanosec),
+        frame_id=frame_id,
+    )

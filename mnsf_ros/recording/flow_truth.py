@@ -1,0 +1,113 @@
+"""The true flow of one sweep, and its point cloud message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from mnsf_ros.errors import RecordingError
+from msg_utils.cloud_layout import PointCloudLike
+from msg_utils.errors import MessageError
+from msg_utils.point_cloud2 import EncodedCloud, decode_points, encode_columns
+from msg_utils.stamps import StampLike, decode_stamp
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_FLOW = ("flow_x", "flow_y", "flow_z")
+_FLAGS = ("valid", "dynamic", "ground", "class_id")
+
+
+class HeaderLike(Protocol):
+    """Any object with this attribute of std_msgs/Header."""
+
+    @property
+    def stamp(self) -> StampLike:
+        """Time of the data."""
+
+
+class Stamped(Protocol):
+    """Any message with a header."""
+
+    @property
+    def header(self) -> HeaderLike:
+        """Time and frame of the data."""
+
+
+class StampedCloud(PointCloudLike, Stamped, Protocol):
+    """Any object with the attributes of sensor_msgs/PointCloud2."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlowTruth:
+    """The true motion of all N points of one sweep, row i for point i of its cloud.
+
+    Attributes:
+        stamp_ns: Header stamp of the sweep in nanoseconds.
+        flow: (N, 3) float32 meters from a point to where its piece of surface is in the next
+            sweep, in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
+        valid: (N,) bool, the flow of the point is known.
+        dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
+        ground: (N,) bool, the point is on the ground.
+        class_id: (N,) uint8 kind of surface, 0 if unknown.
+    """
+
+    stamp_ns: int
+    flow: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    dynamic: NDArray[np.bool_]
+    ground: NDArray[np.bool_]
+    class_id: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.flow)
+
+    def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
+        """Return the cloud for a recording.
+
+        Args:
+            xyz: (N, 3) points of the sweep in meters, so that viewers can show the cloud.
+
+        Raises:
+            RecordingError: The numbers of points differ.
+        """
+        if len(xyz) != len(self):
+            raise RecordingError(f"truth has {len(self)} rows for a sweep of {len(xyz)} points")
+        flow = np.where(self.valid[:, None], self.flow, np.float32(np.nan))
+        columns: dict[str, NDArray[Any]] = {
+            name: np.asarray(xyz[:, axis], dtype=np.float32) for axis, name in enumerate("xyz")
+        }
+        columns |= {name: flow[:, axis] for axis, name in enumerate(_FLOW)}
+        columns |= {name: getattr(self, name).astype(np.uint8) for name in _FLAGS}
+        return encode_columns(columns, 1, len(self))
+
+    @classmethod
+    def decode(cls, message: StampedCloud) -> FlowTruth:
+        """Return the truth in a sensor_msgs/PointCloud2.
+
+        Raises:
+            RecordingError: The cloud is damaged, lacks a field, or has a valid row without flow.
+        """
+        try:
+            stamp_ns = decode_stamp(message.header.stamp)
+            points = decode_points(message).ravel()
+        except MessageError as error:
+            raise RecordingError(f"truth cloud cannot be decoded: {error}") from error
+        names = points.dtype.names or ()
+        missing = [name for name in (*_FLOW, *_FLAGS) if name not in names]
+        if missing:
+            raise RecordingError(
+                f"truth cloud has no field {', '.join(missing)}; it has {', '.join(names)}"
+            )
+        flow = np.stack([points[name].astype(np.float32) for name in _FLOW], axis=1)
+        valid = points["valid"] != 0
+        bad = np.flatnonzero(valid & ~np.isfinite(flow).all(axis=1))
+        if len(bad):
+            raise RecordingError(
+                f"truth cloud: row {bad[0]} is valid but its flow is {flow[bad[0]]}"
+            )
+        dynamic, ground = points["dynamic"] != 0, points["ground"] != 0
+        return cls(stamp_ns, flow, valid, dynamic, ground, points["class_id"].astype(np.uint8))

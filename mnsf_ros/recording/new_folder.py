@@ -1,0 +1,73 @@
+"""A folder that appears complete or not at all."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_files import METADATA_NAME, SUFFIXES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_REPLACEABLE_SUFFIXES = (*SUFFIXES, ".zstd")
+
+
+@contextmanager
+def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Yield where to make a folder; move it to `path` if the block ends well, else remove it.
+
+    Args:
+        path: Where the folder shall be. Missing parents are made.
+        overwrite: Whether a recording that is there already may be replaced, at the very end.
+
+    Yields:
+        A path beside `path` with the same last name, where nothing exists yet.
+
+    Raises:
+        RecordingError: Something is there already that may not be replaced.
+        OSError: The folder cannot be made or moved.
+    """
+    _check_target(path, overwrite=overwrite)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    prefix = f".{path.name}."
+    with TemporaryDirectory(prefix=prefix, suffix=".partial", dir=path.parent) as temporary:
+        draft = Path(temporary, path.name)
+        yield draft
+        _check_target(path, overwrite=overwrite)
+        replaced = Path(temporary, f"{path.name}.replaced")
+        if path.exists():
+            path.rename(replaced)
+        try:
+            draft.rename(path)
+        except BaseException:
+            if replaced.exists():
+                replaced.rename(path)
+            raise
+
+
+def _check_target(path: Path, *, overwrite: bool) -> None:
+    if not path.name:
+        raise RecordingError(f"{str(path)!r}: names no folder to write a recording to")
+    if path.suffix in SUFFIXES:
+        raise RecordingError(f"{path}: a recording is a folder, leave out {path.suffix!r}")
+    if not path.exists() and not path.is_symlink():
+        return
+    if not overwrite:
+        raise RecordingError(f"{path}: exists already")
+    # A wrong path must not cost anybody their other files.
+    others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
+    if others:
+        raise RecordingError(f"{path}: is not replaced, it is no recording or holds {others[0]!r}")
+
+
+def _other_files(folder: Path) -> list[str]:
+    return sorted(
+        entry.name
+        for entry in folder.iterdir()
+        if not entry.is_file()
+        or (entry.name != METADATA_NAME and entry.suffix not in _REPLACEABLE_SUFFIXES)
+    )

@@ -1,0 +1,128 @@
+"""The true flow and the true sensor poses of a recording, see `docs/recordings.md`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.recording.poses import matrix_of
+from msg_utils.errors import MessageError
+from msg_utils.stamps import decode_stamp
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mnsf_ros.recording.bag_reader import BagReader
+    from mnsf_ros.recording.flow_truth import Stamped
+
+__all__ = ["FlowTruth", "FlowTruthIndex", "read_sensor_poses", "read_truth"]
+
+
+class FlowTruthIndex(Mapping[int, FlowTruth]):
+    """Sweep stamp (nanoseconds) -> truth; clouds are read when asked for, not before."""
+
+    def __init__(self, reader: BagReader, topic: str, received_ns: dict[int, int]) -> None:
+        """Index truth clouds by stamp.
+
+        Args:
+            reader: An open recording, which must stay open.
+            topic: Topic of the truth clouds.
+            received_ns: Header stamp -> receive time of each truth cloud.
+        """
+        self._reader = reader
+        self._topic = topic
+        self._received_ns = received_ns
+
+    def __getitem__(self, stamp_ns: int) -> FlowTruth:
+        """Return the truth of the sweep with this stamp; KeyError if there is none."""
+        received = self._received_ns[stamp_ns]
+        where = f"{self._reader.path}: {self._topic!r} at stamp {stamp_ns}"
+        for message in self._reader.messages(self._topic, start_ns=received, stop_ns=received + 1):
+            if decode_stamp(message.header.stamp) == stamp_ns:
+                try:
+                    return FlowTruth.decode(message)
+                except RecordingError as error:
+                    raise RecordingError(f"{where}: {error}") from error
+        raise RecordingError(f"{where}: is not found at its receive time again")
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the stamps from first to last."""
+        return iter(self._received_ns)
+
+    def __len__(self) -> int:
+        """Return the number of sweeps with truth."""
+        return len(self._received_ns)
+
+    def of_sweep(self, stamp_ns: int, num_points: int) -> FlowTruth:
+        """Return the truth of a sweep.
+
+        Args:
+            stamp_ns: Header stamp of the sweep.
+            num_points: Number of points in its cloud, before any of them are removed.
+
+        Raises:
+            RecordingError: There is none, or it has another number of rows.
+        """
+        if stamp_ns not in self._received_ns:
+            raise RecordingError(
+                f"{self._reader.path}: no truth for the sweep of stamp {stamp_ns} on "
+                f"{self._topic!r}, which has {len(self)} others"
+            )
+        truth = self[stamp_ns]
+        if len(truth) != num_points:
+            raise RecordingError(
+                f"{self._reader.path}: truth of stamp {stamp_ns} has {len(truth)} rows, "
+                f"its sweep has {num_points} points"
+            )
+        return truth
+
+
+def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> FlowTruthIndex:
+    """Index the truth clouds of a recording by the stamp of their sweep.
+
+    Raises:
+        RecordingError: There is no truth, two clouds have the same stamp, or damage is met.
+    """
+    topic = reader.find_topic(topic, CLOUD_TYPE)
+    received_ns: dict[int, int] = {}
+    for received, message in reader.received_messages(topic):
+        stamp_ns = _stamp(reader, topic, message)
+        if stamp_ns in received_ns:
+            raise RecordingError(f"{reader.path}: two clouds on {topic!r} have stamp {stamp_ns}")
+        received_ns[stamp_ns] = received
+    return FlowTruthIndex(reader, topic, dict(sorted(received_ns.items())))
+
+
+def read_sensor_poses(
+    reader: BagReader, topic: str | None = None
+) -> dict[int, NDArray[np.float64]]:
+    """Return stamp (nanoseconds) -> (4, 4) `world_from_sensor`, from first to last stamp.
+
+    Args:
+        reader: An open recording.
+        topic: Topic of nav_msgs/Odometry; None for the only one.
+
+    Raises:
+        RecordingError: There is no such topic, a pose is no pose, or damage is met.
+    """
+    topic = reader.find_topic(topic, ODOMETRY_TYPE)
+    poses: dict[int, NDArray[np.float64]] = {}
+    for message in reader.messages(topic):
+        stamp_ns = _stamp(reader, topic, message)
+        try:
+            poses[stamp_ns] = matrix_of(message.pose.pose)
+        except RecordingError as error:
+            where = f"{reader.path}: {topic!r} at stamp {stamp_ns}"
+            raise RecordingError(f"{where}: {error}") from error
+    return dict(sorted(poses.items()))
+
+
+def _stamp(reader: BagReader, topic: str, message: Stamped) -> int:
+    try:
+        return decode_stamp(message.header.stamp)
+    except MessageError as error:
+        raise RecordingError(f"{reader.path}: {topic!r}: {error}") from error

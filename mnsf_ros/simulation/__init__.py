@@ -1,0 +1,1 @@
+"""Simulated recordings of a street with the exact motion of every point."""

@@ -1,0 +1,168 @@
+"""A spinning lidar: its rays, and what each of them hits first."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mnsf_ros.simulation.shapes import Directions, Shape, entry_ranges
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mnsf_ros.simulation.transforms import FloatArray
+
+_TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
+MIN_RANGE_M = 0.9
+
+
+@dataclass(frozen=True)
+class Rays:
+    """The rays of one revolution in the lidar frame, as C azimuth columns of B beams.
+
+    Attributes:
+        cos_azimuth: (C,) cosine of each column's azimuth; columns run from -pi to pi.
+        sin_azimuth: (C,) sine of the same.
+        elevations: (B,) angle above the horizontal in radians, increasing: beam 0 points lowest.
+    """
+
+    cos_azimuth: FloatArray
+    sin_azimuth: FloatArray
+    elevations: FloatArray
+
+    @classmethod
+    def revolution(cls, num_columns: int, num_beams: int, phase: float) -> Rays:
+        """Return evenly spaced columns, the first `phase` (0 to 1) of a step behind -pi.
+
+        As in a common 64-beam sensor the upper half of the beams is packed more densely.
+        """
+        half = num_beams // 2
+        step = (_KNEE_DEG - _BOTTOM_DEG) / half
+        lower = np.linspace(_BOTTOM_DEG, _KNEE_DEG - step, half)
+        upper = np.linspace(_KNEE_DEG, _TOP_DEG, num_beams - half)
+        azimuth = -math.pi + (np.arange(num_columns) + phase) * (2 * math.pi / num_columns)
+        elevations = np.radians(np.concatenate([lower, upper]))
+        return cls(np.cos(azimuth), np.sin(azimuth), elevations)
+
+    def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
+        """Return x, y and z of the unit directions of a window's rays in another frame.
+
+        Args:
+            frame_from_lidar: (3, 3) rotation.
+            window: The columns and beams wanted.
+        """
+        columns, beams = window
+        cos_azimuth, sin_azimuth = self.cos_azimuth[columns, None], self.sin_azimuth[columns, None]
+        elevations = self.elevations[beams]
+        cos_elevation, sin_elevation = np.cos(elevations), np.sin(elevations)
+        x, y, z = (
+            (row[0] * cos_azimuth + row[1] * sin_azimuth) * cos_elevation + row[2] * sin_elevation
+            for row in frame_from_lidar
+        )
+        return x, y, z
+
+
+Window = tuple[slice, slice]
+
+
+class ShapeTable:
+    """All shapes of a scene, ready to be cast together.
+
+    Attributes:
+        half_extents: (K, 3) half sizes in meters.
+        body_of_shape: (K,) which body each shape belongs to.
+    """
+
+    def __init__(self, shapes: list[Shape], body_of_shape: list[int]) -> None:
+        """Stack the shapes; `body_of_shape` has one entry per shape."""
+        self.half_extents = np.array([shape.half_extents for shape in shapes]).reshape(-1, 3)
+        self.body_of_shape = np.array(body_of_shape, dtype=np.int32)
+        self._kinds = [shape.kind for shape in shapes]
+        self._poses = np.array([shape.body_from_shape for shape in shapes]).reshape(-1, 4, 4)
+
+    def cast(
+        self, rays: Rays, lidar_from_body: FloatArray, max_range_m: float
+    ) -> tuple[FloatArray, NDArray[np.int32]]:
+        """Find the first shape each ray meets.
+
+        Args:
+            rays: C columns of B beams.
+            lidar_from_body: (bodies, 4, 4) pose of every body in the lidar frame.
+            max_range_m: Shapes entirely beyond are skipped.
+
+        Returns:
+            (C, B) ranges in meters, `inf` where nothing is met, and (C, B) body numbers, -1 there.
+        """
+        num_columns, num_beams = len(rays.cos_azimuth), len(rays.elevations)
+        ranges = np.full((num_columns, num_beams), np.inf)
+        bodies = np.full((num_columns, num_beams), -1, dtype=np.int32)
+        poses = lidar_from_body[self.body_of_shape] @ self._poses
+        nearest = self._nearest(poses)
+        order = np.argsort(nearest, kind="stable")
+        for k in order[nearest[order] < max_range_m]:
+            for window in _windows(poses[k], self.half_extents[k], rays, float(nearest[k])):
+                block = ranges[window]
+                # Shapes come nearest first, so most of what is far is already hidden.
+                if block.size == 0 or block.max() <= nearest[k]:
+                    continue
+                entry = self._entry(int(k), poses[k], rays, window)
+                nearer = (entry < block) & (entry >= MIN_RANGE_M)
+                np.copyto(block, entry, where=nearer)
+                np.copyto(bodies[window], self.body_of_shape[k], where=nearer)
+        return ranges, bodies
+
+    def _nearest(self, poses: FloatArray) -> FloatArray:
+        """Return (K,) distances from the lidar to the nearest point of each bounding box."""
+        local = np.einsum("kji,kj->ki", poses[:, :3, :3], -poses[:, :3, 3])
+        outside = np.maximum(np.abs(local) - self.half_extents, 0.0)
+        nearest: FloatArray = np.linalg.norm(outside, axis=1)
+        return nearest
+
+    def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
+        """Return where the window's rays enter shape k, in meters; `inf` for those that miss."""
+        shape_from_lidar = pose[:3, :3].T
+        origin = shape_from_lidar @ -pose[:3, 3]
+        directions = rays.directions(shape_from_lidar, window)
+        return entry_ranges(self._kinds[k], self.half_extents[k], origin, directions)
+
+
+_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -> list[Window]:
+    """Return the columns and beams that can meet a bounding box; two windows if it straddles pi."""
+    corners = (_CORNERS * half) @ pose[:3, :3].T + pose[:3, 3]
+    beams = _beams(corners, rays, nearest_m)
+    center = math.atan2(pose[1, 3], pose[0, 3])
+    azimuth = np.arctan2(corners[:, 1], corners[:, 0]) - center
+    azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
+    low, high = float(azimuth.min()), float(azimuth.max())
+    num_columns = len(rays.cos_azimuth)
+    # From above or inside a box its corners surround the lidar: no interval covers it.
+    if high - low >= math.pi - 0.1:
+        return [(slice(0, num_columns), beams)]
+    per_radian = num_columns / (2 * math.pi)
+    first = math.floor((center + low + math.pi) * per_radian) - 1
+    last = math.ceil((center + high + math.pi) * per_radian) + 1
+    if last - first >= num_columns:
+        return [(slice(0, num_columns), beams)]
+    first, last = first % num_columns, last % num_columns
+    if first < last:
+        return [(slice(first, last), beams)]
+    return [(slice(first, num_columns), beams), (slice(0, last), beams)]
+
+
+def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:
+    """Return the beams between the lowest and the highest possible sight of a bounding box."""
+    bottom, top = float(corners[:, 2].min()), float(corners[:, 2].max())
+    farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+    # The nearest point may lie below or above: its horizontal distance can be shorter still.
+    near_bottom = math.sqrt(max(nearest_m**2 - bottom**2, 1e-4))
+    near_top = math.sqrt(max(nearest_m**2 - top**2, 1e-4))
+    lowest = math.atan2(bottom, near_bottom if bottom < 0 else farthest)
+    highest = math.atan2(top, near_top if top > 0 else farthest)
+    first = int(np.searchsorted(rays.elevations, lowest - 1e-9))
+    return slice(first, int(np.searchsorted(rays.elevations, highest + 1e-9)))

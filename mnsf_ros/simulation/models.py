@@ -1,0 +1,153 @@
+"""The catalogue of things on a street. Each function draws one specimen from a generator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mnsf_ros.simulation.bodies import Model, SurfaceClass
+from mnsf_ros.simulation.shapes import Shape, box, cylinder, sphere
+
+HOUSE_DEPTH_M = 10.0
+_PORCH_M = 0.6
+# The front wall in the house's own frame: the origin is the middle of wall and porch together.
+HOUSE_WALL_Y_M = (_PORCH_M - HOUSE_DEPTH_M) / 2
+
+
+def car(rng: np.random.Generator) -> Model:
+    """Return a passenger car: a body and a cabin."""
+    length, width = rng.uniform(4.1, 4.7), rng.uniform(1.72, 1.86)
+    waist, roof = rng.uniform(0.82, 0.95), rng.uniform(1.42, 1.6)
+    half, side = length / 2, width / 2
+    shapes = (
+        box((-half, half), (-side, side), (0.22, waist)),
+        box((-half + 0.25, half - 1.45), (-side + 0.12, side - 0.12), (waist, roof)),
+    )
+    return Model(SurfaceClass.CAR, shapes, length, width, rng.uniform(25.0, 110.0))
+
+
+def van(rng: np.random.Generator) -> Model:
+    """Return a delivery van: a tall cargo box behind a short cabin."""
+    length, width, roof = rng.uniform(5.2, 5.8), rng.uniform(1.9, 2.0), rng.uniform(2.0, 2.4)
+    half, side = length / 2, width / 2
+    shapes = (
+        box((-half, half), (-side, side), (0.28, 1.05)),
+        box((-half, half - 1.3), (-side, side), (1.05, roof)),
+    )
+    return Model(SurfaceClass.CAR, shapes, length, width, rng.uniform(60.0, 150.0))
+
+
+def pedestrian(rng: np.random.Generator) -> Model:
+    """Return a person: legs, trunk and head, in one rigid pose."""
+    height = rng.uniform(1.58, 1.86)
+    hips, shoulders = 0.48 * height, 0.84 * height
+    shapes = (
+        cylinder(0.10, 0.09, 0.085, (0.0, hips)),
+        cylinder(-0.10, -0.09, 0.085, (0.0, hips)),
+        cylinder(0.0, 0.0, 0.21, (hips, shoulders)),
+        sphere(0.0, 0.0, height - 0.12, 0.12),
+    )
+    return Model(SurfaceClass.PEDESTRIAN, shapes, 0.5, 0.5, rng.uniform(30.0, 70.0))
+
+
+def cyclist(rng: np.random.Generator) -> Model:
+    """Return a person on a bicycle."""
+    height = rng.uniform(1.66, 1.78)
+    shapes = (
+        box((-0.85, 0.85), (-0.04, 0.04), (0.04, 0.62)),
+        box((-0.30, 0.30), (-0.17, 0.17), (0.55, 0.95)),
+        cylinder(-0.05, 0.0, 0.2, (0.95, height - 0.22)),
+        sphere(0.08, 0.0, height - 0.11, 0.12),
+    )
+    return Model(SurfaceClass.CYCLIST, shapes, 1.8, 0.6, rng.uniform(35.0, 80.0))
+
+
+def tree(rng: np.random.Generator) -> Model:
+    """Return a street tree whose crown leaves headroom for walking."""
+    radius = rng.uniform(0.12, 0.24)
+    blobs: list[Shape] = []
+    for _ in range(int(rng.integers(3, 6))):
+        size = rng.uniform(0.65, 1.15)
+        offset = rng.uniform(-0.6, 0.6, size=2)
+        blobs.append(sphere(offset[0], offset[1], 2.2 + size + rng.uniform(0.0, 1.2), size))
+    trunk = cylinder(0.0, 0.0, radius, (0.0, 3.2))
+    width = 2 * radius
+    return Model(SurfaceClass.VEGETATION, (trunk, *blobs), width, width, rng.uniform(20.0, 45.0))
+
+
+def lamp_post(rng: np.random.Generator) -> Model:
+    """Return a street lamp whose arm points along +x."""
+    radius, height = rng.uniform(0.07, 0.11), rng.uniform(5.5, 7.0)
+    shapes = (
+        cylinder(0.0, 0.0, radius, (0.0, height)),
+        box((0.0, 1.4), (-0.06, 0.06), (height - 0.15, height)),
+    )
+    return Model(SurfaceClass.POLE, shapes, 2 * radius, 2 * radius, rng.uniform(60.0, 90.0))
+
+
+def sign(rng: np.random.Generator) -> Model:
+    """Return a traffic sign that faces along x; its plate shines back."""
+    top = rng.uniform(2.3, 2.7)
+    shapes = (
+        cylinder(0.0, 0.0, 0.04, (0.0, top)),
+        box((-0.015, 0.015), (-0.3, 0.3), (top - 0.62, top)),
+    )
+    return Model(SurfaceClass.POLE, shapes, 0.1, 0.6, rng.uniform(190.0, 240.0))
+
+
+def litter_bin(rng: np.random.Generator) -> Model:
+    """Return a litter bin."""
+    radius = rng.uniform(0.2, 0.28)
+    shapes = (cylinder(0.0, 0.0, radius, (0.0, rng.uniform(0.8, 1.05))),)
+    return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * radius, 2 * radius, 40.0)
+
+
+def cabinet(rng: np.random.Generator) -> Model:
+    """Return a switch cabinet of the kind found beside sidewalks."""
+    length, height = rng.uniform(0.6, 1.2), rng.uniform(0.9, 1.4)
+    shapes = (box((-length / 2, length / 2), (-0.18, 0.18), (0.0, height)),)
+    return Model(SurfaceClass.STREET_FURNITURE, shapes, length, 0.36, 85.0)
+
+
+def bench(rng: np.random.Generator) -> Model:
+    """Return a bench; its back is on the +y side."""
+    half = rng.uniform(0.75, 1.0)
+    shapes = (
+        box((-half, half), (-0.22, 0.18), (0.38, 0.46)),
+        box((-half, half), (0.18, 0.24), (0.38, 0.85)),
+        box((-half + 0.1, -half + 0.18), (-0.2, 0.2), (0.0, 0.38)),
+        box((half - 0.18, half - 0.1), (-0.2, 0.2), (0.0, 0.38)),
+    )
+    return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * half, 0.5, 55.0)
+
+
+def shelter(rng: np.random.Generator) -> Model:
+    """Return a bus shelter that opens toward -y."""
+    half = rng.uniform(1.6, 2.2)
+    shapes = (
+        box((-half, half), (0.45, 0.5), (0.1, 2.2)),
+        box((-half, -half + 0.05), (-0.3, 0.45), (0.1, 2.2)),
+        box((half - 0.05, half), (-0.3, 0.45), (0.1, 2.2)),
+        box((-half, half), (-0.5, 0.5), (2.2, 2.32)),
+    )
+    return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * half, 1.0, 70.0)
+
+
+def house(rng: np.random.Generator, width_m: float) -> Model:
+    """Return a town house of `HOUSE_DEPTH_M` whose front faces -y; see `HOUSE_WALL_Y_M`.
+
+    Pillars, a bay and a step stand up to `_PORCH_M` in front of the wall.
+    """
+    half, height, wall = width_m / 2, rng.uniform(6.0, 16.0), HOUSE_WALL_Y_M
+    thick = rng.uniform(0.35, 0.6)
+    shapes = [box((-half, half), (wall, wall + HOUSE_DEPTH_M), (0.0, height))]
+    shapes += [
+        box((center - thick / 2, center + thick / 2), (wall - 0.3, wall), (0.0, height))
+        for center in np.linspace(-half + 0.6, half - 0.6, int(rng.integers(2, 5)))
+    ]
+    if width_m > 6.0:
+        bay, floor = rng.uniform(-half + 1.0, half - 4.0), rng.uniform(2.6, 3.0)
+        shapes.append(box((bay, bay + 3.0), (wall - _PORCH_M, wall), (floor, height - 0.8)))
+        step = rng.uniform(-half + 1.0, half - 2.6)
+        shapes.append(box((step, step + 1.6), (wall - 0.5, wall), (0.0, 0.3)))
+    depth = HOUSE_DEPTH_M + _PORCH_M
+    return Model(SurfaceClass.BUILDING, tuple(shapes), width_m, depth, rng.uniform(45.0, 120.0))

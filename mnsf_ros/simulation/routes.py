@@ -1,0 +1,107 @@
+"""Where moving things drive and walk: a route in the plane and a speed along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mnsf_ros.simulation.transforms import FloatArray, planar_pose
+
+
+@dataclass(frozen=True)
+class Route:
+    """A curve in the plane, known by closely spaced points.
+
+    Attributes:
+        points: (M, 2) points in world meters, M at least 2.
+        arc_m: (M,) distance along the curve from the first point, increasing.
+        yaw: (M,) direction of travel in radians, without jumps.
+    """
+
+    points: FloatArray
+    arc_m: FloatArray
+    yaw: FloatArray
+
+    @classmethod
+    def through(cls, points: FloatArray) -> Route:
+        """Return the route that visits the (M, 2) points, given in meters, in order."""
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        arc_m = np.concatenate([[0.0], np.cumsum(steps)])
+        tangent = np.gradient(points, arc_m, axis=0)
+        return cls(points, arc_m, np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
+
+    @property
+    def length_m(self) -> float:
+        """Length of the curve in meters."""
+        return float(self.arc_m[-1])
+
+    def arc_nearest(self, x: float, y: float) -> float:
+        """Return the arc length in meters of the route point nearest to (x, y)."""
+        return float(self.arc_m[np.argmin(np.hypot(*(self.points - (x, y)).T))])
+
+    def poses(self, arc_m: FloatArray) -> FloatArray:
+        """Return (T, 3) x, y and yaw at (T,) arc lengths; beyond its ends the route is straight."""
+        inside = np.clip(arc_m, 0.0, self.length_m)
+        yaw = np.interp(inside, self.arc_m, self.yaw)
+        beyond = arc_m - inside
+        x = np.interp(inside, self.arc_m, self.points[:, 0]) + beyond * np.cos(yaw)
+        y = np.interp(inside, self.arc_m, self.points[:, 1]) + beyond * np.sin(yaw)
+        return np.stack([x, y, yaw], axis=1)
+
+
+@dataclass(frozen=True)
+class SpeedProfile:
+    """Speed over time: linear between breakpoints, constant before the first and after the last.
+
+    Attributes:
+        times_s: (P,) increasing breakpoints in seconds.
+        speeds_m_s: (P,) speed at the breakpoints in m/s.
+    """
+
+    times_s: FloatArray
+    speeds_m_s: FloatArray
+
+    @classmethod
+    def steady(cls, speed_m_s: float) -> SpeedProfile:
+        """Return a profile of constant speed."""
+        return cls(np.array([0.0]), np.array([speed_m_s]))
+
+    def distances(self, times_s: FloatArray) -> FloatArray:
+        """Return (T,) meters traveled since the first breakpoint, negative before it."""
+        speed = self.speeds_m_s
+        spans = np.diff(self.times_s)
+        marks = np.concatenate([[0.0], np.cumsum(spans * (speed[:-1] + speed[1:]) / 2)])
+        index = np.clip(np.searchsorted(self.times_s, times_s, side="right") - 1, 0, None)
+        elapsed = times_s - self.times_s[index]
+        slope = np.concatenate([np.diff(speed) / spans, [0.0]])
+        # Before the first breakpoint nothing accelerates.
+        acceleration = np.where(elapsed < 0.0, 0.0, slope[index])
+        return marks[index] + elapsed * (speed[index] + acceleration * elapsed / 2)
+
+
+@dataclass(frozen=True)
+class Trip:
+    """One thing traveling: a route, a speed profile and where on the route it starts.
+
+    Attributes:
+        route: The curve that is followed.
+        profile: How fast.
+        start_arc_m: Arc length at the profile's first breakpoint, in meters.
+        delay_s: The whole trip happens this much later.
+    """
+
+    route: Route
+    profile: SpeedProfile
+    start_arc_m: float
+    delay_s: float = 0.0
+
+    def planar(self, times_s: FloatArray) -> FloatArray:
+        """Return (T, 3) world x, y (meters) and yaw (radians) at (T,) times in seconds."""
+        traveled = self.profile.distances(times_s - self.delay_s)
+        return self.route.poses(self.start_arc_m + traveled)
+
+    def pose(self, time_s: float) -> FloatArray:
+        """Return the (4, 4) pose `world_from_body` at a time in seconds."""
+        x, y, yaw = self.planar(np.array([time_s]))[0]
+        return planar_pose(x, y, yaw)

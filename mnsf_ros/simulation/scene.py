@@ -1,0 +1,76 @@
+"""The whole scene of one recording, drawn from the seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mnsf_ros.simulation.ego import EgoMotion, braking_distance, draw_sway, drive_with_stops
+from mnsf_ros.simulation.roadside import roadside_bodies
+from mnsf_ros.simulation.routes import Trip
+from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
+from mnsf_ros.simulation.traffic import Traffic
+
+if TYPE_CHECKING:
+    from mnsf_ros.simulation.bodies import Body
+    from mnsf_ros.simulation.settings import SimulationSettings
+
+_MARGIN_M = 140.0
+_STOP_LINE_M = 12.0
+_CROSSING_SPACING_M = 160.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Street, everything on it, and the vehicle that carries the lidar."""
+
+    street: Street
+    bodies: tuple[Body, ...]
+    ego: EgoMotion
+
+
+def build_scene(settings: SimulationSettings) -> Scene:
+    """Return the scene of a recording; equal settings give equal scenes."""
+    # A generator of its own for each part: more cars do not change the houses.
+    ground, statics, movers = np.random.default_rng([settings.seed, 0]).spawn(3)
+    speed = settings.ego_speed_m_s
+    reach_x = speed * settings.duration_s
+    street = _street(ground, speed, reach_x)
+    route = street.lane(-LANE_LATERAL_M, forward=True)
+    start = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), -2.0)[0, 1]))
+    stop_lines = [
+        route.arc_nearest(*street.centerline.place(np.array([c.x]), -LANE_LATERAL_M)[0]) - start
+        for c in street.crossings
+    ]
+    profile, stops = drive_with_stops(
+        speed, [line - _STOP_LINE_M for line in stop_lines], ground.uniform(1.0, 1.6)
+    )
+    ego = EgoMotion(Trip(route, profile, start), draw_sway(ground))
+    traffic = Traffic(street, ego.trip, settings.duration_s, movers)
+    for crossing, stop in zip(street.crossings, stops, strict=True):
+        traffic.add_crossing(crossing, stop)
+    traffic.add_companions()
+    traffic.add_cyclists(reach_x)
+    traffic.add_oncoming(reach_x)
+    traffic.add_walkers(reach_x)
+    return Scene(street, (*roadside_bodies(street, statics), *traffic.bodies), ego)
+
+
+def _street(rng: np.random.Generator, speed_m_s: float, reach_x: float) -> Street:
+    centerline = Centerline(
+        rng.uniform(2.0, 3.2) * rng.choice([-1.0, 1.0]),
+        rng.uniform(150.0, 180.0),
+        rng.uniform(0.0, 2 * math.pi),
+    )
+    first = _STOP_LINE_M + speed_m_s * rng.uniform(3.5, 4.5) + braking_distance(speed_m_s)
+    places = np.arange(first, max(reach_x, first) + 1.0, _CROSSING_SPACING_M)
+    crossings = tuple(
+        Crossing(float(x), float(y), float(heading))
+        for x, y, heading in zip(
+            places, centerline.offset(places), centerline.heading(places), strict=True
+        )
+    )
+    return Street(centerline, -_MARGIN_M, max(reach_x, first) + _MARGIN_M, crossings)

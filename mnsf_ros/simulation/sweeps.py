@@ -1,0 +1,154 @@
+"""Simulated sweeps with their exact flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.simulation.ground import ground_hits
+from mnsf_ros.simulation.lidar import Rays, ShapeTable
+from mnsf_ros.simulation.reflectivity import intensities
+from mnsf_ros.simulation.scene import Scene, build_scene
+from mnsf_ros.simulation.transforms import FloatArray, apply, invert
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from mnsf_ros.simulation.settings import SimulationSettings
+
+# 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
+FIRST_STAMP_NS = 1_716_451_200_000_000_000
+# The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
+DYNAMIC_SPEED_M_S = 0.5
+_ALL = (slice(None), slice(None))
+
+
+@dataclass(frozen=True)
+class SimulatedSweep:
+    """One revolution of the lidar, taken in an instant, with the motion of every point.
+
+    N is the number of returned points; all coordinates are in the lidar frame of this sweep
+    (x forward, y left, z up), except that the flow leads into the next sweep's lidar frame.
+
+    Attributes:
+        xyz: (N, 3) float32 measured points in meters.
+        intensity: (N,) float32 from 0 to 255.
+        ring: (N,) uint16 beam number, 0 is the lowest.
+        flow: (N, 3) float32 meters: xyz + flow is where that piece of surface is in the next
+            sweep, in the next sweep's lidar frame. Ego motion is part of it.
+        dynamic: (N,) bool, the surface itself moves faster than `DYNAMIC_SPEED_M_S`.
+        ground: (N,) bool, asphalt, sidewalk or curb.
+        class_id: (N,) uint8, see `SurfaceClass`.
+        stamp_ns: Time of the sweep in nanoseconds.
+        world_from_sensor: (4, 4) float64 pose of the lidar.
+    """
+
+    xyz: NDArray[np.float32]
+    intensity: NDArray[np.float32]
+    ring: NDArray[np.uint16]
+    flow: NDArray[np.float32]
+    dynamic: NDArray[np.bool_]
+    ground: NDArray[np.bool_]
+    class_id: NDArray[np.uint8]
+    stamp_ns: int
+    world_from_sensor: FloatArray
+
+
+def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
+    """Yield the sweeps of a recording in the order of their stamps.
+
+    Every sweep has flow, also the last one: its truth leads to the sweep that would follow.
+    """
+    simulator = SweepSimulator(settings)
+    for index in range(settings.num_sweeps):
+        yield simulator.sweep(index)
+
+
+class SweepSimulator:
+    """Takes sweeps of one scene, in any order."""
+
+    def __init__(self, settings: SimulationSettings) -> None:
+        """Build the scene."""
+        self.settings = settings
+        self.scene: Scene = build_scene(settings)
+        bodies = self.scene.bodies
+        owners = [number for number, body in enumerate(bodies) for _ in body.model.shapes]
+        self._shapes = ShapeTable([s for body in bodies for s in body.model.shapes], owners)
+        self._poses = np.array([body.world_from_body(0.0) for body in bodies])
+        self._movers = [number for number, body in enumerate(bodies) if body.trip is not None]
+        # The last entries are for ground: body number -1.
+        self._classes = np.array([int(b.model.surface_class) for b in bodies] + [0], np.uint8)
+        self._reflectivity = np.array([b.model.reflectivity for b in bodies] + [0.0])
+
+    def sweep(self, index: int) -> SimulatedSweep:
+        """Return the sweep with the given number, counted from 0."""
+        settings = self.settings
+        time_s = index * settings.interval_s
+        rng = np.random.default_rng([settings.seed, 1, index])
+        # Real lidars do not start each revolution at the same angle: without this a standing
+        # vehicle would measure the very same points again and again.
+        rays = Rays.revolution(settings.num_columns, settings.num_beams, rng.uniform())
+        world_from_sensor = self.scene.ego.world_from_sensor(time_s)
+        ranges, body, class_id = self._first_hits(rays, time_s, world_from_sensor)
+        kept = np.flatnonzero(ranges <= settings.max_range_m)
+        kept = kept[rng.uniform(size=len(kept)) >= settings.dropout]
+        directions = np.stack(rays.directions(np.eye(3), _ALL), axis=-1).reshape(-1, 3)[kept]
+        measured = ranges[kept] + rng.normal(0.0, settings.range_noise_m, len(kept))
+        xyz = (directions * measured[:, None]).astype(np.float32)
+        body, class_id = body[kept], class_id[kept]
+        flow, dynamic = self._truth(xyz.astype(np.float64), body, time_s)
+        world = apply(world_from_sensor, directions * ranges[kept, None])
+        intensity = intensities(self.scene.street, world, class_id, self._reflectivity[body], rng)
+        return SimulatedSweep(
+            xyz=xyz,
+            intensity=intensity,
+            ring=(kept % settings.num_beams).astype(np.uint16),
+            flow=flow,
+            dynamic=dynamic,
+            ground=(class_id == SurfaceClass.ROAD) | (class_id == SurfaceClass.SIDEWALK),
+            class_id=class_id,
+            stamp_ns=FIRST_STAMP_NS + round(index * 1e9 / settings.rate_hz),
+            world_from_sensor=world_from_sensor,
+        )
+
+    def _first_hits(
+        self, rays: Rays, time_s: float, world_from_sensor: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+        """Return true range, body number (-1: ground or nothing) and class of every ray, flat."""
+        for number in self._movers:
+            self._poses[number] = self.scene.bodies[number].world_from_body(time_s)
+        max_range_m = self.settings.max_range_m
+        lidar_from_body = invert(world_from_sensor) @ self._poses
+        block_ranges, block_body = self._shapes.cast(rays, lidar_from_body, max_range_m)
+        ranges, body = block_ranges.ravel(), block_body.ravel()
+        directions = np.stack(rays.directions(world_from_sensor[:3, :3], _ALL), axis=-1)
+        ground, ground_class = ground_hits(
+            self.scene.street, world_from_sensor[:3, 3], directions.reshape(-1, 3), max_range_m
+        )
+        on_ground = ground < ranges
+        body[on_ground] = -1
+        class_id = np.where(on_ground, ground_class, self._classes[body])
+        return np.minimum(ranges, ground), body, class_id
+
+    def _truth(
+        self, points: FloatArray, body: NDArray[np.int32], time_s: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return (N, 3) flow and (N,) dynamic of points in the lidar frame at a time."""
+        interval_s = self.settings.interval_s
+        now, then = time_s, time_s + interval_s
+        ego = self.scene.ego
+        world = apply(ego.world_from_sensor(now), points)
+        moved = world.copy()
+        for number in np.intersect1d(body, self._movers):
+            mover = self.scene.bodies[number]
+            then_from_now = mover.world_from_body(then) @ invert(mover.world_from_body(now))
+            own = body == number
+            moved[own] = apply(then_from_now, world[own])
+        flow = apply(invert(ego.world_from_sensor(then)), moved) - points
+        speed = np.linalg.norm(moved - world, axis=1) / interval_s
+        return flow.astype(np.float32), speed > DYNAMIC_SPEED_M_S

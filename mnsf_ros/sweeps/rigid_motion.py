@@ -1,0 +1,182 @@
+"""The flow that one rigid motion gives, and the rigid motion that most of a flow follows."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.errors import SweepError
+
+# A motion has six unknowns: so many points, drawn at random, fix it far below their noise.
+_MAX_POINTS: Final = 20_000
+_MAX_ITERATIONS: Final = 60
+# Tukey's constant: with Gaussian noise the fit is 95 % as precise as least squares.
+_TUKEY: Final = 4.685
+# Residuals below this are all alike: finer than the resolution of float32 at 100 m.
+_MIN_SCALE_M: Final = 1e-5
+# Points count as a line when their spread across it is this small beside that along it.
+_MIN_SPREAD_RATIO: Final = 1e-3
+# A point so many times farther out than half of them is astray; it would turn all others.
+_MAX_REACH_RATIO: Final = 50.0
+
+
+def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Returns the flow of static points, which the sensor's own motion alone makes.
+
+    Args:
+        xyz: (N, 3) metres, sensor frame of the current sweep. A NaN row gives a NaN row.
+        next_from_current: (4, 4) rigid transform, x_next = next_from_current · x_current.
+
+    Returns:
+        (N, 3) float32, metres per sweep interval, computed in float64.
+
+    Raises:
+        SweepError: If a shape is another one, or the transform is not finite.
+    """
+    _check_columns("xyz", xyz)
+    transform = np.asarray(next_from_current, dtype=np.float64)
+    if transform.shape != (4, 4) or not np.isfinite(transform).all():
+        raise SweepError(f"next_from_current is {transform!r}, expected finite (4, 4) numbers")
+    # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
+    turn = transform[:3, :3] - np.eye(3)
+    flow: NDArray[np.float32] = (xyz.astype(np.float64) @ turn.T + transform[:3, 3]).astype(
+        np.float32
+    )
+    return flow
+
+
+def residual_flow(
+    xyz: NDArray[Any], flow: NDArray[Any], next_from_current: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Returns the flow without the sensor's own motion: what moves by itself.
+
+    Args:
+        xyz: (N, 3) metres, sensor frame of the current sweep.
+        flow: (N, 3) metres per sweep interval.
+        next_from_current: (4, 4) rigid transform of the static points.
+
+    Returns:
+        (N, 3) float32, metres per sweep interval, axes of the *next* sweep's sensor frame.
+
+    Raises:
+        SweepError: If a shape does not fit, or the transform is not finite.
+    """
+    _check_pair(xyz, flow)
+    residual: NDArray[np.float32] = flow - rigid_flow(xyz, next_from_current)
+    return residual.astype(np.float32, copy=False)
+
+
+def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
+    """Returns the rigid motion that most points follow, for example the sensor's own.
+
+    Iteratively reweighted least squares (Kabsch): first with weights of the L1 norm, which
+    lets a clear majority win from any start, then with Tukey's, which leave movers out
+    altogether. Some 30 % of the points may move, even all in the same way.
+
+    Rows that are not finite are left out, and so are points astray far beyond all others. Where
+    points do not fix a rotation (fewer than three, or all on one line) the result is a pure
+    translation; without any point it is the identity.
+
+    Args:
+        xyz: (N, 3) metres, sensor frame of the current sweep.
+        flow: (N, 3) metres per sweep interval.
+
+    Returns:
+        next_from_current, (4, 4) float64, a proper rotation (determinant +1) and a translation.
+
+    Raises:
+        SweepError: If a shape is not (N, 3), or the two differ.
+    """
+    _check_pair(xyz, flow)
+    source, moved = _usable(xyz, flow)
+    if len(source) == 0:
+        return np.eye(4)
+    # Around their middle, so that far from the origin rotation and translation stay apart.
+    center = np.median(source, axis=0)
+    source, moved = source - center, moved - center
+    reach = np.linalg.norm(source, axis=1)
+    near = reach <= max(_MAX_REACH_RATIO * float(np.median(reach)), _MIN_SCALE_M)
+    source, moved = source[near], moved[near]
+    motion = _tukey_fit(source, moved, _l1_fit(source, moved))
+    motion[:3, 3] += center - motion[:3, :3] @ center
+    return motion
+
+
+def _l1_fit(source: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
+    motion = _kabsch(source, moved, np.ones(len(source)))
+    for _ in range(_MAX_ITERATIONS):
+        residuals = _residuals(motion, source, moved)
+        floor = max(float(np.median(residuals)) * 1e-2, _MIN_SCALE_M)
+        last, motion = motion, _kabsch(source, moved, 1.0 / np.maximum(residuals, floor))
+        if np.abs(motion - last).max() < 1e-4:
+            break
+    return motion
+
+
+def _tukey_fit(
+    source: NDArray[np.float64], moved: NDArray[np.float64], motion: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    for _ in range(_MAX_ITERATIONS):
+        residuals = _residuals(motion, source, moved)
+        # 1.4826 makes a standard deviation of a median of absolute values.
+        scale = max(1.4826 * float(np.median(residuals)), _MIN_SCALE_M)
+        weights = np.maximum(0.0, 1.0 - (residuals / (_TUKEY * scale)) ** 2) ** 2
+        last, motion = motion, _kabsch(source, moved, weights)
+        if np.abs(motion - last).max() < 1e-9:
+            break
+    return motion
+
+
+def _kabsch(
+    source: NDArray[np.float64], moved: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The (4, 4) rigid motion of least weighted squares from source to moved, both (N, 3)."""
+    weights = weights / weights.sum()
+    source_center, moved_center = weights @ source, weights @ moved
+    around, turned = source - source_center, moved - moved_center
+    motion = np.eye(4)
+    spread = np.linalg.svd((around * weights[:, None]).T @ around, compute_uv=False)
+    if spread[1] > spread[0] * _MIN_SPREAD_RATIO**2:
+        left, _, right = np.linalg.svd((around * weights[:, None]).T @ turned)
+        # A reflection may fit better still, but nothing moves like that.
+        signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+        motion[:3, :3] = (right.T * signs) @ left.T
+    motion[:3, 3] = moved_center - motion[:3, :3] @ source_center
+    return motion
+
+
+def _residuals(
+    motion: NDArray[np.float64], source: NDArray[np.float64], moved: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances (N,) in metres from the points moved by `motion` to where they went."""
+    distances: NDArray[np.float64] = np.linalg.norm(
+        source @ motion[:3, :3].T + motion[:3, 3] - moved, axis=1
+    )
+    return distances
+
+
+def _usable(
+    xyz: NDArray[Any], flow: NDArray[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Finite points before and after their flow, (M, 3) each, at most `_MAX_POINTS` of them."""
+    with np.errstate(over="ignore"):  # as float32: the square of any such number is a float64
+        finite = np.isfinite(np.hstack([xyz, flow]).astype(np.float32)).all(axis=1)
+    rows = np.flatnonzero(finite)
+    if len(rows) > _MAX_POINTS:
+        # At random, because every n-th point of a sweep may be a single laser's.
+        rows = np.random.default_rng(0).choice(rows, _MAX_POINTS, replace=False)
+    source = xyz[rows].astype(np.float64)
+    return source, source + flow[rows]
+
+
+def _check_columns(name: str, array: NDArray[Any]) -> None:
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise SweepError(f"{name}: got shape {array.shape}, expected (N, 3)")
+
+
+def _check_pair(xyz: NDArray[Any], flow: NDArray[Any]) -> None:
+    _check_columns("xyz", xyz)
+    if flow.shape != xyz.shape:
+        raise SweepError(f"flow: got shape {flow.shape}, expected that of xyz, {xyz.shape}")

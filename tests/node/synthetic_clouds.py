@@ -1,0 +1,101 @@
+"""Small clouds of the surfaces of boxes that all move alike."""
+
+from __future__ import annotations
+
+import array
+import itertools
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_utils.point_cloud2 import decode_points, encode_columns
+
+# Metres per sweep.
+MOTION = np.array([0.3, 0.1, 0.0], np.float32)
+INTERVAL_NS = 100_000_000
+
+_BOXES = (
+    # center x, y, size x, y, z
+    (8, 3, 4, 2, 2),
+    (12, -4, 4, 2, 2),
+    (5, -6, 1, 1, 2),
+    (-9, 5, 5, 2, 3),
+    (-7, -7, 2, 4, 2),
+    (15, 6, 2, 2, 4),
+)
+
+
+def surfaces(num_points=1200, sweep_index=0, motion=MOTION):
+    """(num_points, 3) float32: the same points of the boxes' surfaces in each sweep, moved."""
+    random = np.random.default_rng(0)
+    parts = []
+    for x, y, *size in _BOXES:
+        num = num_points // len(_BOXES)
+        unit = random.uniform(-0.5, 0.5, (num, 3))
+        unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
+        parts.append(unit * size + (x, y, size[2] / 2))
+    return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * motion
+
+
+def cloud_message(columns, *, height=1, stamp_ns, frame_id="lidar", is_dense=True):
+    """A cloud of columns of equal length."""
+    num_points = len(next(iter(columns.values())))
+    encoded = encode_columns(columns, height, num_points // height)
+    message = PointCloud2(
+        height=encoded.height,
+        width=encoded.width,
+        fields=[
+            PointField(name=item.name, offset=item.offset, datatype=item.datatype, count=item.count)
+            for item in encoded.fields
+        ],
+        point_step=encoded.point_step,
+        row_step=encoded.row_step,
+        is_dense=is_dense,
+    )
+    message.data = array.array("B", encoded.data.tobytes())
+    message.header.frame_id = frame_id
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return message
+
+
+def xyz_message(xyz, **options):
+    """A cloud of x, y, z and an intensity that numbers the points."""
+    columns = {axis: np.ascontiguousarray(xyz[:, index]) for index, axis in enumerate("xyz")}
+    columns["intensity"] = np.arange(len(xyz), dtype=np.float32)
+    return cloud_message(columns, **options)
+
+
+class Drive:
+    """Sweeps of the moving boxes, one after another, in a time that no other drive uses."""
+
+    _starts_s = itertools.count(1_000, 1_000)
+
+    def __init__(self, **options):
+        self._options = options
+        self._start_ns = next(self._starts_s) * 10**9
+        self._index = itertools.count()
+
+    def stamp_ns(self, index):
+        return self._start_ns + index * INTERVAL_NS
+
+    def sweep(self, index):
+        """A sweep by its number."""
+        return xyz_message(
+            surfaces(sweep_index=index), stamp_ns=self.stamp_ns(index), **self._options
+        )
+
+    def sweeps(self, num):
+        """The next sweeps."""
+        return [self.sweep(next(self._index)) for _ in range(num)]
+
+
+def flow_columns(message):
+    """(N, 3) float32, the flow fields of a cloud."""
+    points = decode_points(message).ravel()
+    return np.stack([points[f"flow_{axis}"] for axis in "xyz"], axis=1).astype(np.float32)
+
+
+def xyz_columns(message):
+    """(N, 3) float32, the positions of a cloud."""
+    points = decode_points(message).ravel()
+    return np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float32)

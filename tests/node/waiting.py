@@ -1,0 +1,6 @@
+"""How long the tests wait for what must happen."""
+
+from __future__ import annotations
+
+# Far more than a loaded machine needs: only a failing test waits that long.
+PATIENCE_S = 60.0

@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tiny_bags
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionMode
+from rosbags.typesys import get_types_from_msg
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
+from msg_utils.point_cloud2 import decode_xyz
+from msg_utils.stamps import decode_stamp
+
+
+def without_metadata(folder):
+    (folder / "metadata.yaml").unlink()
+    return folder
+
+
+def split(folder):
+    """A folder without metadata.yaml whose files hold the two halves of the recording."""
+    folder.mkdir()
+    for part, indices in enumerate((range(5), range(5, 10))):
+        made = tiny_bags.write_mcap(folder.parent / f"part_{part}", indices=indices)
+        (made / f"part_{part}.mcap").rename(folder / f"split_{part}.mcap")
+    return folder
+
+
+KINDS = {
+    "mcap folder": lambda p: tiny_bags.write_mcap(p / "bag"),
+    "mcap zstd chunks": lambda p: tiny_bags.write_mcap(p / "bag", mode=CompressionMode.STORAGE),
+    "mcap zstd file": lambda p: tiny_bags.write_mcap(p / "bag", mode=CompressionMode.FILE),
+    "sqlite folder": lambda p: tiny_bags.write_sqlite(p / "bag"),
+    "sqlite zstd messages": lambda p: tiny_bags.write_sqlite(
+        p / "bag", mode=CompressionMode.MESSAGE
+    ),
+    "mcap without metadata": lambda p: without_metadata(tiny_bags.write_mcap(p / "bag")),
+    "sqlite without metadata": lambda p: without_metadata(tiny_bags.write_sqlite(p / "bag")),
+    "two mcap files": lambda p: split(p / "bag"),
+    "mcap file": lambda p: tiny_bags.write_mcap(p / "bag") / "bag.mcap",
+    "sqlite file": lambda p: tiny_bags.write_sqlite(p / "bag") / "bag.db3",
+    "unindexed mcap file": lambda p: tiny_bags.write_unindexed_mcap(p / "bag.mcap"),
+    "ros 1 file": lambda p: tiny_bags.write_ros1(p / "bag.bag"),
+}
+
+
+@pytest.fixture(params=KINDS)
+def recording(request, tmp_path):
+    return KINDS[request.param](tmp_path)
+
+
+def test_every_kind_gives_the_same_clouds(recording):
+    with BagReader(str(recording)) as reader:
+        assert reader.topics == {"/points": TopicSummary(CLOUD_TYPE, tiny_bags.NUM_CLOUDS)}
+        assert reader.find_topic(None, CLOUD_TYPE) == "/points"
+        assert reader.find_topic("/points", CLOUD_TYPE) == "/points"
+        messages = list(reader.messages("/points"))
+        assert len(messages) == tiny_bags.NUM_CLOUDS
+        for index, message in enumerate(messages):
+            assert decode_stamp(message.header.stamp) == tiny_bags.stamp(index)
+            assert message.header.frame_id == "lidar"
+            assert np.array_equal(decode_xyz(message)[0], tiny_bags.xyz(index))
+
+
+def test_every_kind_gives_the_same_bytes_for_ros_2(recording):
+    with BagReader(recording) as reader:
+        for index, (received_ns, raw) in enumerate(reader.raw_messages("/points")):
+            assert received_ns == tiny_bags.stamp(index) + 5_000_000
+            assert raw == bytes(tiny_bags.cdr(index))
+        assert index == tiny_bags.NUM_CLOUDS - 1
+
+
+def test_part_of_the_time(recording):
+    start, stop = tiny_bags.stamp(3), tiny_bags.stamp(6) + 5_000_000
+    with BagReader(recording) as reader:
+        messages = reader.messages("/points", start_ns=start, stop_ns=stop)
+        assert [decode_stamp(m.header.stamp) for m in messages] == [
+            tiny_bags.stamp(index) for index in (3, 4, 5)
+        ]
+
+
+def test_scans_do_not_disturb_each_other(recording):
+    with BagReader(recording) as reader:
+        slow = reader.raw_messages("/points")
+        seen = []
+        for _ in range(tiny_bags.NUM_CLOUDS):
+            seen.append(next(slow)[1])
+            assert len(list(reader.raw_messages("/points"))) == tiny_bags.NUM_CLOUDS
+        assert seen == [bytes(tiny_bags.cdr(index)) for index in range(tiny_bags.NUM_CLOUDS)]
+
+
+def test_closed_reader_says_so(tmp_path):
+    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
+        scan = reader.messages("/points")
+    with pytest.raises(RecordingError, match="is not open"):
+        next(scan)
+
+
+def test_error_of_the_caller_is_not_touched(tmp_path):
+    def fail(_message):
+        raise ValueError("mine")
+
+    with (
+        BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader,
+        pytest.raises(ValueError, match="mine"),
+    ):
+        list(map(fail, reader.messages("/points")))
+
+
+def test_ros_1_type_without_equal_has_no_ros_2_bytes(tmp_path):
+    types = get_types_from_msg("uint8 level", "my_msgs/msg/Battery")
+    tiny_bags.NOETIC.register(types)
+    with Ros1Writer(tmp_path / "bag.bag") as writer:
+        connection = writer.add_connection(
+            "/battery", "my_msgs/msg/Battery", typestore=tiny_bags.NOETIC
+        )
+        writer.write(connection, 1, b"\x2a")
+    with BagReader(tmp_path / "bag.bag") as reader:
+        assert [message.level for message in reader.messages("/battery")] == [42]
+        with pytest.raises(RecordingError, match="my_msgs/msg/Battery has no equal in ROS 2"):
+            next(reader.raw_messages("/battery"))
+
+
+def two_topics(path):
+    with BagWriter(path) as writer:
+        for topic in ("/front", "/rear"):
+            writer.write_raw(topic, CLOUD_TYPE, 5, tiny_bags.cdr(0))
+        writer.write_odometry("/odom", np.eye(4), 5, "odom", "base_link")
+    return path
+
+
+def test_only_topic_of_its_type_is_found(tmp_path):
+    with BagReader(two_topics(tmp_path / "bag")) as reader:
+        assert reader.find_topic(None, ODOMETRY_TYPE) == "/odom"
+
+
+@pytest.mark.parametrize(
+    ("name", "msgtype", "text"),
+    [
+        (None, CLOUD_TYPE, f"2 topics of type {CLOUD_TYPE}: name one of /front, /rear"),
+        (None, "sensor_msgs/msg/Imu", "no topic of type sensor_msgs/msg/Imu; it has /front"),
+        ("/left", CLOUD_TYPE, f"no topic '/left'; it has /front .{CLOUD_TYPE}., /odom .nav_msgs"),
+        ("/odom", CLOUD_TYPE, f"'/odom' is of type {ODOMETRY_TYPE}, expected {CLOUD_TYPE}"),
+    ],
+)
+def test_wrong_topic_is_explained(tmp_path, name, msgtype, text):
+    with (
+        BagReader(two_topics(tmp_path / "bag")) as reader,
+        pytest.raises(RecordingError, match=text),
+    ):
+        reader.find_topic(name, msgtype)
+
+
+def test_unknown_topic_is_refused_before_reading(tmp_path):
+    with BagReader(two_topics(tmp_path / "bag")) as reader:
+        with pytest.raises(RecordingError, match="no topic '/left'"):
+            reader.messages("/left")
+        with pytest.raises(RecordingError, match="no topic '/left'"):
+            reader.raw_messages("/left")

@@ -1,0 +1,234 @@
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import tiny_bags
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.conventions import CLOUD_TYPE
+from msg_utils.stamps import decode_stamp
+
+
+def read_all(path):
+    """Everything there is, as a user of the reader would go through it."""
+    with BagReader(path) as reader:
+        return {topic: list(reader.messages(topic)) for topic in reader.topics}
+
+
+def assert_refused(path, text):
+    with pytest.raises(RecordingError, match=text) as caught:
+        read_all(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def cut(file, share=0.5):
+    data = file.read_bytes()
+    file.write_bytes(data[: int(len(data) * share)])
+
+
+def test_missing_path(tmp_path):
+    assert_refused(tmp_path / "nowhere", "no such file or folder; expected a rosbag2 folder")
+
+
+def test_empty_folder(tmp_path):
+    assert_refused(tmp_path, "holds no recording; the folder is empty")
+
+
+def test_folder_of_other_things(tmp_path):
+    (tmp_path / "notes.txt").write_text("hello")
+    assert_refused(tmp_path, "holds no recording; it contains 'notes.txt'")
+
+
+def test_folder_of_recordings(tmp_path):
+    for name in ("one", "two"):
+        tiny_bags.write_mcap(tmp_path / name)
+    assert_refused(tmp_path, "recordings in its subfolders 'one', 'two': name one")
+
+
+def test_folder_of_mixed_files(tmp_path):
+    folder = tiny_bags.write_mcap(tmp_path / "bag")
+    (folder / "metadata.yaml").unlink()
+    shutil.copy(tiny_bags.write_sqlite(tmp_path / "other") / "other.db3", folder)
+    assert_refused(folder, "holds .db3 and .mcap files but no metadata.yaml; name one file")
+
+
+def test_other_file(tmp_path):
+    (tmp_path / "cloud.pcd").write_text("VERSION 0.7")
+    assert_refused(tmp_path / "cloud.pcd", "is not a recording; expected")
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3", ".bag"])
+@pytest.mark.parametrize(
+    "content", [b"", b"x", b"garbage " * 500], ids=["empty", "byte", "garbage"]
+)
+def test_garbage_file(tmp_path, suffix, content):
+    path = tmp_path / f"broken{suffix}"
+    path.write_bytes(content)
+    assert_refused(path, "cannot be read: ")
+
+
+@pytest.mark.parametrize("as_folder", [True, False])
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.999])
+def test_cut_mcap(tmp_path, as_folder, share):
+    folder = tiny_bags.write_mcap(tmp_path / "bag")
+    cut(folder / "bag.mcap", share)
+    path = folder if as_folder else folder / "bag.mcap"
+    assert_refused(path, "cannot be read: .*cut short; 'mcap recover'")
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+def test_cut_sqlite(tmp_path, share):
+    folder = tiny_bags.write_sqlite(tmp_path / "bag", size=2000)
+    cut(folder / "bag.db3", share)
+    assert_refused(folder, "cannot be read|damaged after|could be read")
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_cut_ros_1_bag(tmp_path, share):
+    path = tiny_bags.write_ros1(tmp_path / "bag.bag")
+    cut(path, share)
+    assert_refused(path, "cannot be read: ")
+
+
+def test_damaged_zstd_chunk_tells_how_far_it_got(tmp_path):
+    # Chunks of rosbags are closed beyond 1 MiB: these clouds make one chunk each.
+    folder = tiny_bags.write_mcap(tmp_path / "bag", mode=CompressionMode.STORAGE, size=90_000)
+    file = folder / "bag.mcap"
+    start_of_compressed = b"\x28\xb5\x2f\xfd"
+    parts = file.read_bytes().split(start_of_compressed)
+    assert len(parts) == 1 + tiny_bags.NUM_CLOUDS
+    good, bad = start_of_compressed.join(parts[:6]), start_of_compressed.join(parts[6:])
+    file.write_bytes(good + b"\x28\xb5\x2f\xff" + bad)
+    with BagReader(folder) as reader:
+        scan = reader.messages("/points")
+        for index in range(5):
+            assert decode_stamp(next(scan).header.stamp) == tiny_bags.stamp(index)
+        with pytest.raises(
+            RecordingError, match="damaged after 5 good messages on '/points': Zstd"
+        ):
+            next(scan)
+
+
+def test_cut_compressed_file(tmp_path):
+    folder = tiny_bags.write_mcap(tmp_path / "bag", mode=CompressionMode.FILE)
+    cut(folder / "bag.mcap.zstd")
+    assert_refused(folder, "cannot be read: ")
+
+
+def test_message_that_is_no_message(tmp_path):
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.JAZZY)
+        for index in range(3):
+            writer.write(connection, index, tiny_bags.cdr(index))
+        writer.write(connection, 3, b"\x00\x01\x00\x00nonsense")
+    assert_refused(tmp_path / "bag", "damaged after 3 good messages on '/points': .*PointCloud2")
+
+
+def test_recording_without_messages(tmp_path):
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.JAZZY)
+    assert_refused(tmp_path / "bag", "holds no messages")
+
+
+def test_topic_without_messages(tmp_path):
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic in ("/points", "/empty"):
+            connection = writer.add_connection(topic, CLOUD_TYPE, typestore=tiny_bags.JAZZY)
+            if topic == "/points":
+                writer.write(connection, 0, tiny_bags.cdr(0))
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.find_topic(None, CLOUD_TYPE) == "/points"
+        assert list(reader.messages("/empty")) == []
+        with pytest.raises(RecordingError, match="topic '/empty' holds no messages"):
+            reader.find_topic("/empty", CLOUD_TYPE)
+
+
+def test_mcap_of_another_world(tmp_path):
+    with (tmp_path / "log.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("ros1", "test")
+        writer.finish()
+    assert_refused(tmp_path / "log.mcap", "cannot be read: Profile is not ros2")
+
+
+@pytest.fixture
+def metadata(tmp_path):
+    return tiny_bags.write_mcap(tmp_path / "bag") / "metadata.yaml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("relative_file_paths:", "relative_file_paths: [", "Could not load YAML"),
+        ("relative_file_paths", "some_paths", "A metadata key is missing"),
+        ("- bag.mcap", "- gone.mcap", "files are missing.*gone.mcap"),
+        ("version: 9", "version: 99", "version 99 not supported"),
+        ("storage_identifier: mcap", "storage_identifier: tape", "Storage plugin 'tape'"),
+        ("storage_identifier: mcap", "storage_identifier: sqlite3", "cannot be read: "),
+        ("name: /points", "name: /lines", "does not list /points, which its files hold"),
+        (CLOUD_TYPE, "sensor_msgs/msg/Imu", "0 of 10 messages on '/points'"),
+    ],
+)
+def test_lying_metadata(metadata, old, new, text):
+    content = metadata.read_text()
+    assert old in content
+    metadata.write_text(content.replace(old, new))
+    assert_refused(metadata.parent, text)
+
+
+@pytest.mark.parametrize("content", ["", "[]", "1", "rosbag2_bagfile_information: 3", "\x00\x01"])
+def test_metadata_of_something_else(metadata, content):
+    metadata.write_text(content)
+    assert_refused(metadata.parent, "cannot be read: ")
+
+
+def test_lie_about_the_number_of_messages_does_no_harm(metadata):
+    metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 77"))
+    with BagReader(metadata.parent) as reader:
+        assert reader.topics["/points"].count == tiny_bags.NUM_CLOUDS
+        assert len(list(reader.messages("/points"))) == tiny_bags.NUM_CLOUDS
+
+
+def test_sqlite_of_something_else(tmp_path):
+    connection = sqlite3.connect(tmp_path / "notes.db3")
+    connection.execute("CREATE TABLE notes (text TEXT)")
+    connection.commit()
+    connection.close()
+    assert_refused(tmp_path / "notes.db3", "cannot be read: .*missing tables")
+
+
+@pytest.mark.parametrize("kind", ["mcap", "db3", "bag", "zstd.mcap"])
+def test_random_damage_gives_data_or_one_clear_error(tmp_path, kind):
+    writers = {
+        "mcap": lambda: tiny_bags.write_mcap(tmp_path / "bag") / "bag.mcap",
+        "db3": lambda: tiny_bags.write_sqlite(tmp_path / "bag") / "bag.db3",
+        "bag": lambda: tiny_bags.write_ros1(tmp_path / "bag.bag"),
+        "zstd.mcap": lambda: (
+            tiny_bags.write_mcap(tmp_path / "bag", mode=CompressionMode.STORAGE) / "bag.mcap"
+        ),
+    }
+    path = writers[kind]()
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for trial in range(60):
+        data = bytearray(whole)
+        # Half of the damage goes to the ends, where headers and indexes are.
+        low, high = (0, len(data)) if trial % 2 else (len(data) - 1500, len(data))
+        for _ in range(int(rng.integers(1, 8))):
+            data[int(rng.integers(low, high))] = int(rng.integers(256))
+        path.write_bytes(data)
+        with suppress(RecordingError):
+            read_all(path)
+            continue
+        refused += 1
+    assert refused > 5

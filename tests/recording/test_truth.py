@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tiny_bags
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.truth import FlowTruth, read_sensor_poses, read_truth
+from msg_utils.point_cloud2 import encode_columns
+
+TOPIC = "/truth/flow"
+
+
+def truth_of(index, num_points=50):
+    rng = np.random.default_rng(100 + index)
+    valid = rng.uniform(size=num_points) < 0.8
+    flow = rng.normal(size=(num_points, 3)).astype(np.float32)
+    flow[~valid] = np.nan
+    dynamic, ground = rng.uniform(size=(2, num_points)) < 0.5
+    class_id = rng.integers(0, 10, num_points).astype(np.uint8)
+    return FlowTruth(tiny_bags.stamp(index), flow, valid, dynamic, ground, class_id)
+
+
+def write_truth(path, indices=range(5), received_order=None):
+    with BagWriter(path) as writer:
+        for received, index in enumerate(indices):
+            cloud = truth_of(index).encode(tiny_bags.xyz(index))
+            message = cloud_message(cloud, tiny_bags.stamp(index), "lidar", is_dense=False)
+            raw = tiny_bags.JAZZY.serialize_cdr(message, CLOUD_TYPE)
+            time = tiny_bags.stamp(received) if received_order is None else received_order[received]
+            writer.write_raw(TOPIC, CLOUD_TYPE, time, raw)
+    return path
+
+
+def assert_same(one, other):
+    assert one.stamp_ns == other.stamp_ns
+    for name in ("flow", "valid", "dynamic", "ground", "class_id"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert a.dtype == b.dtype, name
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
+
+
+def test_truth_comes_back(tmp_path):
+    with BagReader(write_truth(tmp_path / "bag")) as reader:
+        truth = read_truth(reader)
+        assert list(truth) == [tiny_bags.stamp(index) for index in range(5)]
+        assert len(truth) == 5
+        for index in (4, 0, 2):
+            assert_same(truth[tiny_bags.stamp(index)], truth_of(index))
+            assert_same(truth.of_sweep(tiny_bags.stamp(index), 50), truth_of(index))
+        assert tiny_bags.stamp(9) not in truth
+        assert truth.get(tiny_bags.stamp(9)) is None
+
+
+def test_header_stamps_decide_not_receive_times(tmp_path):
+    same_time = [5, 5, 5, 9, 9]
+    path = write_truth(tmp_path / "bag", indices=[3, 0, 4, 1, 2], received_order=same_time)
+    with BagReader(path) as reader:
+        truth = read_truth(reader)
+        assert list(truth) == [tiny_bags.stamp(index) for index in range(5)]
+        for index in range(5):
+            assert_same(truth[tiny_bags.stamp(index)], truth_of(index))
+
+
+def test_flow_of_rows_that_are_not_valid_is_nan():
+    truth = truth_of(0)
+    noisy = replace(truth, flow=np.where(truth.valid[:, None], truth.flow, np.float32(3.0)))
+    cloud = noisy.encode(tiny_bags.xyz(0))
+    message = cloud_message(cloud, truth.stamp_ns, "lidar", is_dense=False)
+    assert_same(FlowTruth.decode(message), truth)
+
+
+def test_viewers_find_the_points(tmp_path):
+    cloud = truth_of(0).encode(tiny_bags.xyz(0))
+    assert [field.name for field in cloud.fields] == [
+        *("x", "y", "z", "flow_x", "flow_y", "flow_z"),
+        *("valid", "dynamic", "ground", "class_id"),
+    ]
+
+
+def test_rows_must_match_the_sweep(tmp_path):
+    with pytest.raises(RecordingError, match="truth has 50 rows for a sweep of 49 points"):
+        truth_of(0).encode(tiny_bags.xyz(0)[:49])
+    with BagReader(write_truth(tmp_path / "bag")) as reader:
+        truth = read_truth(reader)
+        with pytest.raises(RecordingError, match="has 50 rows, its sweep has 51 points"):
+            truth.of_sweep(tiny_bags.stamp(1), 51)
+        with pytest.raises(RecordingError, match=f"no truth for the sweep of stamp 5 on '{TOPIC}'"):
+            truth.of_sweep(5, 50)
+
+
+def test_two_clouds_of_one_stamp_are_refused(tmp_path):
+    path = write_truth(tmp_path / "bag", indices=[0, 1, 1])
+    with BagReader(path) as reader, pytest.raises(RecordingError, match="two clouds on"):
+        read_truth(reader)
+
+
+def test_recording_without_truth(tmp_path):
+    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
+        with pytest.raises(RecordingError, match=f"no topic '{TOPIC}'; it has /points"):
+            read_truth(reader)
+        with pytest.raises(RecordingError, match="no topic of type nav_msgs/msg/Odometry"):
+            read_sensor_poses(reader)
+
+
+def test_cloud_without_truth_fields_is_refused(tmp_path):
+    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
+        truth = read_truth(reader, "/points")
+        with pytest.raises(RecordingError, match=r"no field flow_x, .*class_id; it has x, y, z"):
+            truth[tiny_bags.stamp(0)]
+
+
+def test_valid_row_without_flow_is_refused():
+    columns = dict.fromkeys(("flow_x", "flow_y", "flow_z"), np.full(3, np.nan, np.float32))
+    columns |= dict.fromkeys(("valid", "dynamic", "ground", "class_id"), np.ones(3, np.uint8))
+    message = cloud_message(encode_columns(columns, 1, 3), 5, "lidar", is_dense=False)
+    with pytest.raises(RecordingError, match="row 0 is valid but its flow is"):
+        FlowTruth.decode(message)
+
+
+def test_damaged_truth_cloud_is_refused():
+    message = cloud_message(truth_of(0).encode(tiny_bags.xyz(0)), 5, "lidar", is_dense=False)
+    message.point_step = 7
+    with pytest.raises(RecordingError, match="truth cloud cannot be decoded"):
+        FlowTruth.decode(message)
+
+
+def random_pose(rng):
+    matrix, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    pose = np.eye(4)
+    pose[:3, :3] = matrix * np.sign(np.linalg.det(matrix))
+    pose[:3, 3] = rng.normal(size=3) * 100
+    return pose
+
+
+def test_poses_come_back_in_the_order_of_stamps(tmp_path):
+    rng = np.random.default_rng(1)
+    poses = {tiny_bags.stamp(index): random_pose(rng) for index in (4, 2, 7, 0)}
+    with BagWriter(tmp_path / "bag") as writer:
+        for stamp_ns, pose in poses.items():
+            writer.write_odometry("/truth/odometry", pose, stamp_ns, "odom", "lidar")
+    with BagReader(tmp_path / "bag") as reader:
+        found = read_sensor_poses(reader)
+        assert list(found) == sorted(poses)
+        for stamp_ns, pose in poses.items():
+            assert np.allclose(found[stamp_ns], pose, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"), [(0.0, "length 0, expected 1"), (2.0, "length 2"), (np.nan, "not finite")]
+)
+def test_pose_that_is_none_is_refused(tmp_path, factor, text):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write_odometry("/odom", np.eye(4), 5, "odom", "lidar")
+    with BagReader(tmp_path / "bag") as reader:
+        message = next(reader.messages("/odom"))
+    message.pose.pose.orientation.w = factor
+    raw = tiny_bags.JAZZY.serialize_cdr(message, "nav_msgs/msg/Odometry")
+    with BagWriter(tmp_path / "bad") as writer:
+        writer.write_raw("/odom", "nav_msgs/msg/Odometry", 5, raw)
+    with BagReader(tmp_path / "bad") as reader, pytest.raises(RecordingError, match=text):
+        read_sensor_poses(reader)

@@ -1,0 +1,96 @@
+"""Tiny recordings of every kind, written where a test wants them."""
+
+from __future__ import annotations
+
+import numpy as np
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.conventions import CLOUD_TYPE
+from msg_utils.point_cloud2 import encode_columns
+
+JAZZY = get_typestore(Stores.ROS2_JAZZY)
+NOETIC = get_typestore(Stores.ROS1_NOETIC)
+FIRST_NS = 1_700_000_000_000_000_000
+STEP_NS = 100_000_000
+NUM_CLOUDS = 10
+TOPIC = "/points"
+
+
+def stamp(index):
+    return FIRST_NS + index * STEP_NS
+
+
+def xyz(index, num_points=50):
+    return np.random.default_rng(index).normal(size=(num_points, 3)).astype(np.float32)
+
+
+def encoded(points):
+    return encode_columns(
+        {name: points[:, axis] for axis, name in enumerate("xyz")}, 1, len(points)
+    )
+
+
+def cloud(index, num_points=50):
+    return cloud_message(encoded(xyz(index, num_points)), stamp(index), "lidar", is_dense=True)
+
+
+def cdr(index, num_points=50):
+    return JAZZY.serialize_cdr(cloud(index, num_points), CLOUD_TYPE)
+
+
+def write_ros2(path, plugin, mode=CompressionMode.NONE, *, indices=range(NUM_CLOUDS), size=50):
+    """A rosbag2 folder of clouds; receive times are 5 ms behind the stamps."""
+    writer = Ros2Writer(path, version=9, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection(TOPIC, CLOUD_TYPE, typestore=JAZZY)
+        for index in indices:
+            writer.write(connection, stamp(index) + 5_000_000, cdr(index, size))
+    return path
+
+
+def write_mcap(path, **options):
+    return write_ros2(path, StoragePlugin.MCAP, **options)
+
+
+def write_sqlite(path, **options):
+    return write_ros2(path, StoragePlugin.SQLITE3, **options)
+
+
+def write_ros1(path):
+    with Ros1Writer(path) as writer:
+        connection = writer.add_connection(TOPIC, CLOUD_TYPE, typestore=NOETIC)
+        for index in range(NUM_CLOUDS):
+            raw = JAZZY.cdr_to_ros1(cdr(index), CLOUD_TYPE)
+            writer.write(connection, stamp(index) + 5_000_000, raw)
+    return path
+
+
+def write_unindexed_mcap(path):
+    """One mcap file without chunks and indexes, as the preset `fastwrite` of rosbag2 makes it."""
+    definition, _ = JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
+    with path.open("wb") as file:
+        writer = McapWriter(
+            file,
+            compression=CompressionType.NONE,
+            use_chunking=False,
+            index_types=IndexType.NONE,
+            use_statistics=False,
+            use_summary_offsets=False,
+            repeat_schemas=False,
+            repeat_channels=False,
+        )
+        writer.start("ros2", "test")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel(TOPIC, "cdr", schema)
+        for index in range(NUM_CLOUDS):
+            time = stamp(index) + 5_000_000
+            writer.add_message(channel, time, bytes(cdr(index)), time)
+        writer.finish()
+    return path

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
+from mnsf_ros.simulation.shapes import Shape, ShapeKind, box, entry_ranges
+from mnsf_ros.simulation.transforms import invert, planar_pose, tilt
+
+FULL = (slice(None), slice(None))
+
+
+def random_shape(rng):
+    kind = ShapeKind(int(rng.integers(3)))
+    half = rng.uniform(0.2, 3.0, 3)
+    if kind != ShapeKind.BOX:
+        half[1] = half[0]
+    if kind == ShapeKind.SPHERE:
+        half[2] = half[0]
+    position = rng.uniform(-25, 25, 3) * (1, 1, 0.15)
+    pose = planar_pose(*position[:2], rng.uniform(-3, 3), position[2]) @ tilt(
+        *rng.normal(0, 0.1, 2)
+    )
+    return Shape(kind, tuple(half), pose)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_culling_changes_nothing(seed):
+    rng = np.random.default_rng(seed)
+    # The last shapes stand around, above and below the lidar and behind it, across azimuth pi.
+    shapes = [random_shape(rng) for _ in range(40)]
+    shapes += [
+        box((-9, 9), (3, 4), (-2, 8)),
+        box((-1, 2), (-1, 1), (-3, -2)),
+        box((-30, 30), (-30, 30), (4, 5)),
+        box((-12, -10), (-3, 3), (-2, 2)),
+    ]
+    rays = Rays.revolution(180, 32, rng.uniform())
+    ranges, bodies = ShapeTable(shapes, list(range(len(shapes)))).cast(
+        rays, np.broadcast_to(np.eye(4), (len(shapes), 4, 4)), 100.0
+    )
+    expected = np.full(ranges.shape, np.inf)
+    for shape in shapes:
+        rotation = shape.body_from_shape[:3, :3].T
+        origin = invert(shape.body_from_shape)[:3, 3]
+        entry = entry_ranges(
+            shape.kind, np.array(shape.half_extents), origin, rays.directions(rotation, FULL)
+        )
+        expected = np.minimum(expected, np.where(entry >= MIN_RANGE_M, entry, np.inf))
+    assert np.array_equal(np.isfinite(ranges), np.isfinite(expected))
+    hit = np.isfinite(expected)
+    assert np.allclose(ranges[hit], expected[hit], rtol=0, atol=1e-9)
+    assert np.array_equal(bodies >= 0, hit)
+
+
+def test_box_seen_from_a_known_place():
+    # A wall 10 m ahead: every ray that meets it travels 10 m along x.
+    wall = box((10.0, 11.0), (-3.0, 3.0), (-2.0, 2.0))
+    rays = Rays.revolution(720, 64, 0.5)
+    ranges, _ = ShapeTable([wall], [0]).cast(rays, np.eye(4)[None], 120.0)
+    x, y, z = rays.directions(np.eye(3), FULL)
+    hit = np.isfinite(ranges)
+    assert np.allclose((ranges * x)[hit], 10.0)
+    with np.errstate(divide="ignore"):
+        ahead = (x > 0) & (np.abs(10 * y / x) < 3) & (np.abs(10 * z / x) < 2)
+    assert np.array_equal(hit, ahead)
+
+
+def test_shapes_beyond_the_range_are_not_seen():
+    far = box((60.0, 61.0), (-3.0, 3.0), (-5.0, 5.0))
+    rays = Rays.revolution(360, 16, 0.0)
+    ranges, bodies = ShapeTable([far], [0]).cast(rays, np.eye(4)[None], 50.0)
+    assert not np.isfinite(ranges).any()
+    assert (bodies == -1).all()
+
+
+@pytest.mark.parametrize("num_beams", [16, 32, 64, 128])
+def test_beams_rise_over_the_vertical_field_of_view(num_beams):
+    elevations = np.degrees(Rays.revolution(36, num_beams, 0.0).elevations)
+    assert len(elevations) == num_beams
+    assert np.all(np.diff(elevations) > 0)
+    assert elevations[[0, -1]] == pytest.approx([-24.8, 2.0])

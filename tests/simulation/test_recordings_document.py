@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+from mnsf_ros.recording import conventions
+from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.simulation.settings import SimulationSettings
+
+TEXT = (Path(__file__).parents[2] / "docs" / "recordings.md").read_text(encoding="utf-8")
+
+
+def test_kinds_of_surface_are_documented():
+    table = dict(re.findall(r"^\| (\d+) \| ([a-z ]+) \|$", TEXT, re.MULTILINE))
+    expected = {str(int(c)): c.name.lower().replace("_", " ") for c in SurfaceClass}
+    assert table == {"0": "unknown", **expected}
+
+
+def test_settings_are_documented_with_their_defaults():
+    table = dict(re.findall(r"^\| `(\w+)` \| ([\d.]+) \|", TEXT, re.MULTILINE))
+    defaults = {field.name: field.default for field in dataclasses.fields(SimulationSettings)}
+    assert {name: float(value) for name, value in table.items()} == defaults
+
+
+def test_topics_and_frames_are_documented():
+    for name, value in vars(conventions).items():
+        if name.endswith(("_TOPIC", "_FRAME")):
+            assert f"`{value}`" in TEXT, name

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.truth import read_sensor_poses, read_truth
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import simulate_sweeps
+from msg_utils.point_cloud2 import decode_points
+from msg_utils.stamps import decode_stamp
+
+SETTINGS = SimulationSettings(seed=2, duration_s=0.4, num_beams=16, num_columns=90)
+
+
+def files_of(folder):
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_recording_holds_what_was_simulated(tmp_path, compress):
+    calls = []
+    write_recording(SETTINGS, tmp_path / "street", lambda *p: calls.append(p), compress=compress)
+    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    sweeps = list(simulate_sweeps(SETTINGS))
+    with BagReader(tmp_path / "street") as reader:
+        truth = read_truth(reader)
+        poses = read_sensor_poses(reader)
+        assert list(truth) == list(poses) == [sweep.stamp_ns for sweep in sweeps]
+        for sweep, message in zip(sweeps, reader.messages("/points"), strict=True):
+            assert decode_stamp(message.header.stamp) == sweep.stamp_ns
+            assert message.header.frame_id == "lidar"
+            points = decode_points(message).ravel()
+            assert points.dtype.names == ("x", "y", "z", "intensity", "ring")
+            assert np.array_equal(np.stack([points[a] for a in "xyz"], axis=1), sweep.xyz)
+            assert np.array_equal(points["ring"], sweep.ring)
+            assert np.array_equal(points["intensity"], sweep.intensity)
+            found = truth.of_sweep(sweep.stamp_ns, len(sweep.xyz))
+            for name in ("dynamic", "ground", "class_id"):
+                assert np.array_equal(getattr(found, name), getattr(sweep, name)), name
+            assert np.allclose(poses[sweep.stamp_ns], sweep.world_from_sensor, atol=1e-9)
+            if sweep is sweeps[-1]:
+                assert not found.valid.any()
+                assert np.isnan(found.flow).all()
+            else:
+                assert found.valid.all()
+                assert np.array_equal(found.flow, sweep.flow)
+
+
+def test_equal_settings_give_equal_bytes(tmp_path):
+    for parent in ("a", "b"):
+        write_recording(SETTINGS, tmp_path / parent / "street")
+    other = SimulationSettings(seed=3, duration_s=0.4, num_beams=16, num_columns=90)
+    write_recording(other, tmp_path / "c" / "street")
+    first, second, third = (files_of(tmp_path / parent / "street") for parent in "abc")
+    assert first == second
+    assert first["street.mcap"] != third["street.mcap"]
+
+
+def test_interrupted_recording_leaves_nothing(tmp_path):
+    def interrupt(done, _total):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_recording(SETTINGS, tmp_path / "street", interrupt)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_recording_is_kept(tmp_path):
+    write_recording(SETTINGS, tmp_path / "street")
+    before = files_of(tmp_path / "street")
+    with pytest.raises(RecordingError, match="exists already"):
+        write_recording(SETTINGS, tmp_path / "street")
+    assert files_of(tmp_path / "street") == before

@@ -1,0 +1,172 @@
+"""Ground is what is close above the widest things; the defaults: 8 m window, 0.2 m margin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.ground import ground_mask
+
+GROUND = Settings().ground
+MARGIN_M = GROUND.margin_m
+
+
+def is_ground(points, settings=GROUND):
+    return ground_mask(np.asarray(points, dtype=np.float32), settings)
+
+
+def grid(x, y, height=lambda x, y: 0 * x):
+    """Points over the values of `x` and `y`, at a height that is a function of both."""
+    xs, ys = np.meshgrid(x, y)
+    return np.stack([xs, ys, height(xs, ys) + 0.0], axis=-1).reshape(-1, 3)
+
+
+def plane(height=lambda x, y: 0 * x):
+    """30 m by 30 m, 36 points per square metre."""
+    return grid(np.linspace(-15, 15, 180), np.linspace(-15, 15, 180), height)
+
+
+def solid(x, y, z):
+    """Walls and roof of a box between the pairs of limits, points at most 0.1 m apart."""
+    xs, ys, zs = (np.linspace(*limits, round(10 * np.ptp(limits)) + 1) for limits in (x, y, z))
+    walls = [face for end in x for face in np.broadcast_arrays(end, ys[:, None], zs)]
+    sides = [face for end in y for face in np.broadcast_arrays(xs[:, None], end, zs)]
+    roof = np.broadcast_arrays(xs[:, None], ys, z[1])
+    faces = [walls[:3], walls[3:], sides[:3], sides[3:], roof]
+    return np.vstack([np.stack(face, axis=-1).reshape(-1, 3) for face in faces])
+
+
+def without_floor(ground, x, y):
+    """The ground that a lidar sees: none under a box."""
+    inside = (ground[:, 0] > x[0]) & (ground[:, 0] < x[1])
+    return ground[~(inside & (ground[:, 1] > y[0]) & (ground[:, 1] < y[1]))]
+
+
+@pytest.mark.parametrize("sensor_height", [-1.8, 0, 500])
+def test_plane_with_noise_below_the_margin(sensor_height):
+    noise = np.random.default_rng(0).uniform(0, 0.9 * MARGIN_M, 180 * 180)
+    assert is_ground(plane() + np.stack([0 * noise, 0 * noise, noise + sensor_height], 1)).all()
+
+
+@pytest.mark.parametrize("rise", [(0.1, 0), (0, -0.1), (0.07, 0.07)], ids=str)
+def test_slope_of_ten_percent(rise):
+    assert is_ground(plane(lambda x, y: rise[0] * x + rise[1] * y)).all()
+
+
+def test_hill():
+    # At most 20 % steep, well below the 25 % of max_slope.
+    assert is_ground(plane(lambda x, _: 1.5 * np.sin(x / 7.5))).all()
+
+
+CARS = {
+    "car": ((2, 6.4), (-1, 0.8), (0, 1.5)),
+    "van": ((-7, -1), (3, 5.2), (0, 2.8)),
+    "person": ((0, 0.4), (0, 0.5), (0, 1.7)),
+    "wall across the whole scene": ((-15, 15), (7, 7.2), (0, 3)),
+}
+
+
+@pytest.mark.parametrize("rise", [0, 0.1], ids=["plane", "slope"])
+@pytest.mark.parametrize("box", CARS.values(), ids=CARS)
+def test_things_narrower_than_the_window_stand_on_the_ground(box, rise):
+    x, y, _ = box
+    floor = without_floor(plane(), x, y)
+    thing = solid(*box)
+    points = np.vstack([floor, thing])
+    points[:, 2] += rise * points[:, 0]
+    ground = is_ground(points)
+    assert ground[: len(floor)].all()
+    # The foot of a wall is within the margin, plus what the slope rises inside a cell.
+    is_above = thing[:, 2] > MARGIN_M + 2 * rise * GROUND.cell_size_m + 1e-4
+    assert is_above.any()
+    assert not ground[len(floor) :][is_above].any()
+
+
+def test_inside_of_a_thing_wider_than_the_window_is_terrain():
+    floor = without_floor(plane(), (-10, 10), (-10, 10))
+    terrace = grid(np.arange(-10, 10, 0.1), np.arange(-10, 10, 0.1)) + (0, 0, 3.0)
+    points = np.vstack([floor, terrace])
+    # Half a window and a cell from its edges, a window sees nothing but the terrace.
+    is_inner = np.abs(terrace[:, :2]).max(axis=1) < 10 - GROUND.window_m / 2 - GROUND.cell_size_m
+    assert is_ground(points)[len(floor) :][is_inner].all()
+    wide = Settings().changed({"ground.window_m": 25}).ground
+    assert not is_ground(points, wide)[len(floor) :].any()
+
+
+def test_stray_point_below_the_ground_spoils_its_surroundings_only():
+    ground = plane()
+    mask = is_ground(np.vstack([[(0, 0, -5)], ground]))
+    assert mask[0]
+    # A cell sees what is up to two window radii away: 2 * 4 m, and a cell more for the rounding.
+    is_far = np.abs(ground[:, :2]).max(axis=1) > GROUND.window_m + GROUND.cell_size_m
+    assert mask[1:][is_far].all()
+    assert not mask[1:].all()
+
+
+def test_empty():
+    assert is_ground(np.zeros((0, 3))).tolist() == []
+
+
+@pytest.mark.parametrize("point", [(0, 0, 0), (-3.3, 80, 999), (1e20, -1e20, -1e20)], ids=str)
+def test_single_point_is_its_own_ground(point):
+    assert is_ground([point]).tolist() == [True]
+
+
+@pytest.mark.parametrize("far", [1e5, 1e7, 1e20, 3e38])
+def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
+    # Two heaps, each of the size of a point now: what is high above the lowest point of its
+    # heap is no ground.
+    heap = np.array([(0, 0, 0), (0, 0, 2), (0, 0, 0.1)])
+    mask = is_ground(np.vstack([heap, heap + (far, far, 0), heap + (-far, 0, 0)]))
+    assert mask.tolist() == [True, False, True] * 3
+
+
+def test_all_points_in_one_place():
+    assert is_ground(np.ones((50, 3))).all()
+
+
+def test_order_of_the_points_does_not_matter():
+    points = np.vstack([plane(), solid(*CARS["car"])])
+    order = np.random.default_rng(0).permutation(len(points))
+    np.testing.assert_array_equal(is_ground(points[order]), is_ground(points)[order])
+
+
+def slow_ground_mask(points, settings):
+    """The definition, cell by cell: the highest cone that stays below all points near it."""
+    cells = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / settings.cell_size_m)
+    lowest = {}
+    for cell, height in zip(map(tuple, cells.astype(int)), points[:, 2], strict=True):
+        lowest[cell] = min(height, lowest.get(cell, np.inf))
+    width, depth = cells.max(axis=0).astype(int) + 1
+    radius = round(settings.window_m / 2 / settings.cell_size_m)
+    rise = settings.max_slope * settings.cell_size_m
+
+    def near(cell):
+        for x in range(max(0, cell[0] - radius), min(width, cell[0] + radius + 1)):
+            for y in range(max(0, cell[1] - radius), min(depth, cell[1] + radius + 1)):
+                yield (x, y), rise * (abs(x - cell[0]) + abs(y - cell[1]))
+
+    def apex(cell):
+        return min(lowest.get(other, np.inf) + climb for other, climb in near(cell))
+
+    def ground(cell):
+        return max(apex(other) - climb for other, climb in near(cell))
+
+    heights = {cell: ground(cell) for cell in lowest}
+    return np.array(
+        [
+            height <= heights[tuple(cell)] + settings.margin_m
+            for cell, height in zip(cells.astype(int), points[:, 2], strict=True)
+        ]
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_same_as_the_definition(seed):
+    settings = Settings().changed({"ground.window_m": 3, "ground.margin_m": 0.3}).ground
+    points = np.random.default_rng(seed).uniform((0, -4, 0), (9, 4, 2), (120, 3))
+    points = points.astype(np.float32)
+    expected = slow_ground_mask(points.astype(np.float64), settings)
+    assert 0 < expected.sum() < len(points)
+    np.testing.assert_array_equal(is_ground(points, settings), expected)

@@ -1,0 +1,129 @@
+"""Sweeps and triplets: what comes in is checked once, and the intervals are right."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from mnsf_ros.errors import SweepError
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+POINTS = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9], [-1, -2, -3]])
+
+
+def read_only(array):
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+def interleaved(array):
+    wide = np.zeros((2 * len(array), 6), array.dtype)
+    wide[::2, ::2] = array
+    return wide[::2, ::2]
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        pytest.param(POINTS.astype(np.float32), id="float32"),
+        pytest.param(POINTS.astype(np.float64), id="float64"),
+        pytest.param(POINTS.astype(np.float16), id="float16"),
+        pytest.param(POINTS.astype(">f4"), id="big-endian"),
+        pytest.param(POINTS.astype(np.int16), id="int16"),
+        pytest.param(POINTS.tolist(), id="list"),
+        pytest.param(np.asfortranarray(POINTS, dtype=np.float32), id="column-major"),
+        pytest.param(interleaved(POINTS.astype(np.float32)), id="not contiguous"),
+        pytest.param(read_only(POINTS.astype(np.float64)), id="read-only"),
+        pytest.param(np.hstack([POINTS, np.full((4, 2), np.nan)]), id="wider, rest NaN"),
+    ],
+)
+def test_array_becomes_float32_rows_in_order(points):
+    sweep = Sweep.from_array(points)
+    assert sweep.xyz.dtype == np.float32
+    assert sweep.xyz.flags.c_contiguous
+    np.testing.assert_array_equal(sweep.xyz, POINTS)
+    assert len(sweep) == 4
+
+
+def test_stamp_and_frame_are_kept():
+    sweep = Sweep.from_array(POINTS, stamp_ns=2**62 + 1, frame_id="lidar")
+    assert (sweep.stamp_ns, sweep.frame_id) == (2**62 + 1, "lidar")
+
+
+def test_sweep_may_be_empty():
+    assert Sweep.from_array(np.zeros((0, 3))).xyz.shape == (0, 3)
+
+
+@pytest.mark.parametrize("huge", [1e7, 1e20, 3e38])
+def test_huge_coordinates_are_numbers_too(huge):
+    assert Sweep.from_array([[huge, -huge, 0.0]]).xyz[0, 0] == np.float32(huge)
+
+
+@pytest.mark.parametrize(
+    ("points", "got"),
+    [
+        (np.zeros(3), "shape (3,) of float64"),
+        ([], "shape (0,) of float64"),
+        (1.0, "shape () of float64"),
+        (None, "shape () of object"),
+        (np.zeros((4, 2)), "shape (4, 2) of float64"),
+        (np.zeros((0, 2)), "shape (0, 2) of float64"),
+        (np.zeros((2, 4, 3)), "shape (2, 4, 3) of float64"),
+        (np.zeros((4, 3), bool), "shape (4, 3) of bool"),
+        (np.zeros((4, 3), complex), "shape (4, 3) of complex128"),
+        (np.zeros((4, 3), object), "shape (4, 3) of object"),
+        ([["1", "2", "3"]], "shape (1, 3) of <U1"),
+        (np.zeros(4, [("x", "f4"), ("y", "f4")]), "shape (4,) of [('x', '<f4'), ('y', '<f4')]"),
+    ],
+)
+def test_not_an_array_of_points(points, got):
+    text = f"next: got {got}, expected (N, 3) numbers"
+    with pytest.raises(SweepError, match=f"^{re.escape(text)}$"):
+        Sweep.from_array(points, name="next")
+
+
+@pytest.mark.parametrize("ragged", [[[1, 2, 3], [1, 2]], [[1, 2, 3], 4], [[1, 2, [3]], [4, 5, 6]]])
+def test_rows_of_different_lengths(ragged):
+    with pytest.raises(SweepError, match="^next: got rows of different lengths, expected "):
+        Sweep.from_array(ragged, name="next")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_points_that_are_not_finite_are_counted(bad):
+    points = np.array([[0, 0, bad], [bad, bad, bad], [1, 2, 3]])
+    with pytest.raises(SweepError, match="^points: 2 of 3 points are not finite; remove them$"):
+        Sweep.from_array(points)
+
+
+def triplet(*stamps_ns):
+    return SweepTriplet(
+        *(
+            None if stamp is None else Sweep.from_array(POINTS, stamp_ns=stamp)
+            for stamp in stamps_ns
+        )
+    )
+
+
+def test_interval():
+    assert triplet(0, 100_000_000, 300_000_000).interval_s == 0.2
+    # Nanoseconds of today are no float64: only their difference is.
+    assert triplet(None, 1_760_000_000_000_000_001, 1_760_000_000_000_000_002).interval_s == 1e-9
+
+
+@pytest.mark.parametrize(
+    ("stamps_ns", "ratio"),
+    [
+        ((0, 100, 200), 1),
+        ((0, 100, 300), 2),
+        ((0, 200, 300), 0.5),
+        ((None, 100, 300), 1),  # two sweeps: nothing to compare with
+        ((0, 0, 0), 1),  # no stamps
+        ((0, 0, 100), 1),
+        ((300, 200, 100), 1),  # nonsense is not made worse by a negative ratio
+    ],
+)
+def test_interval_ratio(stamps_ns, ratio):
+    assert triplet(*stamps_ns).interval_ratio == ratio
