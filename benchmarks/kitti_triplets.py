@@ -14,16 +14,18 @@ import os
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
+
 from mnsf_ros.evaluation.metrics import by_motion, mean_of
 from mnsf_ros.evaluation.tables import errors_table
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.scene_flow import estimate_flow
-from rich.console import Console
 
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 def main() -> None:
+    """Scores all triplets and prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=DATA / "triplets")
     parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")

@@ -15,6 +15,8 @@ import os
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 import numpy as np
+from rich.console import Console
+
 from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.evaluation.metrics import by_motion, mean_of
 from mnsf_ros.evaluation.tables import TextTable, errors_table
@@ -22,12 +24,12 @@ from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from rich.console import Console
 
 _WARM_UP = 3
 
 
 def main() -> None:
+    """Estimates all triplets and prints the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--preset", choices=PRESET_NAMES, default="online")
     parser.add_argument("--beams", type=int, default=64)

@@ -189,11 +189,47 @@ class DistanceSettings:
 
 
 @dataclass(frozen=True)
+class NsfpSettings:
+    """What only the methods NSFP and NSFP (linear) of the evaluator need."""
+
+    truncation_m: float = _setting(
+        2.0,
+        "Pairs of points farther apart do not count in the Chamfer distance (the authors' code: "
+        "1.414)",
+        "m",
+        0.01,
+        1000,
+    )
+    learning_rate: float = _setting(0.008, "Step size of Adam", "", 1e-7, 1)
+    weight_decay: float = _setting(
+        0.0, "Pull of Adam on the weights toward zero (the authors' code: 0.0001)", "", 0, 1
+    )
+    patience: int = _setting(
+        30, "Stop after this many steps without improvement; 0: never", "", 0, 100_000
+    )
+    min_delta_m2: float = _setting(
+        0.0001, "A smaller fall of the loss is no improvement", "m²", 0, 10
+    )
+
+
+@dataclass(frozen=True)
+class LinearSettings:
+    """The fields of the methods NSFP (linear) and FNSF (linear) of the evaluator."""
+
+    node_spacing_m: float = _setting(2.0, "Distance between the nodes of the grid", "m", 0.1, 100)
+    sigma_m: float = _setting(5.0, "Width of the Gaussian codes along each axis", "m", 0.1, 100)
+    variation_weight: float = _setting(
+        0.5, "Weight of the total variation of the flow between nodes", "", 0, 1000
+    )
+    learning_rate: float = _setting(0.03, "Step size of Adam", "", 1e-7, 1)
+
+
+@dataclass(frozen=True)
 class FieldSettings:
     """The network of the forward and the backward field."""
 
     num_hidden_layers: int = _setting(
-        4, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
+        8, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
     )
     hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
 
@@ -204,6 +240,11 @@ class OptimizationSettings:
 
     learning_rate: float = _setting(0.008, "Step size of Adam", "", 1e-7, 1)
     decay: bool = _setting(True, "Let the step size fall to zero along a cosine")
+    joint: bool = _setting(
+        False,
+        "Fit forward and backward field together, from the same start weights, as long as the "
+        "forward loss falls (the authors' code), instead of each by itself (the paper)",
+    )
     max_iterations: int = _setting(150, "Steps of a cold start, per field", "", 1, 100_000)
     max_points: int = _setting(
         0, "Fit to this many random points of the cropped sweep; 0: to all", "", 0, 10_000_000
@@ -216,7 +257,7 @@ class OptimizationSettings:
         10_000_000,
     )
     time_budget_ms: float = _setting(
-        700.0, "Stop optimizing a triplet after this time; 0: never", "ms", 0, 3_600_000
+        3000.0, "Stop optimizing a cold start after this time; 0: never", "ms", 0, 3_600_000
     )
 
 
@@ -239,6 +280,20 @@ class FusionSettings:
         "mlp: a network, as the paper; weighted_sum: W f + (I - W) f'; mean: (f + f') / 2",
         choices=("mlp", "weighted_sum", "mean"),
     )
+    input: str = _setting(
+        "concat",
+        "concat: mlp sees all flows side by side, as the paper; sum: their sum (the authors' code)",
+        choices=("concat", "sum"),
+    )
+    fields: str = _setting(
+        "best",
+        "Weights of the fields whose flow is fused. best: of the lowest loss; last: of the last "
+        "step (the authors' code)",
+        choices=("best", "last"),
+    )
+    inversion: bool = _setting(
+        True, "Turn the backward flow round before fusion; false only to see what that is worth"
+    )
     num_hidden_layers: int = _setting(3, "Hidden layers of the fusion network", "", 1, 64)
     hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
     max_iterations: int = _setting(100, "Steps of a cold start", "", 1, 100_000)
@@ -254,6 +309,9 @@ class WarmStartSettings:
     enabled: bool = _setting(True, "Start from the networks of the last triplet")
     max_iterations: int = _setting(40, "Steps per network after a warm start", "", 1, 100_000)
     learning_rate: float = _setting(0.002, "Step size of Adam after a warm start", "", 1e-7, 1)
+    time_budget_ms: float = _setting(
+        800.0, "Stop optimizing a warm start after this time; 0: never", "ms", 0, 3_600_000
+    )
     max_gap_s: float = _setting(
         2.0, "Start cold if the last triplet is older than this", "s", 0.01, 3600
     )
@@ -306,6 +364,8 @@ class Settings:
     ground: GroundSettings = GroundSettings()
     buffer: BufferSettings = BufferSettings()
     distance: DistanceSettings = DistanceSettings()
+    nsfp: NsfpSettings = NsfpSettings()
+    linear: LinearSettings = LinearSettings()
     field: FieldSettings = FieldSettings()
     optimization: OptimizationSettings = OptimizationSettings()
     early_stopping: EarlyStoppingSettings = EarlyStoppingSettings()

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
+# Read by torch when it is imported. With more threads than idle cores, small networks take 50
+# times as long, because the threads wait for each other after every layer.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ def test_unknown_name(name):
 def test_errors_can_be_caught_as_root_and_as_value_error():
     with pytest.raises(MnsfError):
         Settings().changed({"crop.max_range_m": -1})
-    with pytest.raises(ValueError, match="crop.max_range_m"):
+    with pytest.raises(ValueError, match=r"crop\.max_range_m"):
         Settings().changed({"crop.max_range_m": -1})
 
 
@@ -227,6 +227,6 @@ def test_paper_preset_is_the_paper():
 
 def test_unknown_preset():
     with pytest.raises(
-        SettingsError, match="^unknown preset 'fast', expected one of online, paper$"
+        SettingsError, match=r"^unknown preset 'fast', expected one of online, paper$"
     ):
         preset("fast")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.errors import MnsfError
-from mnsf_ros.node.main import NO_ROS
+from mnsf_ros.node.process_environment import require_ros
 from mnsf_ros.presets import PRESET_NAMES
 
 
@@ -32,11 +30,9 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 
 def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.simulation.settings import SimulationSettings
-
-    if importlib.util.find_spec("rclpy") is None:
-        raise MnsfError(NO_ROS)
+    require_ros()
     from mnsf_ros.demo.demo_run import DemoOptions, run_demo
+    from mnsf_ros.simulation.settings import SimulationSettings
 
     run_demo(
         DemoOptions(

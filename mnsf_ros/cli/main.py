@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
+from types import FrameType
 
 from mnsf_ros import __version__
 from mnsf_ros.cli import demo, parameters, simulate
@@ -21,6 +23,7 @@ def main(arguments: list[str] | None = None) -> None:
     Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
     130: interrupted.
     """
+    signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(run(arguments))
 
 
@@ -36,10 +39,15 @@ def run(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         options.run(options)
-    except MnsfError as error:
+    except (MnsfError, OSError) as error:
         print(f"mnsf: {error}", file=sys.stderr)
         return EXIT_USAGE
     except KeyboardInterrupt:
         print("mnsf: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     return 0
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """SIGTERM is a Ctrl-C: child processes are ended, half-written files removed."""
+    raise KeyboardInterrupt

@@ -16,6 +16,10 @@ TITLES = {
         "The method as published, every triplet from scratch: slow, for comparison. Written by "
         "`mnsf parameters --preset paper`."
     ),
+    "authors": (
+        "The method as its authors' released code has it, where that is not what the paper says. "
+        "Written by `mnsf parameters --preset authors`."
+    ),
 }
 
 

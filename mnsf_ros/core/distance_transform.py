@@ -81,7 +81,7 @@ class DistanceTransform:
         """Distance of positions to the sweep.
 
         Outside the grid it is the distance to the grid plus what the grid says there: never less
-        than the true distance, and still pulling back inside.
+        than the true distance, up to the rounding to cells, and still pulling back inside.
 
         Args:
             positions: (M, 3) metres.

@@ -1,28 +1,31 @@
-"""One estimate under way: its sweeps, networks, schedules and clock, stage by stage."""
+"""One estimate of the paper's method under way: its networks and schedules, stage by stage."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 
-from mnsf_ros.core.batches import Batches, evaluate
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Start
-from mnsf_ros.core.forward_backward_fields import fit_field, still_fits
-from mnsf_ros.core.optimization import Learner, OptimizationResult
+from mnsf_ros.core.flow_estimate import FlowEstimate, Start
+from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, still_fits
+from mnsf_ros.core.motion_inversion import invert_motion
+from mnsf_ros.core.optimization import Learner
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule, Schedules
-from mnsf_ros.core.temporal_fusion import fit_fusion
 from mnsf_ros.core.warm_start import Learners, WarmStart
+from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+
+_TRIPLET = 3
 
 
 class EstimationRun:
     """The stages of one estimate. Make it, call the stages in order, then `finish`.
 
     Attributes:
-        learners: The three networks, carried over from the last triplet or fresh.
+        learners: The networks, carried over from the last triplet or fresh.
+        is_pair: Whether the previous sweep of a triplet is missing.
     """
 
     learners: Learners
@@ -36,69 +39,62 @@ class EstimationRun:
         preparation: SweepPreparation,
         warm_start: WarmStart,
         cancelled: Callable[[], bool],
+        num_sweeps: int = 3,
     ) -> None:
         """Prepares the sweeps, chooses the points to fit to and where to start from.
 
         Raises:
-            SweepError: If crop and ground removal leave too few points of a sweep.
+            SweepError: If crop and ground removal leave too few points of a sweep, or there are
+                too few sweeps.
         """
         self._settings = settings
-        self._device = device
-        self._clock = StageClock(device)
-        self._fits: dict[str, OptimizationResult] = {}
-        # A generator of its own: the same triplet gives the same flow whatever came before.
-        self._generator = torch.Generator().manual_seed(settings.compute.seed)
-        with self._clock.stage("prepare"):
-            self._prepare_sweeps(triplet, preparation)
+        self._num_fields = num_sweeps - 1
+        self.is_pair = triplet.previous is None and num_sweeps == _TRIPLET
+        num_before = 0 if self.is_pair else num_sweeps - 2
+        self._bench = Workbench(triplet, settings, device, preparation, num_before)
+        with self._bench.stage("prepare"):
             self._start = self._choose_start(triplet, warm_start)
         self._schedules = Schedules.start_now(
             settings, is_warm=self._start is Start.WARM, cancelled=cancelled
         )
 
     def forward_flow(self) -> torch.Tensor:
-        """Fits g_f; (N, 3) metres, from t to t+1."""
+        """Fits g_f alone; (N, 3) finite metres, from t to t+1."""
         return self._field_flow(
-            "forward", self.learners.forward, self._next, self._schedules.forward
+            "forward", self.learners.forward, self._bench.next, self._schedules.forward
         )
 
-    def backward_flow(self) -> torch.Tensor:
-        """Fits g_b; (N, 3) metres, from t to t-1."""
-        return self._field_flow(
-            "backward", self.learners.backward, self._previous, self._schedules.backward
-        )
+    def field_flows(self) -> list[torch.Tensor]:
+        """Fits g_f and each g_b; (N, 3) finite metres each, to t+1, t-1, t-2 ..."""
+        targets = [self._bench.next, *self._bench.before]
+        stages = ["forward", "backward", *(f"backward {k}" for k in range(2, len(targets)))]
+        fields = self.learners.fields
+        if self._settings.optimization.joint:
+            self._fit_jointly(targets)
+            return [self._bench.flow("fields", field.network) for field in fields]
+        schedules = self._schedules.fields(len(fields))
+        keep_best = self._settings.fusion.fields == "best"
+        return [
+            self._field_flow(*each, keep_best=keep_best)
+            for each in zip(stages, fields, targets, schedules, strict=True)
+        ]
 
-    def fused_flow(self, forward_flow: torch.Tensor, inverted_flow: torch.Tensor) -> torch.Tensor:
-        """Fits g_fusion to f and f', both (N, 3); (N, 3) metres, from t to t+1."""
-        with self._clock.stage("fusion"):
-            both_flows = torch.cat([forward_flow, inverted_flow], dim=1)  # [N, 6]
-            rows = torch.cat([self._current.positions, both_flows], dim=1)[self._to_fit]  # [M, 9]
-            fusion = self.learners.fusion
-            self._fits["fusion"] = fit_fusion(
-                fusion, self._batches(rows), self._next.distance, self._schedules.fusion
-            )
-            return evaluate(fusion.network, both_flows)
+    def inverted_flows(self, backward_flows: Sequence[torch.Tensor]) -> list[torch.Tensor]:
+        """Turns flows to t-1, t-2 ... into flows to t+1, or not, to see what that is worth."""
+        if not self._settings.fusion.inversion:
+            return list(backward_flows)
+        ratios = self._bench.triplet.interval_ratios[: len(backward_flows)]
+        return [
+            invert_motion(flow, ratio) for flow, ratio in zip(backward_flows, ratios, strict=True)
+        ]
+
+    def fused_flow(self, flows: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Fits g_fusion to f and f' ..., each (N, 3); (N, 3) finite metres, from t to t+1."""
+        return self._bench.fused_flow(self.learners.fusion, flows, self._schedules.fusion)
 
     def finish(self, flow: torch.Tensor) -> FlowEstimate:
         """Makes the result of the (N, 3) flow."""
-        return FlowEstimate(
-            flow=flow.cpu().numpy(),
-            kept=self._current.kept,
-            times_ms=self._clock.times_ms,
-            fits=self._fits,
-            start=self._start,
-            device=self._device.type,
-            distance_kind=self._next.distance.kind,
-        )
-
-    def _prepare_sweeps(self, triplet: SweepTriplet, preparation: SweepPreparation) -> None:
-        sweeps = [triplet.current, triplet.next, triplet.previous or triplet.current]
-        self._current, self._next, self._previous = preparation.prepare(*sweeps)
-        kept = torch.from_numpy(self._current.kept).nonzero().view(-1)
-        wanted = self._settings.optimization.max_points
-        if 0 < wanted < len(kept):
-            kept = kept[torch.randperm(len(kept), generator=self._generator)[:wanted]]
-        self._to_fit = kept.to(self._device)
-        self._points = self._batches(self._current.positions[self._to_fit])
+        return self._bench.finish(flow, self._start)
 
     def _choose_start(self, triplet: SweepTriplet, warm_start: WarmStart) -> Start:
         carried, start = warm_start.carried(triplet, self._settings)
@@ -107,19 +103,43 @@ class EstimationRun:
         if carried and self._still_fits(carried.forward):
             self.learners = carried
             return Start.WARM
-        self.learners = Learners.fresh(self._settings, self._generator, self._device)
+        bench = self._bench
+        self.learners = Learners.fresh(
+            self._settings, bench.generator, bench.device, self._num_fields
+        )
         return Start.COLD_LOSS if carried else start
 
     def _still_fits(self, forward: Learner) -> bool:
-        ratio = self._settings.warm_start.max_loss_ratio
-        return still_fits(forward, self._points, self._next.distance, ratio)
+        ratio, bench = self._settings.warm_start.max_loss_ratio, self._bench
+        # A cold start after this must not differ from any other: give back what was drawn.
+        state = bench.generator.get_state()
+        fits = still_fits(forward, bench.points, bench.next.distance, ratio)
+        bench.generator.set_state(state)
+        return fits
 
     def _field_flow(
-        self, stage: str, field: Learner, target: PreparedSweep, schedule: Schedule
+        self,
+        stage: str,
+        field: Learner,
+        target: PreparedSweep,
+        schedule: Schedule,
+        *,
+        keep_best: bool = True,
     ) -> torch.Tensor:
-        with self._clock.stage(stage):
-            self._fits[stage] = fit_field(field, self._points, target.distance, schedule)
-            return evaluate(field.network, self._current.positions)
+        bench = self._bench
+        with bench.stage(stage):
+            bench.fits[stage] = fit_field(
+                field, bench.points, target.distance, schedule, keep_best=keep_best
+            )
+        return bench.flow(stage, field.network)
 
-    def _batches(self, rows: torch.Tensor) -> Batches:
-        return Batches(rows, self._settings.optimization.batch_points, self._generator)
+    def _fit_jointly(self, targets: Sequence[PreparedSweep]) -> None:
+        bench = self._bench
+        with bench.stage("fields"):
+            bench.fits["fields"] = fit_jointly(
+                self.learners.fields,
+                bench.points,
+                [target.distance for target in targets],
+                self._schedules.fields(1)[0],
+                keep_best=self._settings.fusion.fields == "best",
+            )

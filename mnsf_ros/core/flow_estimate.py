@@ -37,20 +37,20 @@ class FlowEstimate:
             sweep's own coordinates, so the flow has the sensor's own motion in it.
         kept: (N,) bool, the points that the fields were fitted to; the others (ground, beyond
             the crop) got their flow from the same fields.
-        times_ms: Stage to wall time: prepare, forward, backward, fusion, evaluate.
+        times_ms: Stage to wall time: prepare, forward, backward, fusion.
         fits: Stage to result of its optimization, for forward, backward and fusion.
         start: Whether the networks were carried over from the last triplet.
         device: Where it was computed, `cpu` or `cuda`.
-        distance_kind: `grid` or `tree`.
+        distance_kind: `grid` or `tree`; empty for methods that have neither.
     """
 
     flow: NDArray[np.float32]
     kept: NDArray[np.bool_]
-    times_ms: dict[str, float]
-    fits: dict[str, OptimizationResult]
-    start: Start
-    device: str
-    distance_kind: str
+    times_ms: dict[str, float] = field(default_factory=dict)
+    fits: dict[str, OptimizationResult] = field(default_factory=dict)
+    start: Start = Start.COLD_BY_SETTING
+    device: str = "cpu"
+    distance_kind: str = ""
 
     @property
     def time_ms(self) -> float:

@@ -42,13 +42,20 @@ def _linear(num_inputs: int, num_outputs: int, generator: torch.Generator) -> nn
 
 
 class FlowField(nn.Module):
-    """Flow at any position: (M, 3) metres in, (M, 3) metres out."""
+    """Flow at any position: (M, 3) metres in, (M, 3) metres out.
 
-    def __init__(self, settings: FieldSettings, generator: torch.Generator) -> None:
+    With one more input, the time in sweep intervals, it is the flow at any position and time.
+    """
+
+    def __init__(
+        self, settings: FieldSettings, generator: torch.Generator, num_inputs: int = 3
+    ) -> None:
         super().__init__()
-        self._layers = perceptron(3, settings.num_hidden_layers, settings.hidden_width, generator)
+        self._layers = perceptron(
+            num_inputs, settings.num_hidden_layers, settings.hidden_width, generator
+        )
 
     def forward(self, positions: torch.Tensor) -> torch.Tensor:
-        """Flow at the positions."""
+        """Flow at the positions, or at positions and times."""
         flow: torch.Tensor = self._layers(positions)
         return flow

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
+from torch import nn
 
 from mnsf_ros.core.batches import Batches
-from mnsf_ros.core.optimization import Learner, OptimizationResult, minimize
+from mnsf_ros.core.optimization import (
+    Learner,
+    OptimizationResult,
+    PartlyJudgedLoss,
+    minimize,
+)
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 
 
 def fit_field(
-    field: Learner, batches: Batches, target: TargetDistance, schedule: Schedule
+    field: Learner,
+    batches: Batches,
+    target: TargetDistance,
+    schedule: Schedule,
+    *,
+    keep_best: bool = True,
 ) -> OptimizationResult:
     """Makes a field move the current points onto a target sweep: minimizes mean D(p + g(p), S).
 
@@ -20,6 +33,8 @@ def fit_field(
         batches: Rows (M, 3): points of the current sweep, metres.
         target: Distance to the next or to the previous sweep.
         schedule: How long and with which steps.
+        keep_best: Whether to end with the weights of the lowest loss, where losses can be
+            compared, or with those of the last step.
 
     Raises:
         OptimizationError: If the loss is not finite.
@@ -30,7 +45,53 @@ def fit_field(
         points = batches.draw()
         return target.mean(points + field.network(points))
 
-    return minimize(field, loss_of, schedule, keep_best=batches.are_whole)
+    return minimize(field, loss_of, schedule, keep_best=keep_best and batches.are_whole)
+
+
+def fit_jointly(
+    fields: Sequence[Learner],
+    batches: Batches,
+    targets: Sequence[TargetDistance],
+    schedule: Schedule,
+    *,
+    keep_best: bool = True,
+) -> OptimizationResult:
+    """Fits all fields in the same steps, as the authors' code does, not the paper.
+
+    The loss is the sum of theirs; whether it still falls is judged by that of the first field
+    alone, so that the others may stop half-way.
+
+    Args:
+        fields: The forward field and the backward fields, which share one optimizer.
+        batches: Rows (M, 3): points of the current sweep, metres.
+        targets: Distance to the sweep of each field.
+        schedule: How long and with which steps.
+        keep_best: Whether to end with the weights of the lowest sum of losses, where losses can
+            be compared, or with those of the last step.
+
+    Raises:
+        OptimizationError: If the loss is not finite.
+        CancelledError: If the schedule says so.
+    """
+
+    def losses_of() -> list[torch.Tensor]:
+        points = batches.draw()
+        return [
+            target.mean(points + field.network(points))
+            for field, target in zip(fields, targets, strict=True)
+        ]
+
+    def loss_of() -> PartlyJudgedLoss:
+        losses = losses_of()
+        return PartlyJudgedLoss(torch.stack(losses).sum(), losses[0])
+
+    networks = nn.ModuleList(field.network for field in fields)
+    together = Learner(networks, fields[0].optimizer)
+    result = minimize(together, loss_of, schedule, keep_best=keep_best and batches.are_whole)
+    with torch.no_grad():
+        for field, loss in zip(fields, losses_of(), strict=True):
+            field.last_loss = loss.item()
+    return result
 
 
 @torch.no_grad()

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.estimation_run import EstimationRun
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.motion_inversion import invert_motion
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.settings import Settings
@@ -24,13 +23,19 @@ class MultiFrameEstimator:
     Not for use from several threads at once.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, num_sweeps: int = 3) -> None:
         """Makes an estimator that has seen nothing yet.
+
+        Args:
+            settings: How to estimate.
+            num_sweeps: Sweeps in all: a forward field and `num_sweeps` - 2 backward ones. With
+                2 the forward flow goes through the fusion alone.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
         self.settings = settings
+        self.num_sweeps = num_sweeps
         self._device = compute_device(settings.compute)
         self._preparation = SweepPreparation(settings)
         self._warm_start = WarmStart()
@@ -41,9 +46,9 @@ class MultiFrameEstimator:
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        other, old = MultiFrameEstimator(settings), self.settings
+        other, old = MultiFrameEstimator(settings, self.num_sweeps), self.settings
         if settings.compute == old.compute:
-            if (settings.field, settings.fusion) == (old.field, old.fusion):
+            if _networks(settings) == _networks(old):
                 other._warm_start = self._warm_start
             preparing = (settings.crop, settings.ground, settings.distance)
             if preparing == (old.crop, old.ground, old.distance):
@@ -55,14 +60,17 @@ class MultiFrameEstimator:
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep (section 3 of the paper).
 
-        Without a previous sweep the forward flow alone is the result, which is FNSF.
+        Where three sweeps are wanted and there is no previous one, the forward flow alone is the
+        result, which is FNSF.
 
         Args:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
+                With more than three in all, `earlier` has the others.
             cancelled: Asked again and again; True ends the estimate with CancelledError.
 
         Raises:
-            SweepError: If crop and ground removal leave too few points of a sweep.
+            SweepError: If crop and ground removal leave too few points of a sweep, or there are
+                too few sweeps.
             OptimizationError: If the optimization finds no finite flow.
             CancelledError: If `cancelled` says so.
         """
@@ -74,12 +82,17 @@ class MultiFrameEstimator:
             preparation=self._preparation,
             warm_start=self._warm_start,
             cancelled=cancelled,
+            num_sweeps=self.num_sweeps,
         )
-        forward_flow = run.forward_flow()
-        if triplet.previous is None:
-            return run.finish(forward_flow)
-        backward_flow = run.backward_flow()
-        inverted_flow = invert_motion(backward_flow, triplet.interval_ratio)
-        fused_flow = run.fused_flow(forward_flow, inverted_flow)
+        if run.is_pair:
+            return run.finish(run.forward_flow())
+        forward_flow, *backward_flows = run.field_flows()
+        inverted_flows = run.inverted_flows(backward_flows)
+        fused_flow = run.fused_flow([forward_flow, *inverted_flows])
         self._warm_start.keep(run.learners, triplet)
         return run.finish(fused_flow)
+
+
+def _networks(settings: Settings) -> tuple[object, ...]:
+    """What must be the same for networks to be carried over."""
+    return settings.field, settings.fusion, settings.optimization.joint

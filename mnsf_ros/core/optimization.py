@@ -42,10 +42,24 @@ class Learner:
     last_loss: float | None = None
 
     @classmethod
-    def fresh(cls, network: nn.Module) -> Learner:
+    def fresh(cls, network: nn.Module, weight_decay: float = 0.0) -> Learner:
         """A learner whose optimizer has seen nothing yet."""
         weights = list(network.parameters())
-        return cls(network, torch.optim.Adam(weights) if weights else None)
+        optimizer = torch.optim.Adam(weights, weight_decay=weight_decay) if weights else None
+        return cls(network, optimizer)
+
+
+@dataclass(frozen=True)
+class PartlyJudgedLoss:
+    """A sum of losses of which one alone decides when to stop.
+
+    Attributes:
+        total: What is made small; the weights of its lowest value are the best ones.
+        judged: What early stopping looks at.
+    """
+
+    total: torch.Tensor
+    judged: torch.Tensor
 
 
 @dataclass(frozen=True)
@@ -65,7 +79,7 @@ class OptimizationResult:
 
 def minimize(
     learner: Learner,
-    loss_of: Callable[[], torch.Tensor],
+    loss_of: Callable[[], torch.Tensor | PartlyJudgedLoss],
     schedule: Schedule,
     *,
     keep_best: bool,
@@ -74,7 +88,7 @@ def minimize(
 
     Args:
         learner: Network and optimizer. Gets the final loss as `last_loss`.
-        loss_of: Computes the loss of the network as it is now, a scalar in metres.
+        loss_of: Computes the loss of the network as it is now, a scalar, as a rule in metres.
         schedule: Number and size of the steps, and when to stop.
         keep_best: Whether to return to the weights of the lowest loss. Meaningful only if
             `loss_of` means the same thing at each call, not for random batches.
@@ -84,7 +98,8 @@ def minimize(
         CancelledError: If the schedule's `cancelled` says so.
     """
     if learner.optimizer is None:
-        return OptimizationResult(loss_of().item(), 0, StopReason.CONVERGED)
+        loss, _ = _parts(loss_of())
+        return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
     best = _BestWeights(learner.network)
     stopping = EarlyStopping(schedule.patience, schedule.min_delta_m)
     loss = torch.tensor(math.nan)
@@ -95,7 +110,7 @@ def minimize(
         if iterations and time.monotonic() > schedule.deadline:
             reason = StopReason.TIME_BUDGET
             break
-        loss = loss_of()
+        loss, judged = _parts(loss_of())
         # Reading the loss makes a GPU wait, so it is read only where somebody looks at it.
         value = loss.item() if keep_best or stopping.is_on else 0.0
         if not math.isfinite(value):
@@ -105,11 +120,16 @@ def minimize(
             best.offer(value)
         _step(learner.optimizer, loss, schedule.learning_rate_at(iterations))
         iterations += 1
-        if stopping.should_stop(value):
+        if stopping.should_stop(value if judged is loss else judged.item()):
             reason = StopReason.CONVERGED
             break
     learner.last_loss = _final_loss(loss, best)
     return OptimizationResult(learner.last_loss, iterations, reason)
+
+
+def _parts(loss: torch.Tensor | PartlyJudgedLoss) -> tuple[torch.Tensor, torch.Tensor]:
+    """What to make small, and what to judge it by."""
+    return (loss.total, loss.judged) if isinstance(loss, PartlyJudgedLoss) else (loss, loss)
 
 
 def _step(optimizer: torch.optim.Adam, loss: torch.Tensor, learning_rate: float) -> None:
@@ -124,10 +144,13 @@ def _final_loss(loss: torch.Tensor, best: _BestWeights) -> float:
     if best.loss < math.inf:
         best.restore()
         return best.loss
-    value = loss.item()
-    if not math.isfinite(value):
-        raise OptimizationError(f"the loss became {value}, expected a finite number of metres")
-    return value
+    return _checked(loss.item())
+
+
+def _checked(loss: float) -> float:
+    if not math.isfinite(loss):
+        raise OptimizationError(f"the loss became {loss}, expected a finite number of metres")
+    return loss
 
 
 class _BestWeights:

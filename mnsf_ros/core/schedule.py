@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from mnsf_ros.settings import Settings
 
-# When each stage has to be done, as a share of the time budget.
-_FORWARD_DONE, _BACKWARD_DONE, _FUSION_DONE = 0.4, 0.8, 1.0
+# When the fields have to be done, as a share of the time budget; the rest is for the fusion.
+_FIELDS_DONE = 0.8
 
 
 @dataclass(frozen=True)
@@ -44,41 +44,66 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Schedules:
-    """The schedules of the three networks of one estimate."""
+    """The schedules of the networks of one estimate.
 
-    forward: Schedule
-    backward: Schedule
-    fusion: Schedule
+    Attributes:
+        settings: Iterations, steps, patience and time budget.
+        is_warm: Whether the networks were carried over, so that less is needed.
+        cancelled: Asked before each step.
+        started_s: `time.monotonic()` value at which the time budget began to run.
+    """
+
+    settings: Settings
+    is_warm: bool
+    cancelled: Callable[[], bool]
+    started_s: float
 
     @classmethod
     def start_now(
         cls, settings: Settings, *, is_warm: bool, cancelled: Callable[[], bool]
     ) -> Schedules:
-        """The schedules of an estimate whose time budget begins to run now.
+        """The schedules of an estimate whose time budget begins to run now."""
+        return cls(settings, is_warm, cancelled, time.monotonic())
+
+    @property
+    def forward(self) -> Schedule:
+        """Of the first of two fields."""
+        return self.fields(2)[0]
+
+    @property
+    def backward(self) -> Schedule:
+        """Of the second of two fields."""
+        return self.fields(2)[1]
+
+    def fields(self, number: int) -> tuple[Schedule, ...]:
+        """Of some fields that are fitted one after the other, before the fusion."""
+        return tuple(self.field(_FIELDS_DONE * (k + 1) / number) for k in range(number))
+
+    def field(self, done: float = 1.0) -> Schedule:
+        """Of one field.
 
         Args:
-            settings: Iterations, steps, patience and time budget.
-            is_warm: Whether the networks were carried over, so that less is needed.
-            cancelled: Asked before each step.
+            done: When it has to be done, as a share of the time budget.
         """
-        optimization, fusion, warm = settings.optimization, settings.fusion, settings.warm_start
-        budget_s = optimization.time_budget_ms / 1e3 or math.inf
-        now = time.monotonic()
+        settings = self.settings
+        max_iterations = settings.optimization.max_iterations
+        return self._schedule(max_iterations, settings.early_stopping.patience, done)
 
-        def schedule(max_iterations: int, patience: int, done: float) -> Schedule:
-            return Schedule(
-                max_iterations=warm.max_iterations if is_warm else max_iterations,
-                learning_rate=warm.learning_rate if is_warm else optimization.learning_rate,
-                decay=optimization.decay,
-                patience=patience,
-                min_delta_m=settings.early_stopping.min_delta_m,
-                deadline=now + done * budget_s,
-                cancelled=cancelled,
-            )
+    @property
+    def fusion(self) -> Schedule:
+        """Of the fusion, which comes last."""
+        fusion = self.settings.fusion
+        return self._schedule(fusion.max_iterations, fusion.patience, 1.0)
 
-        patience = settings.early_stopping.patience
-        return cls(
-            forward=schedule(optimization.max_iterations, patience, _FORWARD_DONE),
-            backward=schedule(optimization.max_iterations, patience, _BACKWARD_DONE),
-            fusion=schedule(fusion.max_iterations, fusion.patience, _FUSION_DONE),
+    def _schedule(self, max_iterations: int, patience: int, done: float) -> Schedule:
+        optimization, warm = self.settings.optimization, self.settings.warm_start
+        budget_ms = warm.time_budget_ms if self.is_warm else optimization.time_budget_ms
+        return Schedule(
+            max_iterations=warm.max_iterations if self.is_warm else max_iterations,
+            learning_rate=warm.learning_rate if self.is_warm else optimization.learning_rate,
+            decay=optimization.decay,
+            patience=patience,
+            min_delta_m=self.settings.early_stopping.min_delta_m,
+            deadline=self.started_s + done * (budget_ms / 1e3 or math.inf),
+            cancelled=self.cancelled,
         )

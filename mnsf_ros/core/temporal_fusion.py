@@ -1,4 +1,7 @@
-"""g_fusion: forward flow f and inverted backward flow f' become one flow (section 3, step 4)."""
+"""g_fusion: forward flow f and inverted backward flow f' become one flow (section 3, step 4).
+
+With more than three sweeps there are more inverted flows; all of them are fused at once.
+"""
 
 from __future__ import annotations
 
@@ -16,43 +19,62 @@ from mnsf_ros.settings import FusionSettings
 class MlpFusion(nn.Module):
     """The fusion of the paper: a perceptron from (f, f') to the flow, shared by all points."""
 
-    def __init__(self, settings: FusionSettings, generator: torch.Generator) -> None:
+    def __init__(
+        self, settings: FusionSettings, generator: torch.Generator, num_flows: int = 2
+    ) -> None:
         super().__init__()
-        self._layers = perceptron(6, settings.num_hidden_layers, settings.hidden_width, generator)
+        self._takes_sum = settings.input == "sum"
+        num_inputs = 3 if self._takes_sum else 3 * num_flows
+        self._layers = perceptron(
+            num_inputs, settings.num_hidden_layers, settings.hidden_width, generator
+        )
 
-    def forward(self, both_flows: torch.Tensor) -> torch.Tensor:
-        """(M, 6) metres, f beside f', to (M, 3) metres."""
-        fused: torch.Tensor = self._layers(both_flows)
+    def forward(self, flows: torch.Tensor) -> torch.Tensor:
+        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        inputs = _apart(flows).sum(dim=1) if self._takes_sum else flows
+        fused: torch.Tensor = self._layers(inputs)
         return fused
 
 
 class WeightedSumFusion(nn.Module):
-    """W f + (I - W) f' with one learned 3 x 3 matrix W for all points; starts at the mean."""
+    """W f + (I - W) f' with one learned 3 x 3 matrix W for all points; starts at the mean.
 
-    def __init__(self) -> None:
+    Of K flows each but the last has such a matrix, and the last gets what is left.
+    """
+
+    def __init__(self, num_flows: int = 2) -> None:
         super().__init__()
-        self._weight = nn.Parameter(0.5 * torch.eye(3))
+        # The matrices stand side by side.
+        self._weights = nn.Parameter(torch.eye(3).repeat(1, num_flows - 1) / num_flows)
 
-    def forward(self, both_flows: torch.Tensor) -> torch.Tensor:
-        """(M, 6) metres, f beside f', to (M, 3) metres."""
-        forward_flow, inverted = both_flows[:, :3], both_flows[:, 3:]
-        fused: torch.Tensor = inverted + (forward_flow - inverted) @ self._weight.T
+    def forward(self, flows: torch.Tensor) -> torch.Tensor:
+        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        apart = _apart(flows)
+        last = apart[:, -1]
+        above_last = (apart[:, :-1] - last[:, None]).flatten(1)  # [M, 3 (K - 1)]
+        fused: torch.Tensor = last + above_last @ self._weights.T
         return fused
 
 
 class MeanFusion(nn.Module):
     """(f + f') / 2. Nothing to learn."""
 
-    def forward(self, both_flows: torch.Tensor) -> torch.Tensor:
-        """(M, 6) metres, f beside f', to (M, 3) metres."""
-        return 0.5 * (both_flows[:, :3] + both_flows[:, 3:])
+    def forward(self, flows: torch.Tensor) -> torch.Tensor:
+        """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
+        return _apart(flows).mean(dim=1)
 
 
-def fusion_network(settings: FusionSettings, generator: torch.Generator) -> nn.Module:
-    """A fresh fusion of the kind that the settings ask for."""
+def _apart(flows: torch.Tensor) -> torch.Tensor:
+    return flows.view(len(flows), -1, 3)  # [M, K, 3]
+
+
+def fusion_network(
+    settings: FusionSettings, generator: torch.Generator, num_flows: int = 2
+) -> nn.Module:
+    """A fresh fusion of so many flows, of the kind that the settings ask for."""
     if settings.kind == "mlp":
-        return MlpFusion(settings, generator)
-    return WeightedSumFusion() if settings.kind == "weighted_sum" else MeanFusion()
+        return MlpFusion(settings, generator, num_flows)
+    return WeightedSumFusion(num_flows) if settings.kind == "weighted_sum" else MeanFusion()
 
 
 def fit_fusion(
@@ -64,7 +86,7 @@ def fit_fusion(
 
     Args:
         fusion: The fusion to fit, in place.
-        batches: Rows (M, 9): point, forward flow, inverted backward flow, metres.
+        batches: Rows (M, 3 + 3 K): point, forward flow, inverted backward flows, metres.
         target: Distance to the next sweep.
         schedule: How long and with which steps.
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import torch
+from torch import nn
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.flow_field import FlowField
@@ -16,20 +18,52 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
 
 @dataclass(frozen=True)
 class Learners:
-    """The three networks of the method."""
+    """The networks of the method.
 
-    forward: Learner
-    backward: Learner
+    Attributes:
+        fields: The forward field and the backward fields: to t-1, t-2 ...
+        fusion: What makes one flow of theirs.
+    """
+
+    fields: tuple[Learner, ...]
     fusion: Learner
+
+    @property
+    def forward(self) -> Learner:
+        """The field toward the next sweep."""
+        return self.fields[0]
+
+    @property
+    def backward(self) -> Learner:
+        """The field toward the previous sweep."""
+        return self.fields[1]
 
     @classmethod
     def fresh(
-        cls, settings: Settings, generator: torch.Generator, device: torch.device
+        cls,
+        settings: Settings,
+        generator: torch.Generator,
+        device: torch.device,
+        num_fields: int = 2,
     ) -> Learners:
         """Networks with random weights."""
-        forward, backward = (FlowField(settings.field, generator) for _ in range(2))
-        fusion = fusion_network(settings.fusion, generator)
-        return cls(*(Learner.fresh(network.to(device)) for network in (forward, backward, fusion)))
+        if settings.optimization.joint:
+            fields = _fields_with_one_optimizer(settings, generator, device, num_fields)
+        else:
+            networks = [FlowField(settings.field, generator) for _ in range(num_fields)]
+            fields = tuple(Learner.fresh(network.to(device)) for network in networks)
+        fusion = fusion_network(settings.fusion, generator, num_fields)
+        return cls(fields, Learner.fresh(fusion.to(device)))
+
+
+def _fields_with_one_optimizer(
+    settings: Settings, generator: torch.Generator, device: torch.device, number: int
+) -> tuple[Learner, ...]:
+    """Fields that start from the same weights, as in the authors' code."""
+    first = FlowField(settings.field, generator).to(device)
+    networks = nn.ModuleList([first, *(copy.deepcopy(first) for _ in range(number - 1))])
+    optimizer = torch.optim.Adam(networks.parameters())
+    return tuple(Learner(network, optimizer) for network in networks)
 
 
 class WarmStart:

@@ -79,12 +79,5 @@ def draw_wheel(
     axes.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal")
     arrow = {"arrowstyle": "-|>", "color": ink, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=(1.0, 0.0), xytext=(0.0, 0.0), arrowprops=arrow)
-    axes.text(
-        0.0,
-        -1.15,
-        f"rim: {full_speed_m:g} m\nper sweep",
-        color=ink,
-        fontsize=9,
-        horizontalalignment="center",
-        verticalalignment="top",
-    )
+    below: dict[str, Any] = {"color": ink, "fontsize": 9, "ha": "center", "va": "top"}
+    axes.text(0.0, -1.15, f"rim: {full_speed_m:g} m\nper sweep", **below)

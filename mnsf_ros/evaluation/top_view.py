@@ -6,15 +6,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.flow_wheel import draw_wheel
 from mnsf_ros.evaluation.top_view_panel import (
     BACKGROUND,
     FAINT_INK,
     INK,
+    SLOW,
     SWEEPS_PER_ARROW,
     Panel,
     draw_panel,
@@ -25,6 +28,10 @@ from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow
 _DPI: Final = 100
 _WIDTH_PX: Final = 1600
 _ROW_PX: Final = 800
+_PANEL_PX: Final = 642
+_LEFT_PX: Final = 62
+_BELOW_PX: Final = 62
+_WHEEL_PX: Final = 78
 
 
 def save_top_view(
@@ -47,7 +54,7 @@ def save_top_view(
         path: The file; its folder is made if it is missing.
         xyz: (N, 3) metres, sensor frame of the current sweep. Rows that are not finite and
             points beyond the view are not drawn; of very many, a random part is.
-        flow: (N, 3) metres per sweep; NaN rows are drawn in pale grey.
+        flow: (N, 3) metres per sweep; rows that are not finite are drawn in dim grey.
         title: One line above the picture.
         truth: (N, 3) pseudo ground truth flow, drawn as a second row in the same colors.
         next_from_current: (4, 4) the sensor's own motion; fitted to each flow if None.
@@ -55,29 +62,36 @@ def save_top_view(
         slow_m: Slower points are grey, metres per sweep.
 
     Raises:
-        EvaluationError: If the view or the slow limit is not above 0.
+        EvaluationError: If the view or the slow limit is not a number above 0.
         SweepError: If an array has another shape.
         OSError: If the file cannot be written.
     """
     if not (0 < view_m < np.inf and 0 < slow_m < np.inf):
         raise EvaluationError(f"view_m is {view_m!r}, slow_m is {slow_m!r}, expected above 0")
-    rows = [_row("estimate" if truth is not None else "", xyz, flow, next_from_current, slow_m)]
+    rows = [_row("" if truth is None else "estimate", xyz, flow, next_from_current, slow_m)]
     if truth is not None:
         rows.append(_row("truth", xyz, truth, next_from_current, slow_m))
-    figure = Figure(
-        figsize=(_WIDTH_PX / _DPI, len(rows) * _ROW_PX / _DPI), dpi=_DPI, facecolor=BACKGROUND
-    )
+    figure = _drawn(rows, title, slow_m=slow_m, view_m=view_m)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, format="png", dpi=_DPI, facecolor=BACKGROUND, bbox_inches=None)
+
+
+def _drawn(rows: list[tuple[Panel, Panel]], title: str, *, slow_m: float, view_m: float) -> Figure:
+    height_px = len(rows) * _ROW_PX
+    figure = Figure((_WIDTH_PX / _DPI, height_px / _DPI), dpi=_DPI, facecolor=BACKGROUND)
     FigureCanvasAgg(figure)
-    _draw_title(figure, title, len(rows))
-    all_axes = figure.subplots(len(rows), 2, sharex=True, sharey=True, squeeze=False)
+    _draw_writing(figure, title, height_px)
     for column in range(2):
         # One scale for estimate and truth, or their colors could not be compared.
         scale = full_speed([row[column].flow for row in rows], slow_m)
-        for axes, row in zip(all_axes[:, column], rows, strict=True):
+        for number, row in enumerate(rows):
+            left, bottom = column * _WIDTH_PX // 2 + _LEFT_PX, height_px - (number + 1) * _ROW_PX
+            axes = _add_axes(figure, left, bottom + _BELOW_PX, _PANEL_PX)
             draw_panel(axes, row[column], full_speed_m=scale, slow_m=slow_m, view_m=view_m)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, format="png", facecolor=BACKGROUND)
+            wheel = _add_axes(figure, left + _PANEL_PX + 6, bottom + _BELOW_PX + 45, _WHEEL_PX)
+            draw_wheel(wheel, scale, neutral=SLOW, ink=INK)
+    return figure
 
 
 def _row(
@@ -89,39 +103,51 @@ def _row(
 ) -> tuple[Panel, Panel]:
     """The two panels of one flow."""
     motion = fit_rigid_motion(xyz, flow) if next_from_current is None else next_from_current
-    residual = residual_flow(xyz, flow, motion)[:, :2]
+    residual = residual_flow(xyz, flow, motion)
     finite = np.isfinite(xyz).all(axis=1)
-    xy = xyz[finite, :2].astype(np.float64)
+    xyz, flow, residual = xyz[finite], flow[finite], residual[finite]
+    xy = xyz[:, :2].astype(np.float64)
     prefix = f"{name}: " if name else ""
-    num_movers = int(np.count_nonzero(np.hypot(*residual[finite].T) >= slow_m))
-    way = float(np.linalg.norm(motion[:2, 3]))
+    way_m, turn = float(np.hypot(*motion[:2, 3])), float(np.arctan2(motion[1, 0], motion[0, 0]))
+    num_missing = int(np.count_nonzero(~np.isfinite(flow).all(axis=1)))
+    num_movers = int(np.count_nonzero(np.hypot(residual[:, 0], residual[:, 1]) >= slow_m))
+    missing_note = f" · {num_missing:,} points without flow (dim)" if num_missing else ""
     return (
         Panel(
             f"{prefix}flow",
-            f"with the sensor's own motion in it ({way:.2f} m per sweep)",
+            f"with the sensor's own motion in it: {way_m:.2f} m and {abs(np.degrees(turn)):.1f}° "
+            f"per sweep{missing_note}",
             xy,
-            flow[finite, :2].astype(np.float64),
-            10.0,
+            flow[:, :2].astype(np.float64),
+            fast_area=1.6,
+            arrow_cell_m=10.0,
         ),
         Panel(
             f"{prefix}what moves",
-            f"without the sensor's own motion: {num_movers:,} of {len(xy):,} points are faster "
-            f"than {slow_m:g} m per sweep",
+            f"without the sensor's own motion: {num_movers:,} of {len(xy):,} points faster than "
+            f"{slow_m:g} m per sweep",
             xy,
-            residual[finite].astype(np.float64),
-            3.0,
+            residual[:, :2].astype(np.float64),
+            fast_area=7.0,
+            arrow_cell_m=3.0,
         ),
     )
 
 
-def _draw_title(figure: Figure, title: str, num_rows: int) -> None:
-    figure.subplots_adjust(
-        left=0.045, right=0.985, bottom=0.07 / num_rows, top=1 - 0.135 / num_rows, wspace=0.09
+def _add_axes(figure: Figure, left_px: float, bottom_px: float, side_px: float) -> Axes:
+    """A square in the figure, counted in pixels from its lower left corner."""
+    width_px, height_px = figure.get_size_inches() * _DPI
+    return figure.add_axes(
+        (left_px / width_px, bottom_px / height_px, side_px / width_px, side_px / height_px)
     )
-    top = 1 - 0.02 / num_rows
+
+
+def _draw_writing(figure: Figure, title: str, height_px: int) -> None:
+    left, top, low = _LEFT_PX / _WIDTH_PX, 1 - 12 / height_px, 8 / height_px
     # A dollar sign in a title is a dollar sign, not a formula.
-    figure.text(
-        0.045, top, title, color=INK, fontsize=17, weight="bold", va="top", parse_math=False
+    figure.text(left, top, title, color=INK, fontsize=17, weight="bold", va="top", parse_math=False)
+    hint = (
+        f"color: direction and speed (grey: slow)  ·  arrow: motion over {SWEEPS_PER_ARROW} sweeps"
+        "  ·  white triangle: sensor, pointing ahead"
     )
-    hint = f"color: direction and speed · arrows: the way of {SWEEPS_PER_ARROW} sweeps · grey: slow"
-    figure.text(0.985, top, hint, color=FAINT_INK, fontsize=10, va="top", ha="right")
+    figure.text(left, low, hint, color=FAINT_INK, fontsize=10)

@@ -9,21 +9,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.flow_wheel import Color, draw_wheel, flow_colors
+from mnsf_ros.evaluation.flow_wheel import Color, flow_colors
 
 BACKGROUND: Final = "#101216"
 INK: Final = "#e6e6e6"
 FAINT_INK: Final = "#9aa0a8"
+SLOW: Final[Color] = (0.36, 0.38, 0.42)
+MISSING: Final[Color] = (0.21, 0.22, 0.25)
 SWEEPS_PER_ARROW: Final = 5
 
 _FLOOR: Final = "#16191f"
 _GRID: Final = "#2b3038"
-_SLOW: Final[Color] = (0.36, 0.38, 0.42)
-_MISSING: Final[Color] = (0.78, 0.78, 0.78)
-_MAX_POINTS: Final = 200_000
+_SLOW_AREA: Final = 0.8  # of the mark of a point, square typographic points
+_MAX_POINTS: Final = 150_000
 _MIN_POINTS_PER_ARROW: Final = 5
-# Scales that people can read off a legend, and the powers of ten of them.
-_STEPS: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
+# Scales that people can read off a legend, times a power of ten.
+_STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class Panel:
         note: A line of explanation below it.
         xy: (N, 2) finite metres, sensor frame, x forward, y left.
         flow: (N, 2) metres per sweep; NaN where there is none.
+        fast_area: Area of the mark of the fastest points, square typographic points.
         arrow_cell_m: One arrow for each square of this side that has moving points, metres.
     """
 
@@ -42,6 +44,7 @@ class Panel:
     note: str
     xy: NDArray[np.float64]
     flow: NDArray[np.float64]
+    fast_area: float
     arrow_cell_m: float
 
 
@@ -49,11 +52,11 @@ def full_speed(flows: list[NDArray[np.float64]], slow_m: float) -> float:
     """Returns a round speed that most of what moves stays below, metres per sweep.
 
     Args:
-        flows: Arrays (N, 2), metres per sweep; NaN is left out.
+        flows: Arrays (N, 2), metres per sweep; what is not finite is left out.
         slow_m: What is slower does not move.
     """
     lengths = np.concatenate([np.hypot(flow[:, 0], flow[:, 1]) for flow in flows])
-    moving = lengths[np.isfinite(lengths) & (lengths > slow_m)]
+    moving = lengths[np.isfinite(lengths) & (lengths >= slow_m)]
     # Never so fine that the noise of what stands still looks like motion.
     wanted = max(float(np.percentile(moving, 95)) if len(moving) else 0.0, 5.0 * slow_m)
     power = 10.0 ** np.floor(np.log10(wanted))
@@ -66,7 +69,7 @@ def draw_panel(
     """Draws the panel.
 
     Args:
-        axes: Where.
+        axes: Where; should be square.
         panel: What.
         full_speed_m: Speed of the full color, metres per sweep.
         slow_m: Slower points are grey, metres per sweep.
@@ -74,20 +77,22 @@ def draw_panel(
     """
     _draw_floor(axes, panel, view_m)
     xy, flow = _in_view(panel, view_m)
+    if len(xy) == 0:
+        axes.text(0.0, view_m / 2, "no points in view", color=FAINT_INK, fontsize=13, ha="center")
     speeds = np.hypot(flow[:, 0], flow[:, 1])
     missing = ~np.isfinite(speeds)
-    axes.scatter(*xy[missing].T, s=0.8, color=[_MISSING], linewidths=0)
+    axes.scatter(xy[missing, 0], xy[missing, 1], s=_SLOW_AREA, color=[MISSING], linewidths=0)
     order = np.flatnonzero(~missing)
     order = order[np.argsort(speeds[order], kind="stable")]  # the fastest are drawn on top
     xy, flow, speeds = xy[order], flow[order], speeds[order]
-    colors = flow_colors(flow, full_speed_m, neutral=_SLOW)
-    colors[speeds < slow_m] = _SLOW
-    sizes = 0.8 + 4.0 * np.clip(speeds / full_speed_m, 0.0, 1.0)
-    axes.scatter(xy[:, 0], xy[:, 1], s=sizes, c=colors, linewidths=0)
-    _draw_arrows(axes, xy[speeds >= slow_m], flow[speeds >= slow_m], panel.arrow_cell_m)
+    colors = flow_colors(flow, full_speed_m, neutral=SLOW)
+    colors[speeds < slow_m] = SLOW
+    fastness = np.clip(speeds / full_speed_m, 0.0, 1.0)
+    areas = _SLOW_AREA + (panel.fast_area - _SLOW_AREA) * fastness
+    axes.scatter(xy[:, 0], xy[:, 1], s=areas, c=colors, linewidths=0)
+    moving = speeds >= slow_m
+    _draw_arrows(axes, xy[moving], flow[moving], panel.arrow_cell_m, view_m)
     _draw_sensor(axes, view_m)
-    inset = axes.inset_axes((0.845, 0.09, 0.135, 0.135))
-    draw_wheel(inset, full_speed_m, neutral=_SLOW, ink=INK)
 
 
 def _in_view(panel: Panel, view_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -101,19 +106,19 @@ def _draw_floor(axes: Axes, panel: Panel, view_m: float) -> None:
     axes.set_facecolor(_FLOOR)
     axes.set(xlim=(-view_m, view_m), ylim=(-view_m, view_m), aspect="equal")
     axes.set_xlabel("x, forward (m)", color=FAINT_INK)
-    axes.set_ylabel("y, left (m)", color=FAINT_INK)
+    axes.set_ylabel("y, left (m)", color=FAINT_INK, labelpad=0)
     axes.tick_params(colors=FAINT_INK, length=3)
     axes.grid(color=_GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
         spine.set_color(_GRID)
     above: dict[str, Any] = {"transform": axes.transAxes, "verticalalignment": "bottom"}
-    axes.text(0.0, 1.045, panel.title, color=INK, fontsize=13, weight="bold", **above)
+    axes.text(0.0, 1.04, panel.title, color=INK, fontsize=13, weight="bold", **above)
     axes.text(0.0, 1.01, panel.note, color=FAINT_INK, fontsize=10, **above)
 
 
 def _draw_arrows(
-    axes: Axes, xy: NDArray[np.float64], flow: NDArray[np.float64], cell_m: float
+    axes: Axes, xy: NDArray[np.float64], flow: NDArray[np.float64], cell_m: float, view_m: float
 ) -> None:
     """One arrow from the middle of the points of each cell, as long as the way of some sweeps."""
     if len(xy) == 0:
@@ -121,12 +126,21 @@ def _draw_arrows(
     cells = np.floor(xy / cell_m).astype(np.int64)
     _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     inverse = inverse.ravel()  # NumPy 2.0 returned it with the shape of a column
-    columns = [np.bincount(inverse, column) / counts for column in (*xy.T, *flow.T)]
-    x, y, u, v = np.array(columns)[:, counts >= _MIN_POINTS_PER_ARROW] * np.array(
-        [[1.0], [1.0], [SWEEPS_PER_ARROW], [SWEEPS_PER_ARROW]]
-    )
+    # An absurd flow must not become a path that the renderer cannot hold.
+    ways = np.clip(flow * SWEEPS_PER_ARROW, -4.0 * view_m, 4.0 * view_m)
+    means = [np.bincount(inverse, column) / counts for column in (*xy.T, *ways.T)]
+    x, y, to_x, to_y = np.array(means)[:, counts >= _MIN_POINTS_PER_ARROW]
     axes.quiver(
-        x, y, u, v, angles="xy", scale_units="xy", scale=1.0, color=INK, width=0.0022, alpha=0.85
+        x,
+        y,
+        to_x,
+        to_y,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        color=INK,
+        width=0.0024,
+        alpha=0.9,
     )
 
 

@@ -11,14 +11,14 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.online.online_pipeline import (
-    FLOWS_OUT,
     SWEEPS_RECEIVED,
     TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
 
-_ALARMING_FAILURES = 3
+# More than one bad sweep: each is in three triplets.
+_ALARMING_FAILURES = 4
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Diagnostics:
         now_s = time.monotonic()
         statuses = [
             self._input_status(snapshot, state, stale_after_s, now_s),
-            self._flow_status(snapshot, load, now_s),
+            self._flow_status(snapshot, load, stale_after_s, now_s),
         ]
         self._last_counts = snapshot.counts
         return statuses
@@ -61,10 +61,12 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         arrivals_s = snapshot.arrivals_s
         silence_s = now_s - arrivals_s[-1] if arrivals_s else float("inf")
-        if silence_s > stale_after_s:
-            level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
-        elif self._new(snapshot, "clouds_undecodable"):
+        if self._new(snapshot, "clouds_undecodable"):
             level, message = DiagnosticStatus.WARN, "clouds that cannot be decoded"
+        elif self._new(snapshot, "clouds_empty"):
+            level, message = DiagnosticStatus.WARN, "clouds without a finite point"
+        elif silence_s > stale_after_s:
+            level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
         else:
             level, message = DiagnosticStatus.OK, "receiving"
         rate_hz = snapshot.input_rate_hz(now_s)
@@ -82,9 +84,10 @@ class Diagnostics:
         return self._status("input", level, message, values)
 
     def _flow_status(
-        self, snapshot: StatisticsSnapshot, load: int, now_s: float
+        self, snapshot: StatisticsSnapshot, load: int, stale_after_s: float, now_s: float
     ) -> DiagnosticStatus:
-        level, message = self._flow_level(snapshot)
+        idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else float("inf")
+        level, message = self._flow_level(snapshot, is_active=load > 0 or idle_s <= stale_after_s)
         values: dict[str, object] = {
             "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
@@ -102,7 +105,7 @@ class Diagnostics:
             values |= _recent_values(snapshot)
         return self._status("flow", level, message, values)
 
-    def _flow_level(self, snapshot: StatisticsSnapshot) -> tuple[bytes, str]:
+    def _flow_level(self, snapshot: StatisticsSnapshot, *, is_active: bool) -> tuple[bytes, str]:
         if snapshot.failures_in_a_row >= _ALARMING_FAILURES:
             text = f"{snapshot.failures_in_a_row} estimates failed in a row"
             return DiagnosticStatus.ERROR, text
@@ -112,9 +115,9 @@ class Diagnostics:
             return DiagnosticStatus.WARN, "slower than the sensor: dropping triplets"
         if self._new(snapshot, TRIPLETS_UNWATCHED):
             return DiagnosticStatus.OK, "resting: nobody subscribes to the flow"
-        if snapshot.counts.get(FLOWS_OUT):
+        if is_active:
             return DiagnosticStatus.OK, "estimating"
-        waiting = "for the third sweep" if snapshot.counts.get(SWEEPS_RECEIVED) else "for sweeps"
+        waiting = "for the third sweep" if self._new(snapshot, SWEEPS_RECEIVED) else "for sweeps"
         return DiagnosticStatus.OK, f"waiting {waiting}"
 
     def _new(self, snapshot: StatisticsSnapshot, event: str) -> bool:

@@ -67,9 +67,8 @@ class InputSubscription:
         if self._wanted != "auto":
             return False
         offered = self._node.get_publishers_info_by_topic(self.topic)
-        if not offered:
-            return False
-        all_reliable = all(
+        # Without publishers best effort, which suits whichever comes.
+        all_reliable = bool(offered) and all(
             info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in offered
         )
         if all_reliable == self._is_reliable:

@@ -5,23 +5,38 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from types import FrameType
+from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.process_environment import prepare_environment
+from mnsf_ros.node.process_environment import NoRosError, prepare_environment, require_ros
+
+if TYPE_CHECKING:
+    from mnsf_ros.node.scene_flow_node import SceneFlowNode
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
 _CLOSE_TIMEOUT_S = 0.5
 
-NO_ROS = (
-    "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install its "
-    "wheels (pip install 'mnsf_ros[wheels]')"
-)
+_EXIT_USAGE = 2
+
+# That of SceneFlowNode, which is not loaded yet when the first things go wrong.
+_LOGGER_NAME = "scene_flow"
 
 
 def main() -> None:
-    """Runs the node until SIGINT or SIGTERM. Ends the process: 0, or 2 for a wrong parameter."""
+    """Runs the node until SIGINT or SIGTERM.
+
+    Ends the process: 0 after a signal, 2 if something that the user gave cannot be used, said in
+    one line.
+    """
+    signals = _EndSignals()
     prepare_environment()
-    status, has_ended = _run()
+    try:
+        require_ros()
+    except NoRosError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(_EXIT_USAGE)
+    status, has_ended = _run(signals)
     sys.stdout.flush()
     sys.stderr.flush()
     if not has_ended:
@@ -31,40 +46,93 @@ def main() -> None:
     sys.exit(status)
 
 
-def _run() -> tuple[int, bool]:
-    try:
-        import rclpy
-    except ModuleNotFoundError as error:
-        if error.name != "rclpy":
-            raise
-        sys.stderr.write(f"{NO_ROS}\n")
-        return 2, True
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.logging import get_logger
+class _EndSignals:
+    """SIGINT and SIGTERM: without a KeyboardInterrupt, which could come in the clean-up, too.
 
-    from mnsf_ros.node.scene_flow_node import NODE_NAME, SceneFlowNode
+    `ros2 launch` delivers Ctrl-C twice. Until ROS runs, there is nothing to clean up, and the
+    process ends at once; afterwards rclpy's handler, which goes before this one, ends the spinning.
+    """
+
+    def __init__(self) -> None:
+        self._is_left_to_rclpy = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def leave_to_rclpy(self) -> None:
+        """To be called when rclpy's handlers are there and before there is something to clean up."""
+        self._is_left_to_rclpy = True
+
+    def ignore(self) -> None:
+        """For the end of the interpreter, which would give the signals their default meaning."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        if not self._is_left_to_rclpy:
+            os._exit(0)
+
+
+def _run(signals: _EndSignals) -> tuple[int, bool]:
+    import rclpy
+    from rclpy.exceptions import ParameterException
+    from rclpy.logging import get_logger
 
     status, has_ended, node = 0, True, None
     try:
-        rclpy.init()
-        node = SceneFlowNode()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except SettingsError as error:
-        get_logger(NODE_NAME).fatal(str(error))
-        status = 2
+        _init_ros()
+        node = _make_node(signals)
+        _spin(node)
+    except (SettingsError, ParameterException) as error:
+        get_logger(_LOGGER_NAME).fatal(str(error))
+        status = _EXIT_USAGE
+    except Exception:
+        # A signal takes the context away at any time, and what is under way then fails.
+        if rclpy.ok():
+            raise
     finally:
-        # `ros2 launch` delivers Ctrl-C twice; the second must not interrupt the clean-up.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if node is not None:
             has_ended = node.close(_CLOSE_TIMEOUT_S)
             node.destroy_node()
         rclpy.try_shutdown()
+        signals.ignore()
     return status, has_ended
+
+
+def _init_ros() -> None:
+    """Reads the ROS arguments of the command line.
+
+    Raises:
+        SettingsError: If they cannot be understood, or a parameter file cannot be read.
+    """
+    import rclpy
+
+    try:
+        rclpy.init()
+    except Exception as error:  # noqa: BLE001 - rclpy's classes for this are private
+        text = " ".join(str(error).split())
+        raise SettingsError(f"cannot start ROS: {type(error).__name__}: {text}") from None
+
+
+def _make_node(signals: _EndSignals) -> SceneFlowNode:
+    # It loads torch, which takes a second or two: after a mistake in the ROS arguments was found.
+    from mnsf_ros.node.scene_flow_node import SceneFlowNode
+
+    signals.leave_to_rclpy()
+    return SceneFlowNode()
+
+
+def _spin(node: SceneFlowNode) -> None:
+    """Runs the node's callbacks until a signal comes."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while rclpy.ok():
+        try:
+            executor.spin()
+        except Exception as error:  # noqa: BLE001 - rclpy's parameter services raise what they like
+            node.report_error("executor", error)
 
 
 if __name__ == "__main__":

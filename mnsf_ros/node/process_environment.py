@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import MutableMapping
 from pathlib import Path
+
+from mnsf_ros.errors import MnsfError
 
 TRANSPORT_PROFILE = Path(__file__).with_name("fastdds.xml")
 
@@ -20,3 +23,20 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
     if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
         environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
     environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+class NoRosError(MnsfError):
+    """There is no rclpy in this Python."""
+
+
+def require_ros() -> None:
+    """Checks that rclpy can be imported.
+
+    Raises:
+        NoRosError: If not; it says what to do.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise NoRosError(
+            "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install "
+            "its wheels (pip install 'mnsf_ros[wheels]')"
+        )

@@ -71,6 +71,14 @@ class SceneFlowNode(Node):
         """Abandons the estimate under way; False if it could not be interrupted in time."""
         return self._pipeline.close(timeout_s)
 
+    def report_error(self, where: str, error: Exception) -> None:
+        """Logs and counts an error that nobody expected, unless it comes of ROS shutting down."""
+        if not self.context.ok():
+            return
+        self._pipeline.statistics.count("callback_errors")
+        details = "".join(traceback.format_exception(error))
+        self._once.error(f"{where} {type(error).__name__}", details)
+
     def _start_timers(self) -> None:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -95,6 +103,9 @@ class SceneFlowNode(Node):
             self._pipeline.statistics.count("clouds_undecodable")
             self._once.warn("undecodable", f"a cloud cannot be decoded: {error}")
             return
+        if not (message.header.stamp.sec or message.header.stamp.nanosec):
+            self._pipeline.statistics.count("clouds_without_stamp")
+            self._once.warn("no stamp", "a cloud has no stamp; the time of its arrival is taken")
         if len(sweep) == 0:
             self._pipeline.statistics.count("clouds_empty")
             self._once.warn("empty", "a cloud has no finite point; it is left out")
@@ -115,6 +126,8 @@ class SceneFlowNode(Node):
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
         """Runs in the worker thread."""
+        if not self.context.ok():
+            return
         stamp_ns = job.triplet.current.stamp_ns
         if isinstance(error, MnsfError):
             self._once.warn(f"refused {type(error).__name__}", f"no flow for {stamp_ns}: {error}")
@@ -156,9 +169,7 @@ class SceneFlowNode(Node):
             try:
                 callback(*arguments)
             except Exception as error:  # noqa: BLE001 - see above
-                self._pipeline.statistics.count("callback_errors")
-                details = "".join(traceback.format_exception(error))
-                self._once.error(f"{callback.__name__} {type(error).__name__}", details)
+                self.report_error(callback.__name__, error)
 
         return guarded
 

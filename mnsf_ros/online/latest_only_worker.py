@@ -42,8 +42,13 @@ class LatestOnlyWorker(Generic[Job]):
             return self._is_closing
 
     def submit(self, job: Job) -> bool:
-        """Puts a job in the waiting slot; True if it took the place of another. Never blocks."""
+        """Puts a job in the waiting slot; True if it took the place of another. Never blocks.
+
+        After `close` the job is forgotten at once.
+        """
         with self._condition:
+            if self._is_closing:
+                return False
             has_replaced = self._waiting is not None
             self._waiting = job
             self._condition.notify()

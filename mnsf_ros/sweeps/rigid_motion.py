@@ -12,8 +12,10 @@ from mnsf_ros.errors import SweepError
 # A motion has six unknowns: so many points, drawn at random, fix it far below their noise.
 _MAX_POINTS: Final = 20_000
 _MAX_ITERATIONS: Final = 60
-# Tukey's constant: with Gaussian noise the fit is 95 % as precise as least squares.
-_TUKEY: Final = 4.685
+# Median distance over standard deviation per axis, for Gaussian noise in three dimensions.
+_MEDIAN_OF_NOISE: Final = 1.538
+# Points so many standard deviations off do not count at all; Gaussian noise stays below.
+_TUKEY_REACH: Final = 6.0
 # Residuals below this are all alike: finer than the resolution of float32 at 100 m.
 _MIN_SCALE_M: Final = 1e-5
 # Points count as a line when their spread across it is this small beside that along it.
@@ -26,7 +28,8 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
     """Returns the flow of static points, which the sensor's own motion alone makes.
 
     Args:
-        xyz: (N, 3) metres, sensor frame of the current sweep. A NaN row gives a NaN row.
+        xyz: (N, 3) metres, sensor frame of the current sweep. A row that is not finite gives
+            a row that is not finite.
         next_from_current: (4, 4) rigid transform, x_next = next_from_current · x_current.
 
     Returns:
@@ -38,13 +41,12 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
     _check_columns("xyz", xyz)
     transform = np.asarray(next_from_current, dtype=np.float64)
     if transform.shape != (4, 4) or not np.isfinite(transform).all():
-        raise SweepError(f"next_from_current is {transform!r}, expected finite (4, 4) numbers")
+        raise SweepError(f"next_from_current is {transform.tolist()}, expected (4, 4) finite")
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
     turn = transform[:3, :3] - np.eye(3)
-    flow: NDArray[np.float32] = (xyz.astype(np.float64) @ turn.T + transform[:3, 3]).astype(
-        np.float32
-    )
-    return flow
+    with np.errstate(over="ignore", invalid="ignore"):
+        flow: NDArray[np.float64] = xyz.astype(np.float64) @ turn.T + transform[:3, 3]
+        return flow.astype(np.float32)
 
 
 def residual_flow(
@@ -64,8 +66,10 @@ def residual_flow(
         SweepError: If a shape does not fit, or the transform is not finite.
     """
     _check_pair(xyz, flow)
-    residual: NDArray[np.float32] = flow - rigid_flow(xyz, next_from_current)
-    return residual.astype(np.float32, copy=False)
+    rigid = rigid_flow(xyz, next_from_current)
+    with np.errstate(over="ignore", invalid="ignore"):
+        residual: NDArray[np.float32] = (flow - rigid).astype(np.float32, copy=False)
+    return residual
 
 
 def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
@@ -120,9 +124,8 @@ def _tukey_fit(
 ) -> NDArray[np.float64]:
     for _ in range(_MAX_ITERATIONS):
         residuals = _residuals(motion, source, moved)
-        # 1.4826 makes a standard deviation of a median of absolute values.
-        scale = max(1.4826 * float(np.median(residuals)), _MIN_SCALE_M)
-        weights = np.maximum(0.0, 1.0 - (residuals / (_TUKEY * scale)) ** 2) ** 2
+        scale = max(float(np.median(residuals)) / _MEDIAN_OF_NOISE, _MIN_SCALE_M)
+        weights = np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
         last, motion = motion, _kabsch(source, moved, weights)
         if np.abs(motion - last).max() < 1e-9:
             break

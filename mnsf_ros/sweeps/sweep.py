@@ -70,12 +70,20 @@ class Sweep:
 class SweepTriplet:
     """Three consecutive sweeps: S1 (t-1), S2 (t) and S3 (t+1) of the paper.
 
-    `previous` may be missing: the estimate then uses two sweeps only.
+    Attributes:
+        previous: The sweep at t-1. It may be missing: the estimate then uses two sweeps only.
+        current: The sweep at t, whose flow is estimated.
+        next: The sweep at t+1.
+        earlier: The sweeps at t-2, t-3 ..., for methods that use more than three.
+        next_from_current: (4, 4) rigid motion of the standing world between the two sensor
+            frames, x_next = next_from_current · x_current, for methods that are told it.
     """
 
     previous: Sweep | None
     current: Sweep
     next: Sweep
+    earlier: tuple[Sweep, ...] = ()
+    next_from_current: NDArray[np.float64] | None = None
 
     @property
     def interval_s(self) -> float:
@@ -83,10 +91,24 @@ class SweepTriplet:
         return (self.next.stamp_ns - self.current.stamp_ns) / NANOSECONDS
 
     @property
+    def before(self) -> tuple[Sweep, ...]:
+        """The sweeps at t-1, t-2 ..."""
+        return () if self.previous is None else (self.previous, *self.earlier)
+
+    @property
     def interval_ratio(self) -> float:
         """Interval to the next sweep over interval from the previous one; 1 without stamps."""
-        if self.previous is None:
-            return 1.0
-        before = self.current.stamp_ns - self.previous.stamp_ns
+        return self.interval_ratios[0] if self.before else 1.0
+
+    @property
+    def interval_ratios(self) -> tuple[float, ...]:
+        """Interval to the next sweep over that from each one before: t-1, t-2 ...
+
+        Without stamps they are 1, 1/2 ...
+        """
         after = self.next.stamp_ns - self.current.stamp_ns
-        return after / before if before > 0 and after > 0 else 1.0
+        intervals = (self.current.stamp_ns - sweep.stamp_ns for sweep in self.before)
+        return tuple(
+            after / interval if interval > 0 and after > 0 else 1.0 / number
+            for number, interval in enumerate(intervals, start=1)
+        )

@@ -29,7 +29,7 @@ def test_depth_counts_hidden_layers(num_hidden_layers):
     ]
     inputs = [3] + [16] * num_hidden_layers
     assert [layer.in_features for layer in layers[::2]] == inputs
-    assert [layer.out_features for layer in layers[::2]] == inputs[1:] + [3]
+    assert [layer.out_features for layer in layers[::2]] == [*inputs[1:], 3]
 
 
 def test_eight_layers_of_the_paper():

@@ -83,7 +83,7 @@ def test_each_step_has_the_size_of_the_schedule(decay):
     # Under a constant gradient, each step of Adam is as long as the learning rate.
     learner = learner_at()
     schedule = Schedule(10, 0.5, decay)
-    minimize(learner, lambda: learner.network.weights.sum(), schedule, keep_best=False)
+    minimize(learner, learner.network.weights.sum, schedule, keep_best=False)
     way = sum(schedule.learning_rate_at(iteration) for iteration in range(10))
     torch.testing.assert_close(weights_of(learner), torch.full((3,), -way), rtol=1e-4, atol=0)
 
@@ -133,7 +133,7 @@ def test_loss_that_was_never_finite(bad, keep_best, patience):
     learner = learner_at()
     course = Course(learner, instead=dict.fromkeys(range(10), bad))
     with pytest.raises(
-        OptimizationError, match=f"^the loss became {bad}, expected a finite number of metres$"
+        OptimizationError, match=r"^the loss became (nan|inf), expected a finite number of metres$"
     ):
         minimize(learner, course, Schedule(10, 0.1, patience=patience), keep_best=keep_best)
 
@@ -142,7 +142,7 @@ def test_loss_that_was_never_finite(bad, keep_best, patience):
 def test_loss_that_stays_not_finite_without_better_weights_to_return_to(patience):
     learner = learner_at()
     course = Course(learner, instead={3: math.nan})
-    with pytest.raises(OptimizationError, match="^the loss became nan, "):
+    with pytest.raises(OptimizationError, match=r"^the loss became nan, "):
         minimize(learner, course, Schedule(10, 0.1, patience=patience), keep_best=False)
 
 
@@ -151,7 +151,7 @@ def test_cancelled(steps):
     learner = learner_at()
     course = Course(learner)
     schedule = Schedule(100, 0.1, cancelled=lambda: len(course.losses) == steps)
-    with pytest.raises(CancelledError, match="^the estimate was cancelled$"):
+    with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
         minimize(learner, course, schedule, keep_best=True)
     assert len(course.losses) == steps
 
@@ -179,7 +179,7 @@ def test_network_without_weights_is_only_looked_at():
 
 def test_network_without_weights_and_a_loss_that_is_not_finite():
     learner = Learner.fresh(nn.Identity())
-    with pytest.raises(OptimizationError, match="^the loss became nan, "):
+    with pytest.raises(OptimizationError, match=r"^the loss became nan, "):
         minimize(learner, lambda: torch.tensor(math.nan), Schedule(100, 0.1), keep_best=True)
 
 

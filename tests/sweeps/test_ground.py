@@ -85,7 +85,7 @@ def test_things_narrower_than_the_window_stand_on_the_ground(box, rise):
 
 def test_inside_of_a_thing_wider_than_the_window_is_terrain():
     floor = without_floor(plane(), (-10, 10), (-10, 10))
-    terrace = grid(np.arange(-10, 10, 0.1), np.arange(-10, 10, 0.1)) + (0, 0, 3.0)
+    terrace = grid(np.arange(-10, 10, 0.1), np.arange(-10, 10, 0.1), lambda x, _: 0 * x + 3)
     points = np.vstack([floor, terrace])
     # Half a window and a cell from its edges, a window sees nothing but the terrace.
     is_inner = np.abs(terrace[:, :2]).max(axis=1) < 10 - GROUND.window_m / 2 - GROUND.cell_size_m
@@ -118,7 +118,9 @@ def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
     # Two heaps, each of the size of a point now: what is high above the lowest point of its
     # heap is no ground.
     heap = np.array([(0, 0, 0), (0, 0, 2), (0, 0, 0.1)])
-    mask = is_ground(np.vstack([heap, heap + (far, far, 0), heap + (-far, 0, 0)]))
+    mask = is_ground(
+        np.vstack([np.add(heap, (x, y, 0)) for x, y in ((0, 0), (far, far), (-far, 0))])
+    )
     assert mask.tolist() == [True, False, True] * 3
 
 

@@ -87,14 +87,14 @@ def test_not_an_array_of_points(points, got):
 
 @pytest.mark.parametrize("ragged", [[[1, 2, 3], [1, 2]], [[1, 2, 3], 4], [[1, 2, [3]], [4, 5, 6]]])
 def test_rows_of_different_lengths(ragged):
-    with pytest.raises(SweepError, match="^next: got rows of different lengths, expected "):
+    with pytest.raises(SweepError, match=r"^next: got rows of different lengths, expected "):
         Sweep.from_array(ragged, name="next")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 def test_points_that_are_not_finite_are_counted(bad):
     points = np.array([[0, 0, bad], [bad, bad, bad], [1, 2, 3]])
-    with pytest.raises(SweepError, match="^points: 2 of 3 points are not finite; remove them$"):
+    with pytest.raises(SweepError, match=r"^points: 2 of 3 points are not finite; remove them$"):
         Sweep.from_array(points)
 
 
@@ -122,7 +122,10 @@ def test_interval():
         ((None, 100, 300), 1),  # two sweeps: nothing to compare with
         ((0, 0, 0), 1),  # no stamps
         ((0, 0, 100), 1),
-        ((300, 200, 100), 1),  # nonsense is not made worse by a negative ratio
+        # Nonsense is not made worse by a negative ratio.
+        ((300, 200, 100), 1),
+        ((0, 100, 50), 1),
+        ((100, 50, 200), 1),
     ],
 )
 def test_interval_ratio(stamps_ns, ratio):

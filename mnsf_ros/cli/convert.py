@@ -1,0 +1,77 @@
+"""`mnsf convert`: a sequence of a public data set as a recording with truth."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+
+from mnsf_ros.datasets.formats import FORMATS, open_source, part_of
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
+from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.demo.console_progress import counting_progress
+
+_DEFAULTS = TruthSettings()
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
+    parser = subparsers.add_parser(
+        "convert",
+        help="write a sequence of a public data set as a recording with its true flow",
+        description="Writes a sequence of a public data set as a recording with its true flow.",
+        epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/datasets.md",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("format", choices=FORMATS, metavar="FORMAT", help="see below")
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="see below")
+    parser.add_argument(
+        "out", type=Path, metavar="OUT", help="folder to write, or a single file OUT.mcap"
+    )
+    parser.add_argument("--force", action="store_true", help="replace a recording that is there")
+    parser.add_argument("--compress", action="store_true", help="compress the recording (zstd)")
+    parser.add_argument(
+        "--sequence", metavar="NAME", help="scene (nuscenes) or segment (waymo), if several"
+    )
+    parser.add_argument(
+        "--labels", type=Path, metavar="DIR", help="scene flow labels of the log (argoverse2)"
+    )
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="N", help="first sweep, counted from 0"
+    )
+    parser.add_argument("--count", type=int, metavar="N", help="number of sweeps (default: all)")
+    parser.add_argument(
+        "--box-margin",
+        type=float,
+        default=_DEFAULTS.box_margin_m,
+        metavar="M",
+        help="by how much boxes grow in length, width and height (default %(default)s m)",
+    )
+    parser.add_argument(
+        "--unlabelled-static",
+        action="store_true",
+        help="points where no labels reach stand still, instead of not being valid",
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    settings = TruthSettings(options.box_margin, options.unlabelled_static)
+    read_options = ReadOptions(sequence=options.sequence, labels=options.labels)
+    source = open_source(options.format, options.source, read_options)
+    source = part_of(source, options.first, options.count)
+    console = Console()
+    with counting_progress(console) as progress:
+        task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)
+        num_sweeps = write_recording(
+            source,
+            options.out,
+            settings,
+            lambda done: progress.update(task, completed=done),
+            overwrite=options.force,
+            compress=options.compress,
+        )
+    console.print(f"{num_sweeps} sweeps in {options.out}", highlight=False, soft_wrap=True)

@@ -1,0 +1,27 @@
+"""What every method of estimating scene flow offers, ours and those of other packages."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+
+class SceneFlowEstimator(Protocol):
+    """Estimates the flow of the middle sweep of a triplet."""
+
+    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
+        """Estimates the flow of `triplet.current`.
+
+        Args:
+            triplet: Three sweeps in their own sensor frames; `earlier` has more, where the method
+                asked for them.
+
+        Returns:
+            The flow, one row for each point of the current sweep.
+
+        Raises:
+            MnsfError: If there is no flow for this triplet; the next one is tried all the same.
+        """
+        ...

@@ -1,0 +1,197 @@
+"""What every method works on: the sweeps made ready, randomness, a clock, and the fits so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+
+import torch
+from torch import nn
+
+from mnsf_ros.core.batches import Batches, evaluate
+from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Start
+from mnsf_ros.core.optimization import (
+    Learner,
+    OptimizationResult,
+    PartlyJudgedLoss,
+    minimize,
+)
+from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
+from mnsf_ros.core.schedule import Schedule
+from mnsf_ros.core.temporal_fusion import fit_fusion
+from mnsf_ros.errors import OptimizationError, SweepError
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+
+class Workbench:
+    """One estimate under way, for any method. Make it, fit networks, then `finish`.
+
+    Attributes:
+        settings: All settings.
+        device: Where the networks and the points are.
+        generator: The only source of randomness, on the CPU.
+        triplet: The sweeps as they came.
+        current: The sweep whose flow is estimated.
+        next: The sweep at t+1.
+        before: The sweeps at t-1, t-2 ..., as many as were asked for.
+        rows_to_fit: (M, 3) metres, the points of the current sweep that fits may use.
+        points: The same, in batches.
+        fits: Stage to result of its optimization.
+    """
+
+    current: PreparedSweep
+    next: PreparedSweep
+    before: list[PreparedSweep]
+    rows_to_fit: torch.Tensor
+    points: Batches
+
+    def __init__(
+        self,
+        triplet: SweepTriplet,
+        settings: Settings,
+        device: torch.device,
+        preparation: SweepPreparation,
+        num_before: int = 0,
+    ) -> None:
+        """Prepares the sweeps and chooses the points to fit to.
+
+        Args:
+            triplet: At least a current and a next sweep.
+            settings: All settings.
+            device: Where to work.
+            preparation: Remembers sweeps from triplet to triplet.
+            num_before: Sweeps before the current one that the method needs.
+
+        Raises:
+            SweepError: If crop and ground removal leave too few points of a sweep, or there are
+                not as many sweeps as the method needs.
+        """
+        self.triplet = triplet
+        self.settings = settings
+        self.device = device
+        self.fits: dict[str, OptimizationResult] = {}
+        self._clock = StageClock(device)
+        # A generator of its own: the same triplet gives the same flow whatever came before.
+        self.generator = torch.Generator().manual_seed(settings.compute.seed)
+        with self.stage("prepare"):
+            sweeps = (triplet.current, triplet.next, *_sweeps_before(triplet, num_before))
+            self.current, self.next, *self.before = preparation.prepare(*sweeps)
+            kept = torch.from_numpy(self.current.kept).nonzero().view(-1)
+            self._indices_to_fit = self._sampled(kept).to(device)
+            self.rows_to_fit = self.current.positions[self._indices_to_fit]
+            self.points = self.batches(self.rows_to_fit)
+
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """Adds the time of the block to the stage's time."""
+        return self._clock.stage(name)
+
+    def batches(self, rows: torch.Tensor) -> Batches:
+        """Rows (M, C) to draw from, as the settings ask."""
+        return Batches(rows, self.settings.optimization.batch_points, self.generator)
+
+    def sampled_points(self, sweep: PreparedSweep) -> torch.Tensor:
+        """(M, 3) metres, the points of another sweep that fits may use."""
+        return self._sampled(sweep.points.cpu()).to(self.device)
+
+    def fit(
+        self,
+        stage: str,
+        learner: Learner,
+        loss_of: Callable[[], torch.Tensor | PartlyJudgedLoss],
+        schedule: Schedule,
+        *,
+        keep_best: bool | None = None,
+    ) -> None:
+        """Optimizes a network in place, timed and noted under the name of the stage.
+
+        Args:
+            stage: Name of the stage.
+            learner: Network and optimizer.
+            loss_of: Computes the loss of the network as it is now.
+            schedule: How long and with which steps.
+            keep_best: Whether losses can be compared and the best weights be kept; if not given,
+                where `points` are whole.
+
+        Raises:
+            OptimizationError: If the loss is not finite.
+            CancelledError: If the schedule says so.
+        """
+        with self.stage(stage):
+            keep_best = self.points.are_whole if keep_best is None else keep_best
+            self.fits[stage] = minimize(learner, loss_of, schedule, keep_best=keep_best)
+
+    def flow(
+        self, stage: str, network: nn.Module, rows: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """The flow that a fitted network says.
+
+        Args:
+            stage: Whose time this adds to.
+            network: Maps (N, C) to (N, 3).
+            rows: (N, C) for all points of the current sweep; their positions if not given.
+
+        Returns:
+            (N, 3) finite metres.
+
+        Raises:
+            OptimizationError: If the flow is not finite.
+        """
+        with self.stage(stage):
+            flow = evaluate(network, self.current.positions if rows is None else rows)
+            # The loss may be finite all the same: it is that of the step before, or truncated.
+            if not torch.isfinite(flow).all():
+                raise OptimizationError(
+                    f"the {stage} flow is not finite; try a smaller learning rate"
+                )
+            return flow
+
+    def fused_flow(
+        self, fusion: Learner, flows: Sequence[torch.Tensor], schedule: Schedule
+    ) -> torch.Tensor:
+        """Fits g_fusion to f and f' ..., each (N, 3); (N, 3) finite metres, from t to t+1."""
+        with self.stage("fusion"):
+            side_by_side = torch.cat(list(flows), dim=1)  # [N, 3 K]
+            rows = torch.cat([self.current.positions, side_by_side], dim=1)[self._indices_to_fit]
+            self.fits["fusion"] = fit_fusion(
+                fusion, self.batches(rows), self.next.distance, schedule
+            )
+        return self.flow("fusion", fusion.network, side_by_side)
+
+    def finish(
+        self,
+        flow: torch.Tensor,
+        start: Start = Start.COLD_BY_SETTING,
+        distance_kind: str | None = None,
+    ) -> FlowEstimate:
+        """Makes the result of the (N, 3) flow.
+
+        Args:
+            flow: Metres, from t to t+1.
+            start: Where the first weights came from.
+            distance_kind: How distances were measured, if not to `next.distance`.
+        """
+        return FlowEstimate(
+            flow=flow.cpu().numpy(),
+            kept=self.current.kept,
+            times_ms=self._clock.times_ms,
+            fits=self.fits,
+            start=start,
+            device=self.device.type,
+            distance_kind=distance_kind or self.next.distance.kind,
+        )
+
+    def _sampled(self, rows: torch.Tensor) -> torch.Tensor:
+        wanted = self.settings.optimization.max_points
+        if 0 < wanted < len(rows):
+            return rows[torch.randperm(len(rows), generator=self.generator)[:wanted]]
+        return rows
+
+
+def _sweeps_before(triplet: SweepTriplet, number: int) -> tuple[Sweep, ...]:
+    if len(triplet.before) < number:
+        raise SweepError(
+            f"sweep {triplet.current.stamp_ns}: got {len(triplet.before)} sweeps before it, "
+            f"expected {number}"
+        )
+    return triplet.before[:number]

@@ -1,0 +1,91 @@
+"""What the `mnsf` command says and which status it ends with."""
+
+from pathlib import Path
+
+import pytest
+
+from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.settings import Settings
+from mnsf_ros.settings_documents import settings_yaml
+
+
+def only_line(capsys: pytest.CaptureFixture[str]) -> str:
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("mnsf: ")
+    return lines[0]
+
+
+def test_parameters_prints_a_parameter_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["parameters"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.endswith(settings_yaml(Settings(), "x").partition("\n")[2])
+
+
+def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "street"
+    small = ["--duration-s", "0.3", "--num-beams", "16", "--num-columns", "90"]
+    assert run(["simulate", str(out), *small]) == 0
+    with BagReader(out) as reader:
+        assert {name: topic.count for name, topic in reader.topics.items()} == {
+            "/points": 3,
+            "/truth/flow": 3,
+            "/truth/odometry": 3,
+        }
+    capsys.readouterr()
+    assert run(["simulate", str(out), *small]) == EXIT_USAGE
+    assert "exists already" in only_line(capsys)
+    assert run(["simulate", str(out), *small, "--force"]) == 0
+
+
+def test_a_wrong_value_is_one_line_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["simulate", str(tmp_path / "street"), "--duration-s", "0"]) == EXIT_USAGE
+    assert "duration_s" in only_line(capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def other_bag(path: Path) -> Path:
+    with BagWriter(path) as writer:
+        for stamp_ns in (1, 2):
+            writer.write_raw("/talk", "std_msgs/msg/Empty", stamp_ns, b"\x00\x01\x00\x00\x00")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("prepare", "arguments", "said"),
+    [
+        (lambda path: path / "nowhere", [], "nowhere"),
+        (lambda path: path, [], "no recording"),
+        (other_bag_in := (lambda path: other_bag(path / "bag")), [], "/talk"),
+        (other_bag_in, ["--topic", "/points"], "/talk"),
+        (other_bag_in, ["--topic", "/talk"], "std_msgs/msg/Empty"),
+    ],
+    ids=["missing", "empty folder", "no clouds", "unknown topic", "other type"],
+)
+def test_demo_names_what_is_wrong_with_a_bag(
+    prepare: object,
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("rclpy")
+    bag, out = prepare(tmp_path), tmp_path / "out"
+    assert run(["demo", "--bag", str(bag), "--out", str(out), *arguments]) == EXIT_USAGE
+    assert said in only_line(capsys)
+    assert not out.exists()
+
+
+def test_demo_refuses_a_truncated_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rclpy")
+    file = next(other_bag(tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-100])
+    assert run(["demo", "--bag", str(file), "--out", str(tmp_path / "out")]) == EXIT_USAGE
+    assert file.name in only_line(capsys)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,54 @@
+"""Where tensors live, and how many threads work on them."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.settings import Settings
+
+HAS_CUDA = torch.cuda.is_available()
+
+
+def settings_with(**changes):
+    return Settings().changed({f"compute.{name}": value for name, value in changes.items()})
+
+
+def test_device_that_is_asked_for(device):
+    assert compute_device(settings_with(device=device.type).compute) == device
+
+
+def test_auto_takes_cuda_where_there_is_one():
+    assert compute_device(settings_with(device="auto").compute).type == (
+        "cuda" if HAS_CUDA else "cpu"
+    )
+
+
+@pytest.mark.skipif(HAS_CUDA, reason="there is CUDA")
+def test_cuda_where_there_is_none():
+    settings = settings_with(device="cuda")
+    text = "^compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu$"
+    with pytest.raises(SettingsError, match=text):
+        compute_device(settings.compute)
+    with pytest.raises(SettingsError, match=text):
+        MultiFrameEstimator(settings)
+    with pytest.raises(SettingsError, match=text):
+        MultiFrameEstimator(Settings()).with_settings(settings)
+
+
+@pytest.fixture
+def threads():
+    """Restores the number of threads of torch."""
+    before = torch.get_num_threads()
+    yield before
+    torch.set_num_threads(before)
+
+
+def test_number_of_threads(threads):
+    limit_threads(settings_with(num_threads=threads + 1).compute)
+    assert torch.get_num_threads() == threads + 1
+    limit_threads(settings_with(num_threads=0).compute)
+    assert torch.get_num_threads() == threads + 1

@@ -1,0 +1,347 @@
+"""The whole method on a small street whose flow is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
+from mnsf_ros.presets import preset
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+# Short, and without a time budget, whose outcome depends on the machine.
+SHORT = Settings().changed(
+    {
+        "compute.device": "cpu",
+        "field.num_hidden_layers": 2,
+        "field.hidden_width": 16,
+        "fusion.num_hidden_layers": 1,
+        "fusion.hidden_width": 16,
+        "optimization.max_iterations": 10,
+        "optimization.batch_points": 100,
+        "optimization.time_budget_ms": 0,
+        "fusion.max_iterations": 10,
+    }
+)
+
+
+def triplet_of(scene, stamps_ms=(0, 100, 200)):
+    return SweepTriplet(
+        *(
+            None if xyz is None else Sweep.from_array(xyz, stamp_ns=stamp * 1_000_000)
+            for xyz, stamp in zip(
+                (scene.previous, scene.current, scene.next), stamps_ms, strict=True
+            )
+        )
+    )
+
+
+def pair_of(triplet):
+    return SweepTriplet(None, triplet.current, triplet.next)
+
+
+def estimate(triplet, settings=SHORT):
+    return MultiFrameEstimator(settings).estimate(triplet)
+
+
+def mean_errors(flow, scene):
+    """Mean end point error of what moves, and of what stands still, metres."""
+    error = np.linalg.norm(flow - scene.flow, axis=1)
+    return error[scene.moving].mean(), error[~scene.moving].mean()
+
+
+@pytest.fixture
+def scene(make_scene):
+    return make_scene()
+
+
+@pytest.fixture
+def triplet(scene):
+    return triplet_of(scene)
+
+
+@pytest.mark.parametrize("name", ["online", "paper"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_preset_finds_the_flow(make_scene, device, name, seed):
+    scene = make_scene(seed=seed)
+    changes = {"optimization.time_budget_ms": 0, "compute.device": device.type}
+    result = estimate(triplet_of(scene), preset(name).changed(changes))
+    moving, still = mean_errors(result.flow, scene)
+    # The moving box moves 0.54 m.
+    assert moving < 0.1
+    assert still < 0.1
+    assert result.device == device.type
+    assert result.distance_kind == {"online": "tree", "paper": "grid"}[name]
+
+
+@pytest.mark.parametrize("distance", ["grid", "tree"])
+def test_two_sweeps_are_enough(scene, triplet, distance):
+    settings = preset("online").changed(
+        {"optimization.time_budget_ms": 0, "distance.kind": distance}
+    )
+    result = estimate(pair_of(triplet), settings)
+    moving, still = mean_errors(result.flow, scene)
+    assert moving < 0.1
+    assert still < 0.15
+    assert list(result.times_ms) == ["prepare", "forward"]
+    assert list(result.fits) == ["forward"]
+
+
+def test_previous_sweep_does_not_change_the_forward_field(triplet):
+    both = estimate(triplet), estimate(pair_of(triplet))
+    assert both[0].fits["forward"] == both[1].fits["forward"]
+
+
+def test_stages_and_words(triplet):
+    result = estimate(triplet)
+    assert list(result.times_ms) == ["prepare", "forward", "backward", "fusion"]
+    assert all(time_ms > 0 for time_ms in result.times_ms.values())
+    assert result.time_ms == pytest.approx(sum(result.times_ms.values()))
+    assert result.stop_reasons == dict.fromkeys(
+        ["forward", "backward", "fusion"], "iteration_limit"
+    )
+    assert {fit.iterations for fit in result.fits.values()} == {10}
+    assert result.start is Start.COLD_FIRST
+
+
+def test_time_budget_ends_every_stage(triplet):
+    settings = SHORT.changed(
+        {
+            "optimization.time_budget_ms": 0.001,
+            "optimization.max_iterations": 1000,
+            "fusion.max_iterations": 1000,
+        }
+    )
+    result = estimate(triplet, settings)
+    assert set(result.stop_reasons.values()) == {"time_budget"}
+    assert {fit.iterations for fit in result.fits.values()} == {1}
+
+
+def test_early_stopping_has_a_patience_for_the_fields_and_one_for_the_fusion(triplet):
+    settings = SHORT.changed(
+        {"early_stopping.patience": 2, "early_stopping.min_delta_m": 10, "fusion.patience": 4}
+    )
+    result = estimate(triplet, settings)
+    assert set(result.stop_reasons.values()) == {"converged"}
+    assert [fit.iterations for fit in result.fits.values()] == [3, 3, 5]
+
+
+@pytest.mark.parametrize("kind", ["mean", "weighted_sum", "mlp"])
+def test_fusion_kinds(scene, triplet, kind):
+    settings = preset("online").changed({"optimization.time_budget_ms": 0, "fusion.kind": kind})
+    result = estimate(triplet, settings)
+    assert mean_errors(result.flow, scene)[0] < 0.1
+    assert (result.fits["fusion"].iterations == 0) is (kind == "mean")
+
+
+def test_unequal_intervals(make_scene):
+    # The next sweep is two intervals away: what moved 0.3 m before moves 0.6 m now.
+    scene = make_scene(motion=(0.6, 0, 0))
+    half = make_scene(motion=(0.3, 0, 0)).previous
+    triplet = SweepTriplet(
+        Sweep.from_array(half, stamp_ns=900),
+        Sweep.from_array(scene.current, stamp_ns=1000),
+        Sweep.from_array(scene.next, stamp_ns=1200),
+    )
+    # The mean shows the inverted backward flow as it is.
+    settings = preset("online").changed({"optimization.time_budget_ms": 0, "fusion.kind": "mean"})
+    assert mean_errors(estimate(triplet, settings).flow, scene)[0] < 0.1
+    stampless = SweepTriplet(
+        *(Sweep.from_array(each.xyz) for each in (triplet.previous, triplet.current, triplet.next))
+    )
+    assert mean_errors(estimate(stampless, settings).flow, scene)[0] > 0.12
+
+
+def test_identical_sweeps_stand_still(scene):
+    sweep = Sweep.from_array(scene.current)
+    settings = preset("online").changed({"optimization.time_budget_ms": 0})
+    for triplet in (SweepTriplet(sweep, sweep, sweep), SweepTriplet(None, sweep, sweep)):
+        assert np.linalg.norm(estimate(triplet, settings).flow, axis=1).mean() < 0.02
+
+
+def test_one_row_for_each_point_in_its_order(triplet):
+    result = estimate(triplet)
+    order = np.random.default_rng(0).permutation(len(triplet.current))
+    shuffled = SweepTriplet(
+        triplet.previous, Sweep.from_array(triplet.current.xyz[order]), triplet.next
+    )
+    # Random batches would pick other points: all of them in each step, in whatever order.
+    whole = SHORT.changed({"optimization.batch_points": 0})
+    flow = estimate(triplet, whole).flow
+    assert flow.shape == triplet.current.xyz.shape
+    assert flow.dtype == np.float32
+    np.testing.assert_allclose(estimate(shuffled, whole).flow, flow[order], atol=1e-3)
+    assert result.kept.tolist() == estimate(triplet, whole).kept.tolist()
+
+
+def test_every_point_gets_a_finite_flow(scene):
+    outside = [(500, 0, 0), (0, 0, 90), (0.1, 0, 0), (1e7, -1e7, 0), (1e20, 0, -1e20)]
+    triplet = SweepTriplet(
+        Sweep.from_array(np.vstack([scene.previous, outside])),
+        Sweep.from_array(np.vstack([outside, scene.current])),
+        Sweep.from_array(np.vstack([scene.next, outside])),
+    )
+    result = estimate(triplet)
+    assert not result.kept[:5].any()
+    assert 0 < result.kept.sum() < len(result.kept)
+    assert np.isfinite(result.flow).all()
+    # Points that the crop leaves out have no say in the flow of the others.
+    np.testing.assert_array_equal(result.flow[5:], estimate(triplet_of(scene)).flow)
+
+
+def test_stray_point_inside_a_wide_crop_uses_the_tree(scene):
+    stray = np.vstack([scene.next, [(600, 600, 900)]])
+    triplet = SweepTriplet(None, Sweep.from_array(scene.current), Sweep.from_array(stray))
+    # A single point is its own ground: it must stay here.
+    grid = SHORT.changed({"distance.kind": "grid", "ground.remove": False})
+    wide = grid.changed({"crop.max_range_m": 1000, "crop.max_height_m": 1000})
+    assert estimate(triplet, wide).distance_kind == "tree"
+    assert estimate(triplet, grid).distance_kind == "grid"
+
+
+@pytest.mark.parametrize("batch_points", [0, 100, 10_000])
+@pytest.mark.parametrize("max_points", [0, 50, 10_000])
+def test_any_number_of_points_can_be_fitted_to(triplet, batch_points, max_points):
+    numbers = {"optimization.batch_points": batch_points, "optimization.max_points": max_points}
+    result = estimate(triplet, SHORT.changed(numbers))
+    assert result.flow.shape == triplet.current.xyz.shape
+    assert np.isfinite(result.flow).all()
+
+
+def test_largest_number_of_points_to_fit_to(triplet):
+    whole = SHORT.changed({"optimization.batch_points": 0})
+    num_kept = int(estimate(triplet, whole).kept.sum())
+
+    def flow(max_points):
+        return estimate(triplet, whole.changed({"optimization.max_points": max_points})).flow
+
+    np.testing.assert_array_equal(flow(num_kept), flow(0))
+    assert not np.array_equal(flow(num_kept - 1), flow(0))
+
+
+def test_fitting_to_fewer_points_still_finds_the_flow(scene, triplet):
+    changes = {"optimization.time_budget_ms": 0, "optimization.max_points": 120}
+    moving, _ = mean_errors(estimate(triplet, preset("online").changed(changes)).flow, scene)
+    assert moving < 0.2
+
+
+def test_same_input_and_seed_give_the_same_bits(triplet, device):
+    settings = SHORT.changed({"compute.device": device.type})
+    first, again, other = (
+        estimate(triplet, settings.changed({"compute.seed": seed})).flow for seed in (3, 3, 4)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("batch_points", [0, 100])
+@pytest.mark.parametrize("start", [Start.COLD_BY_SETTING, Start.COLD_GAP, Start.COLD_LOSS])
+def test_cold_start_does_not_depend_on_what_came_before(make_scene, start, batch_points):
+    settings = SHORT.changed(
+        {
+            "optimization.batch_points": batch_points,
+            "warm_start.enabled": start is not Start.COLD_BY_SETTING,
+            "warm_start.max_loss_ratio": 1,
+        }
+    )
+    estimator = MultiFrameEstimator(settings)
+    estimator.estimate(triplet_of(make_scene(motion=(0, 0, 0))))
+    seconds = 100 if start is Start.COLD_GAP else 0
+    scene = make_scene(motion=(0, 1.9, 0), seed=1)
+    triplet = triplet_of(scene, tuple(1000 * seconds + ms for ms in (100, 200, 300)))
+    result = estimator.estimate(triplet)
+    assert result.start is start
+    np.testing.assert_array_equal(result.flow, estimate(triplet, settings).flow)
+
+
+def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
+    estimator = MultiFrameEstimator(SHORT)
+    all_kept = estimator.estimate(triplet).kept
+    near = SHORT.changed({"crop.max_range_m": 13})
+    result = estimator.with_settings(near).estimate(triplet)
+    assert 0 < result.kept.sum() < all_kept.sum()
+    np.testing.assert_array_equal(result.kept, estimate(triplet, near).kept)
+    grid = SHORT.changed({"distance.kind": "grid"})
+    assert estimator.with_settings(grid).estimate(triplet).distance_kind == "grid"
+
+
+def test_settings_of_the_estimator():
+    estimator = MultiFrameEstimator(SHORT)
+    assert estimator.settings is SHORT
+    assert estimator.with_settings(preset("paper")).settings == preset("paper")
+    assert estimator.settings is SHORT
+
+
+@pytest.mark.parametrize("which", ["previous", "current", "next"])
+@pytest.mark.parametrize("num_points", [0, 1])
+def test_sweep_with_too_few_points(triplet, which, num_points):
+    sweeps = {"previous": triplet.previous, "current": triplet.current, "next": triplet.next}
+    sweeps[which] = Sweep.from_array(np.full((num_points, 3), 5.0), stamp_ns=42)
+    text = rf"^sweep 42: 0 of {num_points} points are left after crop and ground removal"
+    with pytest.raises(SweepError, match=text):
+        estimate(SweepTriplet(**sweeps))
+
+
+def test_estimator_goes_on_after_an_error(triplet):
+    estimator = MultiFrameEstimator(SHORT)
+    empty = Sweep.from_array(np.zeros((0, 3)))
+    with pytest.raises(SweepError):
+        estimator.estimate(SweepTriplet(triplet.previous, triplet.current, empty))
+    np.testing.assert_array_equal(estimator.estimate(triplet).flow, estimate(triplet).flow)
+
+
+def test_cancelled_at_any_step(triplet):
+    asked = []
+    MultiFrameEstimator(SHORT).estimate(triplet, lambda: asked.append(None) is not None)
+    assert len(asked) == 3 * 10  # before each step of each network
+    for patience in (0, 5, 15, 25, 29):
+        answers = iter([False] * patience + [True])
+        with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
+            MultiFrameEstimator(SHORT).estimate(triplet, lambda: next(answers))  # noqa: B023
+
+
+# Steps of 1.0 blow up so deep a network: after the second step its flow is no float32.
+EXPLOSIVE = SHORT.changed(
+    {
+        "optimization.learning_rate": 1,
+        "optimization.decay": False,
+        "field.num_hidden_layers": 30,
+        "field.hidden_width": 64,
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("max_iterations", "text"),
+    [
+        # The loss of the second step was still a number.
+        (2, "^the forward flow is not finite; try a smaller learning rate$"),
+        (10, "^the loss became nan, expected a finite number of metres$"),
+    ],
+)
+@pytest.mark.parametrize("distance", ["grid", "tree"])
+def test_no_finite_flow_is_an_error_not_a_result(triplet, distance, max_iterations, text):
+    settings = EXPLOSIVE.changed(
+        {"distance.kind": distance, "optimization.max_iterations": max_iterations}
+    )
+    for each in (triplet, pair_of(triplet)):
+        with pytest.raises(OptimizationError, match=text):
+            estimate(each, settings)
+
+
+def test_explosion_gives_the_best_flow_before_it(triplet):
+    # All points in each step: there is a best one to return to.
+    result = estimate(triplet, EXPLOSIVE.changed({"optimization.batch_points": 0}))
+    assert result.stop_reasons["forward"] == "not_finite"
+    assert np.isfinite(result.flow).all()
+
+
+def test_estimator_recovers_from_an_explosion(triplet):
+    estimator = MultiFrameEstimator(EXPLOSIVE)
+    with pytest.raises(OptimizationError):
+        estimator.estimate(triplet)
+    result = estimator.with_settings(SHORT).estimate(triplet)
+    np.testing.assert_array_equal(result.flow, estimate(triplet).flow)

@@ -1,0 +1,264 @@
+"""What one triplet hands to the next, and when it is dropped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from mnsf_ros.core.estimation_run import EstimationRun
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.warm_start import Learners, WarmStart
+from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+SMALL = Settings().changed(
+    {
+        "compute.device": "cpu",
+        "ground.remove": False,
+        "field.num_hidden_layers": 1,
+        "field.hidden_width": 8,
+        "fusion.num_hidden_layers": 1,
+        "fusion.hidden_width": 8,
+        "optimization.max_iterations": 5,
+        "optimization.time_budget_ms": 0,
+        "fusion.max_iterations": 4,
+        "warm_start.max_iterations": 3,
+        "warm_start.max_gap_s": 2,
+        "warm_start.max_loss_ratio": 1000,
+    }
+)
+POINTS = np.random.default_rng(0).uniform((2, 2, -1), (8, 8, 1), (60, 3))
+
+
+def triplet(seconds, frame_id="lidar", points=POINTS):
+    """A triplet whose current sweep has this stamp. Its points stand still."""
+    return SweepTriplet(
+        *(
+            Sweep.from_array(points, stamp_ns=round((seconds + step) * 1e9), frame_id=frame_id)
+            for step in (-0.1, 0, 0.1)
+        )
+    )
+
+
+def starts(estimator, *triplets):
+    return [estimator.estimate(each).start for each in triplets]
+
+
+@pytest.fixture
+def estimator():
+    """An estimator with one triplet behind it, at 10 s."""
+    estimator = MultiFrameEstimator(SMALL)
+    assert starts(estimator, triplet(10)) == [Start.COLD_FIRST]
+    return estimator
+
+
+def run(each, warm_start, settings=SMALL):
+    return EstimationRun(
+        triplet=each,
+        settings=settings,
+        device=torch.device("cpu"),
+        preparation=SweepPreparation(settings),
+        warm_start=warm_start,
+        cancelled=lambda: False,
+    )
+
+
+def num_steps(learner):
+    return {int(state["step"]) for state in learner.optimizer.state.values()}
+
+
+def test_networks_and_their_optimizers_go_on():
+    warm_start = WarmStart()
+    first = run(triplet(10), warm_start)
+    first.forward_flow()
+    carried = [weight.clone() for weight in first.learners.forward.network.parameters()]
+    warm_start.keep(first.learners, triplet(10))
+    second = run(triplet(10.1), warm_start)
+    assert second.learners is first.learners
+    for before, now in zip(carried, second.learners.forward.network.parameters(), strict=True):
+        assert torch.equal(before, now)
+    assert num_steps(second.learners.forward) == {5}
+    second.forward_flow()
+    assert num_steps(second.learners.forward) == {5 + 3}
+
+
+def test_warm_start_has_its_own_number_of_steps(estimator):
+    fits = estimator.estimate(triplet(10.1)).fits
+    assert {stage: fit.iterations for stage, fit in fits.items()} == {
+        "forward": 3,
+        "backward": 3,
+        "fusion": 3,
+    }
+
+
+def test_warm_start_carries_on_where_the_last_triplet_ended(make_scene):
+    # The same motion goes on: three steps do after a warm start what they cannot from scratch.
+    scene = make_scene()
+    many = SMALL.changed(
+        {
+            "field.hidden_width": 64,
+            "field.num_hidden_layers": 3,
+            "fusion.kind": "mean",
+            "ground.remove": True,
+            "optimization.max_iterations": 150,
+        }
+    )
+    few = many.changed({"optimization.max_iterations": 3})
+
+    def at(seconds):
+        sweeps = zip((-0.1, 0, 0.1), (scene.previous, scene.current, scene.next), strict=True)
+        return SweepTriplet(
+            *(Sweep.from_array(xyz, stamp_ns=round((seconds + s) * 1e9)) for s, xyz in sweeps)
+        )
+
+    def error(estimate):
+        return np.linalg.norm(estimate.flow - scene.flow, axis=1)[scene.moving].mean()
+
+    estimator = MultiFrameEstimator(many)
+    estimator.estimate(at(10))
+    warm, cold = estimator.estimate(at(10.1)), MultiFrameEstimator(few).estimate(at(10.1))
+    assert (warm.start, cold.start) == (Start.WARM, Start.COLD_FIRST)
+    assert error(warm) < 0.15
+    assert error(cold) > 0.4
+
+
+def test_each_triplet_starts_from_its_predecessor(estimator):
+    assert starts(estimator, *(triplet(10 + 0.1 * k) for k in range(1, 4))) == [Start.WARM] * 3
+
+
+def test_same_triplet_again_is_a_warm_start(estimator):
+    assert starts(estimator, triplet(10)) == [Start.WARM]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "frame_id", "start"),
+    [
+        (12.0, "lidar", Start.WARM),
+        (12.001, "lidar", Start.COLD_GAP),
+        (9.999, "lidar", Start.COLD_TIME_JUMP),
+        (-5, "lidar", Start.COLD_TIME_JUMP),
+        (10.1, "rear", Start.COLD_FRAME),
+    ],
+)
+def test_start_says_why_it_is_cold(estimator, seconds, frame_id, start):
+    assert starts(estimator, triplet(seconds, frame_id)) == [start]
+    # And the next one goes on from there.
+    assert starts(estimator, triplet(seconds + 0.1, frame_id)) == [Start.WARM]
+
+
+def test_gap_counts_from_the_last_triplet_not_from_the_first(estimator):
+    assert starts(estimator, triplet(11.5), triplet(13), triplet(14.5)) == [Start.WARM] * 3
+
+
+def test_switched_off():
+    estimator = MultiFrameEstimator(SMALL.changed({"warm_start.enabled": False}))
+    assert starts(estimator, triplet(10), triplet(10.1)) == [Start.COLD_BY_SETTING] * 2
+
+
+def test_carried_fields_that_no_longer_fit():
+    estimator = MultiFrameEstimator(SMALL.changed({"optimization.max_iterations": 100}))
+    strict = estimator.with_settings(SMALL.changed({"warm_start.max_loss_ratio": 3}))
+    assert starts(estimator, triplet(10)) == [Start.COLD_FIRST]
+    assert starts(strict, triplet(10.1)) == [Start.WARM]
+    jump = SweepTriplet(
+        triplet(10.2).previous,
+        triplet(10.2).current,
+        triplet(10.2, points=np.add(POINTS, (3, -3, 0))).next,
+    )
+    assert starts(strict, jump) == [Start.COLD_LOSS]
+
+
+def test_cancelled_estimate_leaves_nothing_to_start_from(estimator):
+    with pytest.raises(CancelledError):
+        estimator.estimate(triplet(10.1), lambda: True)
+    assert starts(estimator, triplet(10.2), triplet(10.3)) == [Start.COLD_FIRST, Start.WARM]
+
+
+def test_cancelled_in_the_last_stage():
+    asked = []
+
+    def in_the_fusion():
+        asked.append(None)
+        return len(asked) > 5 + 5 + 1
+
+    estimator = MultiFrameEstimator(SMALL)
+    with pytest.raises(CancelledError):
+        estimator.estimate(triplet(10), in_the_fusion)
+    assert starts(estimator, triplet(10.1)) == [Start.COLD_FIRST]
+
+
+def test_refused_sweep_changes_nothing(estimator):
+    empty = Sweep.from_array(np.zeros((0, 3)))
+    with pytest.raises(SweepError):
+        estimator.estimate(SweepTriplet(triplet(10.1).previous, triplet(10.1).current, empty))
+    assert starts(estimator, triplet(10.2)) == [Start.WARM]
+
+
+def test_two_sweeps_leave_nothing_to_start_from(estimator):
+    pair = SweepTriplet(None, triplet(10.1).current, triplet(10.1).next)
+    assert starts(estimator, pair, triplet(10.2)) == [Start.WARM, Start.COLD_FIRST]
+
+
+def test_forgotten_networks_do_not_come_back():
+    warm_start = WarmStart()
+    learners = Learners.fresh(SMALL, torch.Generator(), torch.device("cpu"))
+    warm_start.keep(learners, triplet(10))
+    assert warm_start.carried(triplet(10.1), SMALL) == (learners, Start.WARM)
+    warm_start.forget()
+    assert warm_start.carried(triplet(10.1), SMALL) == (None, Start.COLD_FIRST)
+
+
+def test_fresh_networks_differ_from_each_other_but_not_from_seed_to_seed():
+    def weights(seed):
+        generator = torch.Generator().manual_seed(seed)
+        fresh = Learners.fresh(SMALL, generator, torch.device("cpu"))
+        return [next(each.network.parameters()) for each in (fresh.forward, fresh.backward)]
+
+    (forward, backward), (again, _), (other, _) = weights(0), weights(0), weights(1)
+    assert torch.equal(forward, again)
+    assert not torch.equal(forward, backward)
+    assert not torch.equal(forward, other)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"optimization.max_iterations": 7},
+        {"early_stopping.patience": 2},
+        {"warm_start.max_iterations": 7},
+        {"crop.max_range_m": 70},
+        {"ground.remove": True},
+        {"distance.kind": "grid"},
+        {"node.always_estimate": True},
+    ],
+)
+def test_other_settings_keep_the_networks(estimator, change):
+    points = np.vstack([POINTS, np.add(POINTS, (0, 0, 3))])
+    changed = estimator.with_settings(SMALL.changed(change))
+    assert starts(changed, triplet(10.1, points=points)) == [Start.WARM]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"field.num_hidden_layers": 2},
+        {"field.hidden_width": 9},
+        {"fusion.hidden_width": 9},
+        {"fusion.kind": "mean"},
+        {"fusion.kind": "weighted_sum"},
+        {"compute.seed": 1},
+    ],
+)
+def test_other_networks_start_cold(estimator, change):
+    changed = estimator.with_settings(SMALL.changed(change))
+    assert starts(changed, triplet(10.1)) == [Start.COLD_FIRST]
+
+
+def test_warm_start_switched_off_and_on_again(estimator):
+    off = estimator.with_settings(SMALL.changed({"warm_start.enabled": False}))
+    assert starts(off, triplet(10.1)) == [Start.COLD_BY_SETTING]
+    assert starts(off.with_settings(SMALL), triplet(10.2)) == [Start.WARM]

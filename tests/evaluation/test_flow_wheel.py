@@ -1,0 +1,86 @@
+"""Colors of flow, by their laws."""
+
+from __future__ import annotations
+
+import colorsys
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from mnsf_ros.evaluation.flow_wheel import draw_wheel, flow_colors, wheel_image
+
+NEUTRAL = (0.3, 0.4, 0.5)
+ANGLES = np.linspace(-np.pi, np.pi, 49)
+DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+
+def hsv(colors):
+    return np.array([colorsys.rgb_to_hsv(*color) for color in colors])
+
+
+@pytest.mark.parametrize("neutral", [(1.0, 1.0, 1.0), NEUTRAL])
+def test_no_motion_is_neutral(neutral):
+    colors = flow_colors(np.zeros((2, 3)), 1.0, neutral=neutral)
+    np.testing.assert_array_equal(colors, [neutral, neutral])
+
+
+def test_hue_is_the_direction():
+    hues = hsv(flow_colors(DIRECTIONS, 1.0))[:, 0]
+    difference = (hues - ANGLES / (2 * np.pi) + 0.5) % 1.0 - 0.5
+    np.testing.assert_allclose(difference, 0.0, atol=1e-12)
+
+
+def test_opposite_directions_have_opposite_hues():
+    hues = hsv(flow_colors(0.7 * DIRECTIONS, 1.0))[:, 0]
+    opposite = hsv(flow_colors(-0.7 * DIRECTIONS, 1.0))[:, 0]
+    np.testing.assert_allclose((hues - opposite) % 1.0, 0.5, atol=1e-12)
+
+
+def test_known_directions():
+    flow = np.array([[1, 0], [-1, 0], [np.cos(np.pi / 3), np.sin(np.pi / 3)]])
+    red_cyan_yellow = [[1, 0, 0], [0, 1, 1], [1, 1, 0]]
+    np.testing.assert_allclose(flow_colors(flow, 1.0), red_cyan_yellow, atol=1e-12)
+
+
+def test_saturation_is_the_speed_up_to_the_full_one():
+    lengths = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 1e30])
+    colors = flow_colors(lengths[:, None] * DIRECTIONS[7], 2.0)
+    np.testing.assert_allclose(hsv(colors)[:, 1], [0, 0.25, 0.5, 0.75, 1, 1, 1], atol=1e-12)
+
+
+def test_height_does_not_count():
+    flow = np.random.default_rng(0).normal(size=(20, 3))
+    np.testing.assert_array_equal(flow_colors(flow, 1.0), flow_colors(flow[:, :2], 1.0))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_colors_are_colors(dtype):
+    flow = np.random.default_rng(0).normal(size=(1000, 2)).astype(dtype)
+    colors = flow_colors(flow, 0.5, neutral=NEUTRAL)
+    assert colors.shape == (1000, 3)
+    assert colors.min() >= 0
+    assert colors.max() <= 1
+    assert flow_colors(flow[:0], 0.5).shape == (0, 3)
+
+
+def test_without_flow_is_neutral():
+    flow = np.array([[np.nan, 1], [1, np.inf], [np.nan, np.nan], [-np.inf, np.nan]])
+    np.testing.assert_array_equal(flow_colors(flow, 1.0, neutral=NEUTRAL), [NEUTRAL] * 4)
+
+
+def test_wheel_image_shows_directions_as_the_picture_does():
+    image = wheel_image(101, neutral=NEUTRAL)
+    assert image.shape == (101, 101, 4)
+    np.testing.assert_allclose(image[50, 50], [*NEUTRAL, 1], atol=1e-12)
+    np.testing.assert_array_equal(image[[0, 0, -1, -1], [0, -1, 0, -1], 3], 0)
+    right, up = image[50, 95, :3], image[5, 50, :3]
+    expected = flow_colors(np.array([[0.9, 0], [0, 0.9]]), 1.0, neutral=NEUTRAL)
+    np.testing.assert_allclose([right, up], expected, atol=1e-12)
+
+
+def test_legend_names_its_scale():
+    axes = Figure().add_axes((0, 0, 1, 1))
+    draw_wheel(axes, 0.5)
+    assert "rim: 0.5 m\nper sweep" in [text.get_text() for text in axes.texts]
+    assert len(axes.images) == 1

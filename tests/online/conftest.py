@@ -1,0 +1,87 @@
+"""Sweeps of moving boxes, quick settings, and waiting for another thread."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep
+
+# Only a failing test waits that long.
+PATIENCE_S = 60.0
+
+# Metres per sweep.
+MOTION = np.array([0.3, 0.1, 0.0], np.float32)
+
+_BOXES = (
+    # center x, y, size x, y, z
+    (8, 3, 4, 2, 2),
+    (12, -4, 4, 2, 2),
+    (-9, 5, 5, 2, 3),
+    (-7, -7, 2, 4, 2),
+)
+
+
+def _surfaces(num_points):
+    random = np.random.default_rng(0)
+    parts = []
+    for x, y, *size in _BOXES:
+        num = num_points // len(_BOXES)
+        unit = random.uniform(-0.5, 0.5, (num, 3))
+        unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
+        parts.append(unit * size + (x, y, size[2] / 2))
+    return np.concatenate(parts).astype(np.float32)
+
+
+@pytest.fixture(scope="session")
+def make_sweep():
+    """Sweeps by their number: the same points of the boxes' surfaces, moved a little further."""
+
+    def make(index, *, num_points=400, frame_id="lidar"):
+        xyz = _surfaces(num_points) + np.float32(index) * MOTION
+        return Sweep(xyz, stamp_ns=10**9 + round(index * 10**8), frame_id=frame_id)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def motion():
+    return MOTION
+
+
+@pytest.fixture(scope="session")
+def quick_settings():
+    """An estimate of some 50 ms, however slow the machine is: no time budget."""
+    return Settings().changed(
+        {
+            "ground.remove": False,
+            "field.num_hidden_layers": 2,
+            "field.hidden_width": 32,
+            "fusion.num_hidden_layers": 2,
+            "fusion.hidden_width": 16,
+            "fusion.max_iterations": 10,
+            "optimization.max_iterations": 60,
+            "optimization.learning_rate": 0.01,
+            "optimization.batch_points": 256,
+            "optimization.time_budget_ms": 0,
+            "warm_start.max_iterations": 20,
+            "compute.num_threads": 1,
+            "compute.device": "cpu",
+        }
+    )
+
+
+@pytest.fixture(scope="session")
+def wait_until():
+    """Waits until a condition is true that another thread makes true."""
+
+    def wait(condition):
+        give_up = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up, f"nothing happened within {PATIENCE_S} s"
+            time.sleep(0.002)
+
+    return wait

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
+
+PATIENCE_S = 60.0
+
+
+class GatedWork:
+    """Work that waits at a gate in the middle of each job, and remembers what it did."""
+
+    def __init__(self):
+        self.started = []
+        self.finished = []
+        self.gate = threading.Semaphore(0)
+        self.max_at_once = 0
+        self._at_once = 0
+
+    def __call__(self, job):
+        self._at_once += 1
+        self.max_at_once = max(self.max_at_once, self._at_once)
+        self.started.append(job)
+        assert self.gate.acquire(timeout=PATIENCE_S)
+        self.finished.append(job)
+        self._at_once -= 1
+
+    def open_gate(self, num_jobs=1000):
+        self.gate.release(num_jobs)
+
+
+@pytest.fixture
+def work():
+    return GatedWork()
+
+
+@pytest.fixture
+def worker(work):
+    worker = LatestOnlyWorker(work, "worker under test")
+    yield worker
+    work.open_gate()
+    assert worker.close(PATIENCE_S)
+
+
+def test_newer_job_replaces_the_waiting_one_and_says_so(worker, work, wait_until):
+    assert worker.submit("first") is False
+    wait_until(lambda: work.started == ["first"])
+    assert worker.submit("second") is False
+    assert worker.submit("third") is True
+    assert worker.submit("fourth") is True
+    work.open_gate()
+    wait_until(lambda: worker.load == 0)
+    assert work.finished == ["first", "fourth"]
+
+
+def test_load_is_idle_working_and_working_with_one_waiting(worker, work, wait_until):
+    assert worker.load == 0
+    worker.submit("first")
+    wait_until(lambda: work.started == ["first"])
+    assert worker.load == 1
+    worker.submit("second")
+    worker.submit("third")
+    assert worker.load == 2
+    work.open_gate(1)
+    wait_until(lambda: work.started == ["first", "third"])
+    assert worker.load == 1
+    work.open_gate(1)
+    wait_until(lambda: worker.load == 0)
+
+
+def test_jobs_run_one_at_a_time_in_one_thread(wait_until):
+    threads, finished = set(), threading.Semaphore(0)
+
+    def work(_job):
+        threads.add(threading.current_thread().name)
+        finished.release()
+
+    worker = LatestOnlyWorker(work, "the one thread")
+    for job in range(20):
+        worker.submit(job)
+        assert finished.acquire(timeout=PATIENCE_S)
+    assert threads == {"the one thread"}
+    assert worker.close(PATIENCE_S)
+
+
+def test_false_is_a_job_like_any_other(worker, work, wait_until):
+    work.open_gate()
+    for job in (0, "", False, ()):
+        worker.submit(job)
+        wait_until(lambda: worker.load == 0)
+    assert work.finished == [0, "", False, ()]
+
+
+def test_close_ends_an_idle_worker(work):
+    worker = LatestOnlyWorker(work, "idle")
+    assert worker.is_closing is False
+    assert worker.close(PATIENCE_S) is True
+    assert worker.is_closing is True
+    assert worker.close(0.0) is True
+
+
+def test_close_forgets_the_waiting_job(worker, work, wait_until):
+    worker.submit("running")
+    wait_until(lambda: work.started == ["running"])
+    worker.submit("waiting")
+    assert worker.close(0.0) is False
+    work.open_gate()
+    assert worker.close(PATIENCE_S) is True
+    assert work.started == ["running"]
+    assert worker.load == 0
+
+
+def test_close_does_not_wait_longer_than_told_for_a_job_that_is_stuck(worker, work, wait_until):
+    worker.submit("stuck")
+    wait_until(lambda: work.started == ["stuck"])
+    assert worker.close(0.01) is False
+    assert work.finished == []
+
+
+def test_a_long_job_can_see_that_it_should_give_up():
+    started, gave_up = threading.Event(), threading.Event()
+
+    def work(is_closing):
+        started.set()
+        while not is_closing():
+            pass
+        gave_up.set()
+
+    worker = LatestOnlyWorker(work, "long job")
+    worker.submit(lambda: worker.is_closing)
+    assert started.wait(PATIENCE_S)
+    assert worker.close(PATIENCE_S) is True
+    assert gave_up.is_set()
+
+
+def test_no_job_runs_after_close(work):
+    worker = LatestOnlyWorker(work, "closed")
+    assert worker.close(PATIENCE_S)
+    assert worker.submit("late") is False
+    assert worker.load == 0
+    assert work.started == []
+
+
+def test_every_job_of_many_threads_is_run_or_replaced(wait_until):
+    num_threads, num_jobs = 4, 500
+    done, replaced = [], []
+    worker = LatestOnlyWorker(done.append, "busy")
+
+    def submit_all(thread):
+        replaced.append(sum(worker.submit((thread, number)) for number in range(num_jobs)))
+
+    threads = [threading.Thread(target=submit_all, args=(index,)) for index in range(num_threads)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    wait_until(lambda: worker.load == 0)
+    assert len(done) + sum(replaced) == num_threads * num_jobs
+    assert len(set(done)) == len(done)
+    for thread in range(num_threads):
+        numbers = [number for owner, number in done if owner == thread]
+        assert numbers == sorted(numbers)
+    assert worker.close(PATIENCE_S)
+
+
+def test_the_last_job_is_always_run(wait_until):
+    done = []
+    worker = LatestOnlyWorker(done.append, "last")
+    for round_ in range(200):
+        for number in range(3):
+            worker.submit((round_, number))
+        wait_until(lambda: worker.load == 0)
+        assert done[-1] == (round_, 2)
+    assert worker.close(PATIENCE_S)

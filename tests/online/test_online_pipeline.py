@@ -1,0 +1,377 @@
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+
+import numpy as np
+import pytest
+import torch
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.errors import SettingsError, SweepError
+from mnsf_ros.online.online_pipeline import OnlinePipeline
+from mnsf_ros.sweeps.sweep_buffer import Arrival
+
+PATIENCE_S = 60.0
+
+
+class Recorder:
+    """Both callbacks of a pipeline. Each estimate can be held up before it is handed out."""
+
+    def __init__(self):
+        self.handed_out = []
+        self.failures = []
+        self.error = None
+        self.is_held = threading.Event()
+        self._may_go_on = threading.Event()
+        self._may_go_on.set()
+
+    def hold(self):
+        self.is_held.clear()
+        self._may_go_on.clear()
+
+    def let_go(self):
+        self._may_go_on.set()
+
+    def on_estimate(self, job, estimate):
+        self.is_held.set()
+        assert self._may_go_on.wait(PATIENCE_S)
+        if self.error is not None:
+            raise self.error
+        self.handed_out.append((job, estimate))
+
+    def on_failure(self, job, error):
+        self.failures.append((job, error))
+
+    @property
+    def current_stamps(self):
+        return [job.triplet.current.stamp_ns for job, _ in self.handed_out]
+
+
+@pytest.fixture
+def recorder():
+    return Recorder()
+
+
+@pytest.fixture
+def make_pipeline(recorder):
+    pipelines = []
+
+    def make(settings):
+        pipelines.append(OnlinePipeline(settings, recorder.on_estimate, recorder.on_failure))
+        return pipelines[-1]
+
+    yield make
+    recorder.let_go()
+    for pipeline in pipelines:
+        assert pipeline.close(PATIENCE_S)
+
+
+@pytest.fixture
+def pipeline(make_pipeline, quick_settings):
+    return make_pipeline(quick_settings)
+
+
+@pytest.fixture
+def add(pipeline, wait_until):
+    """Adds sweeps and waits until nothing is left to do."""
+
+    def add_sweeps(*sweeps, **options):
+        for sweep in sweeps:
+            pipeline.add_sweep(sweep, time.monotonic_ns(), **options)
+        wait_until(lambda: pipeline.load == 0)
+
+    return add_sweeps
+
+
+def counts_of(pipeline):
+    return pipeline.statistics.snapshot().counts
+
+
+def assert_balanced(pipeline):
+    """Each triplet ends in exactly one way."""
+    counts = counts_of(pipeline)
+    ends = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
+    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in ends)
+
+
+def test_flow_of_the_middle_sweep(pipeline, add, recorder, make_sweep, motion):
+    sweeps = [make_sweep(index) for index in range(3)]
+    arrived_ns = time.monotonic_ns()
+    add(*sweeps)
+    ((job, estimate),) = recorder.handed_out
+    assert [job.triplet.previous, job.triplet.current, job.triplet.next] == sweeps
+    assert estimate.flow.shape == sweeps[1].xyz.shape
+    errors_m = np.linalg.norm(estimate.flow - motion, axis=1)
+    assert np.median(errors_m) < 0.1
+    snapshot = pipeline.statistics.snapshot()
+    assert snapshot.counts == {"sweeps_received": 3, "triplets_formed": 1, "flows_out": 1}
+    assert 0 < snapshot.latency_ms(50) < (time.monotonic_ns() - arrived_ns) / 1e6
+
+
+def test_nothing_before_the_third_sweep(pipeline, add, recorder, make_sweep):
+    add(make_sweep(0), make_sweep(1))
+    assert counts_of(pipeline) == {"sweeps_received": 2}
+    assert recorder.handed_out == []
+
+
+def test_each_further_sweep_gives_one_more_flow_from_a_warm_start(add, recorder, make_sweep):
+    sweeps = [make_sweep(index) for index in range(6)]
+    for sweep in sweeps:
+        add(sweep)
+    assert recorder.current_stamps == [sweep.stamp_ns for sweep in sweeps[1:-1]]
+    starts = [estimate.start for _, estimate in recorder.handed_out]
+    assert starts == [Start.COLD_FIRST] + 3 * [Start.WARM]
+
+
+def test_sweeps_faster_than_the_estimate_are_dropped_and_the_newest_wins(
+    pipeline, recorder, make_sweep, wait_until
+):
+    recorder.hold()
+    for index in range(3):
+        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+    assert recorder.is_held.wait(PATIENCE_S)
+    for index in range(3, 20):
+        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        assert pipeline.load == 2
+    recorder.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(18).stamp_ns]
+    assert counts_of(pipeline) == {
+        "sweeps_received": 20,
+        "triplets_formed": 18,
+        "triplets_dropped": 16,
+        "flows_out": 2,
+    }
+
+
+def test_sweeps_that_nobody_watches_are_only_kept(pipeline, add, recorder, make_sweep):
+    add(*(make_sweep(index) for index in range(4)), is_watched=False)
+    assert recorder.handed_out == []
+    assert counts_of(pipeline)["triplets_unwatched"] == 2
+    add(make_sweep(4))
+    assert recorder.current_stamps == [make_sweep(3).stamp_ns]
+    assert_balanced(pipeline)
+
+
+def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
+    pipeline, recorder, make_sweep, wait_until
+):
+    recorder.hold()
+    for index in range(3):
+        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+    assert recorder.is_held.wait(PATIENCE_S)
+    pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
+    pipeline.add_sweep(make_sweep(4), time.monotonic_ns(), is_watched=False)
+    recorder.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
+    assert_balanced(pipeline)
+
+
+class TestSettings:
+    def test_hold_from_the_next_triplet_on(
+        self, pipeline, recorder, make_sweep, quick_settings, wait_until
+    ):
+        recorder.hold()
+        for index in range(3):
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        assert recorder.is_held.wait(PATIENCE_S)
+        pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
+        pipeline.change_settings(quick_settings.changed({"warm_start.max_iterations": 7}))
+        recorder.let_go()
+        wait_until(lambda: pipeline.load == 0)
+        pipeline.add_sweep(make_sweep(4), time.monotonic_ns())
+        wait_until(lambda: pipeline.load == 0)
+        iterations = [estimate.fits["forward"].iterations for _, estimate in recorder.handed_out]
+        assert iterations == [60, 20, 7]
+
+    def test_keep_the_warm_start_where_the_networks_stay_the_same(
+        self, pipeline, add, recorder, make_sweep, quick_settings
+    ):
+        add(*(make_sweep(index) for index in range(3)))
+        pipeline.change_settings(quick_settings.changed({"crop.max_range_m": 60.0}))
+        add(make_sweep(3))
+        pipeline.change_settings(quick_settings.changed({"field.hidden_width": 24}))
+        add(make_sweep(4))
+        starts = [estimate.start for _, estimate in recorder.handed_out]
+        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
+
+    def test_of_the_buffer_hold_at_once(self, pipeline, add, make_sweep, quick_settings):
+        add(make_sweep(0))
+        pipeline.change_settings(quick_settings.changed({"buffer.max_interval_s": 0.05}))
+        assert pipeline.add_sweep(make_sweep(1), time.monotonic_ns()) is Arrival.GAP
+
+    @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+    def test_that_ask_for_a_missing_device_change_nothing(
+        self, pipeline, add, recorder, make_sweep, quick_settings
+    ):
+        refused = quick_settings.changed(
+            {"compute.device": "cuda", "optimization.max_iterations": 5}
+        )
+        with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
+            pipeline.change_settings(refused)
+        add(*(make_sweep(index) for index in range(3)))
+        ((job, estimate),) = recorder.handed_out
+        assert job.settings == quick_settings
+        assert estimate.fits["forward"].iterations == 60
+
+    @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
+    def test_that_ask_for_a_missing_device_are_refused_at_the_start(
+        self, make_pipeline, quick_settings
+    ):
+        with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
+            make_pipeline(quick_settings.changed({"compute.device": "cuda"}))
+
+
+class TestFailure:
+    def test_of_a_triplet_is_counted_and_the_next_one_is_fine(
+        self, pipeline, add, recorder, make_sweep
+    ):
+        bad = make_sweep(2, num_points=8)
+        for sweep in (make_sweep(0), make_sweep(1), bad, make_sweep(3), make_sweep(4)):
+            add(sweep)
+        assert recorder.handed_out == []
+        failed = [job.triplet for job, _ in recorder.failures]
+        assert [bad in (item.previous, item.current, item.next) for item in failed] == 3 * [True]
+        assert all(isinstance(error, SweepError) for _, error in recorder.failures)
+        snapshot = pipeline.statistics.snapshot()
+        assert snapshot.failures_in_a_row == snapshot.counts["estimates_failed"] == 3
+        assert snapshot.last_failure.startswith(f"sweep {bad.stamp_ns}: 8 of 8 points are left")
+
+        add(make_sweep(5))
+        assert recorder.current_stamps == [make_sweep(4).stamp_ns]
+        assert pipeline.statistics.snapshot().failures_in_a_row == 0
+        assert_balanced(pipeline)
+
+    def test_of_the_one_who_gets_the_flow_is_counted_and_the_next_one_is_fine(
+        self, pipeline, add, recorder, make_sweep
+    ):
+        recorder.error = ValueError("no room")
+        add(*(make_sweep(index) for index in range(3)))
+        assert [error for _, error in recorder.failures] == [recorder.error]
+        assert pipeline.statistics.snapshot().last_failure == "ValueError: no room"
+        recorder.error = None
+        add(make_sweep(3))
+        assert recorder.current_stamps == [make_sweep(2).stamp_ns]
+        counts = counts_of(pipeline)
+        assert (counts["flows_out"], counts["estimates_failed"]) == (1, 1)
+        assert_balanced(pipeline)
+
+
+class TestArrivals:
+    @pytest.mark.parametrize(
+        ("late", "expected"),
+        [
+            (2, Arrival.DUPLICATE),
+            (1.5, Arrival.OUT_OF_ORDER),
+            (7.5, Arrival.GAP),
+            (-8, Arrival.TIME_WENT_BACK),
+        ],
+    )
+    def test_that_do_not_continue_the_stream_are_counted_by_kind(
+        self, pipeline, add, make_sweep, late, expected
+    ):
+        add(*(make_sweep(index) for index in range(3)))
+        odd = make_sweep(late)
+        assert pipeline.add_sweep(odd, time.monotonic_ns()) is expected
+        assert counts_of(pipeline)[f"sweeps_{expected.value}"] == 1
+        assert counts_of(pipeline)["triplets_formed"] == 1
+
+    def test_of_another_frame_start_anew(self, pipeline, add, recorder, make_sweep):
+        add(*(make_sweep(index) for index in range(3)))
+        add(*(make_sweep(index, frame_id="other") for index in range(3, 6)))
+        assert counts_of(pipeline)["sweeps_frame_changed"] == 1
+        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(4).stamp_ns]
+        assert recorder.handed_out[-1][1].start is Start.COLD_FRAME
+
+    @pytest.mark.parametrize("late", [2, 1.5])
+    def test_that_are_refused_leave_the_stream_as_it_was(
+        self, pipeline, add, recorder, make_sweep, late
+    ):
+        add(*(make_sweep(index) for index in range(3)))
+        add(make_sweep(late))
+        add(make_sweep(3))
+        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
+        assert_balanced(pipeline)
+
+    def test_after_a_bag_has_looped_give_flow_again(self, pipeline, add, recorder, make_sweep):
+        for _ in range(3):
+            for index in range(10, 14):
+                add(make_sweep(index))
+        assert counts_of(pipeline).get("sweeps_time_went_back", 0) == 0
+        assert counts_of(pipeline)["sweeps_out_of_order"] == 6
+        recorder.handed_out.clear()
+        for index in range(4):
+            add(make_sweep(index))
+        assert counts_of(pipeline)["sweeps_time_went_back"] == 1
+        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
+        assert recorder.handed_out[0][1].start is Start.COLD_TIME_JUMP
+
+
+class TestClose:
+    def test_in_the_middle_of_an_estimate_hands_out_nothing_any_more(
+        self, make_pipeline, recorder, make_sweep, quick_settings, wait_until
+    ):
+        endless = quick_settings.changed({"optimization.max_iterations": 100_000})
+        pipeline = make_pipeline(endless)
+        indices = itertools.count()
+
+        def has_one_waiting():
+            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
+            return pipeline.load == 2
+
+        wait_until(has_one_waiting)
+        assert pipeline.close(PATIENCE_S) is True
+        assert pipeline.load == 0
+        assert recorder.handed_out == recorder.failures == []
+        assert "flows_out" not in counts_of(pipeline)
+        assert "estimates_failed" not in counts_of(pipeline)
+
+    def test_while_a_flow_is_handed_out_lets_it_be_the_last(
+        self, pipeline, recorder, make_sweep, wait_until
+    ):
+        recorder.hold()
+        for index in range(3):
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        assert recorder.is_held.wait(PATIENCE_S)
+        pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
+        assert pipeline.close(0.0) is False
+        recorder.let_go()
+        assert pipeline.close(PATIENCE_S) is True
+        assert recorder.current_stamps == [make_sweep(1).stamp_ns]
+
+    def test_makes_late_sweeps_harmless(self, pipeline, add, recorder, make_sweep):
+        assert pipeline.close(PATIENCE_S) is True
+        add(*(make_sweep(index) for index in range(4)))
+        assert recorder.handed_out == recorder.failures == []
+
+    def test_while_it_fails_reports_no_failure(self, pipeline, recorder, make_sweep):
+        recorder.error = RuntimeError("the publisher is gone")
+        recorder.hold()
+        for index in range(3):
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        assert recorder.is_held.wait(PATIENCE_S)
+        assert pipeline.close(0.0) is False
+        recorder.let_go()
+        assert pipeline.close(PATIENCE_S) is True
+        assert recorder.failures == []
+
+
+def test_every_triplet_of_a_rough_ride_ends_in_exactly_one_way(pipeline, make_sweep, wait_until):
+    random = np.random.default_rng(1)
+    index = 0.0
+    for _ in range(300):
+        index += random.choice([1.0, 0.0, -0.5, 8.0, -100.0], p=[0.8, 0.05, 0.05, 0.05, 0.05])
+        sweep = make_sweep(index, num_points=int(random.choice([400, 8], p=[0.95, 0.05])))
+        pipeline.add_sweep(sweep, time.monotonic_ns(), is_watched=bool(random.random() < 0.9))
+        if random.random() < 0.3:
+            wait_until(lambda: pipeline.load == 0)
+    wait_until(lambda: pipeline.load == 0)
+    assert_balanced(pipeline)
+    counts = counts_of(pipeline)
+    assert counts["sweeps_received"] == 300
+    assert counts["flows_out"] > 0
+    assert counts["estimates_failed"] > 0
+    assert counts["triplets_unwatched"] > 0

@@ -1,0 +1,163 @@
+"""The array API: what comes in, what comes out, what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from mnsf_ros.errors import MnsfError, OptimizationError, SweepError
+from mnsf_ros.presets import preset
+from mnsf_ros.scene_flow import estimate_flow
+from mnsf_ros.settings import Settings
+
+SHORT = Settings().changed(
+    {
+        "compute.device": "cpu",
+        "field.num_hidden_layers": 2,
+        "field.hidden_width": 16,
+        "optimization.max_iterations": 5,
+        "optimization.time_budget_ms": 0,
+        "fusion.max_iterations": 5,
+    }
+)
+
+
+@pytest.fixture
+def scene(make_scene):
+    return make_scene()
+
+
+def estimate(scene, settings=SHORT):
+    return estimate_flow(scene.current, scene.next, scene.previous, settings)
+
+
+def test_flow_leads_from_current_to_next(scene):
+    result = estimate_flow(scene.current, scene.next, scene.previous)
+    error = np.linalg.norm(result.flow - scene.flow, axis=1)
+    assert error[scene.moving].mean() < 0.1
+    assert error.mean() < 0.1
+
+
+def test_order_of_the_arguments(make_scene):
+    # What comes is the opposite of what goes.
+    scene = make_scene(motion=(0.5, 0, 0))
+    back = estimate_flow(scene.current, scene.previous, scene.next)
+    np.testing.assert_allclose(back.flow[scene.moving].mean(axis=0), (-0.5, 0, 0), atol=0.1)
+
+
+def test_paper_preset_is_used_unless_told_otherwise(scene):
+    default = estimate_flow(scene.current, scene.next)
+    paper = estimate_flow(scene.current, scene.next, settings=preset("paper"))
+    assert default.distance_kind == "grid"
+    np.testing.assert_array_equal(default.flow, paper.flow)
+
+
+def test_without_previous_it_is_the_two_frame_method(scene):
+    result = estimate_flow(scene.current, scene.next, settings=SHORT)
+    assert list(result.fits) == ["forward"]
+    assert result.flow.shape == scene.current.shape
+
+
+def as_float64(array):
+    return array.astype(np.float64)
+
+
+def as_columns(array):
+    return np.asfortranarray(array)
+
+
+def as_slice(array):
+    wide = np.full((2 * len(array), 5), np.nan, np.float32)
+    wide[::2, :3] = array
+    return wide[::2]
+
+
+def as_read_only(array):
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+@pytest.mark.parametrize(
+    "form", [as_float64, as_columns, as_slice, as_read_only, np.ndarray.tolist]
+)
+def test_form_of_the_arrays_does_not_matter(scene, form):
+    sweeps = [form(xyz) for xyz in (scene.current, scene.next, scene.previous)]
+    np.testing.assert_array_equal(estimate_flow(*sweeps, SHORT).flow, estimate(scene).flow)
+
+
+def test_whole_numbers(scene):
+    current, newest = (np.round(10 * xyz).astype(np.int32) for xyz in (scene.current, scene.next))
+    result = estimate_flow(current, newest, settings=SHORT)
+    assert result.flow.shape == current.shape
+    assert np.isfinite(result.flow).all()
+
+
+def test_arrays_are_not_written_to(scene):
+    sweeps = scene.current, scene.next, scene.previous
+    before = [xyz.copy() for xyz in sweeps]
+    estimate_flow(*sweeps, SHORT)
+    for xyz, copy in zip(sweeps, before, strict=True):
+        np.testing.assert_array_equal(xyz, copy)
+
+
+def test_calls_do_not_depend_on_each_other(scene, make_scene):
+    first = estimate(scene).flow
+    estimate(make_scene(seed=5))
+    np.testing.assert_array_equal(estimate(scene).flow, first)
+
+
+def refused(text, **sweeps):
+    with pytest.raises(SweepError, match=f"^{re.escape(text)}"):
+        estimate_flow(**sweeps, settings=SHORT)
+
+
+@pytest.mark.parametrize("name", ["current", "next", "previous"])
+def test_error_names_the_array(scene, name):
+    sweeps = {"current": scene.current, "next": scene.next, "previous": scene.previous}
+    with_nan = sweeps[name].copy()
+    with_nan[3, 1] = np.nan
+    refused(
+        f"{name}: 1 of {len(with_nan)} points are not finite; remove them",
+        **{**sweeps, name: with_nan},
+    )
+    refused(
+        f"{name}: got shape (3,) of float64, expected (N, 3) numbers",
+        **{**sweeps, name: [0.0, 1.0, 2.0]},
+    )
+    refused(f"{name}: got rows of different lengths", **{**sweeps, name: [[1, 2, 3], [4]]})
+
+
+@pytest.mark.parametrize("name", ["current", "next", "previous"])
+@pytest.mark.parametrize(
+    "points", [np.zeros((0, 3)), np.ones((1, 3)), np.full((500, 3), 1e7), np.full((500, 3), 1e20)]
+)
+def test_too_few_points_are_left(scene, name, points):
+    sweeps = {"current": scene.current, "next": scene.next, "previous": scene.previous}
+    refused(
+        f"sweep 0: 0 of {len(points)} points are left after crop and ground removal, "
+        "expected at least 10",
+        **{**sweeps, name: points},
+    )
+
+
+def test_no_finite_flow(scene):
+    explosive = SHORT.changed(
+        {
+            "optimization.learning_rate": 1,
+            "optimization.decay": False,
+            "optimization.max_iterations": 10,
+            "optimization.batch_points": 100,
+            "field.num_hidden_layers": 30,
+            "field.hidden_width": 64,
+        }
+    )
+    with pytest.raises(OptimizationError, match=r"^the loss became nan, expected a finite number"):
+        estimate(scene, explosive)
+
+
+def test_every_refusal_has_one_root():
+    with pytest.raises(MnsfError):
+        estimate_flow([], [])
