@@ -9,9 +9,9 @@ READY := $(VENV)/ready
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := test,lint
+EXTRAS := datasets,test,lint
 else
-EXTRAS := wheels,test,lint
+EXTRAS := wheels,datasets,test,lint
 endif
 
 .PHONY: setup demo test lint check config clean

@@ -7,11 +7,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.datasets.formats import FORMATS, open_source, part_of
-from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
+from mnsf_ros.datasets.formats import FORMATS, open_source
 from mnsf_ros.datasets.read_options import ReadOptions
-from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.demo.console_progress import counting_progress
+from mnsf_ros.datasets.truth_settings import TruthSettings
 
 _DEFAULTS = TruthSettings()
 
@@ -59,10 +57,13 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 
 def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.datasets.recording_writer import write_recording
+    from mnsf_ros.demo.console_progress import counting_progress
+
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
     read_options = ReadOptions(sequence=options.sequence, labels=options.labels)
     source = open_source(options.format, options.source, read_options)
-    source = part_of(source, options.first, options.count)
+    source = source.part(options.first, options.count)
     console = Console()
     with counting_progress(console) as progress:
         task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)

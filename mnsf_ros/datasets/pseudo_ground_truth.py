@@ -1,0 +1,133 @@
+"""The true flow of sweeps, as far as poses, tracked boxes or given flow tell it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.datasets.boxes import box_of_points
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.settings import GroundSettings
+from mnsf_ros.simulation.transforms import invert
+from mnsf_ros.sweeps.ground import ground_mask
+from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
+
+if TYPE_CHECKING:
+    from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep
+    from mnsf_ros.datasets.truth_settings import TruthSettings
+
+# (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
+_Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]
+# The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
+DYNAMIC_SPEED_M_S: Final = 0.5
+
+
+def sweep_truth(
+    sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
+) -> FlowTruth:
+    """Returns what is known about the motion of every point of a sweep.
+
+    Args:
+        sweep: The sweep.
+        following: The next one; None if there is none, then no flow is valid.
+        settings: How far labels are believed.
+    """
+    ground = _ground_of(sweep)
+    boxes = sweep.boxes or ()
+    owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
+    class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
+    if sweep.given is not None and sweep.given.class_id is not None:
+        class_id = sweep.given.class_id
+    if following is None:
+        motion = _nothing_known(sweep)
+    elif sweep.given is not None:
+        motion = _given_motion(sweep, sweep.given, following)
+    else:
+        motion = _labelled_motion(sweep, following, owner)
+    flow, valid, dynamic = motion
+    # A point in a box is labelled, wherever the box is.
+    valid = valid & (_reach(sweep, settings) | (owner >= 0))
+    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id)
+
+
+def _nothing_known(sweep: LabelledSweep) -> _Motion:
+    nowhere: NDArray[np.bool_] = np.zeros(len(sweep), dtype=bool)
+    return np.zeros_like(sweep.xyz), nowhere, nowhere
+
+
+def _labelled_motion(
+    sweep: LabelledSweep, following: LabelledSweep, owner: NDArray[np.int64]
+) -> _Motion:
+    """What the poses of the sweeps and of the boxes in them tell."""
+    next_from_current = _ego_motion(sweep, following)
+    if next_from_current is None:
+        return _nothing_known(sweep)
+    valid = _finite_rows(sweep.xyz)
+    flow = rigid_flow(sweep.xyz, next_from_current)
+    counterparts = {box.track_id: box for box in following.boxes or ()}
+    for number, box in enumerate(sweep.boxes or ()):
+        rows = np.flatnonzero(owner == number)
+        counterpart = None if box.track_id is None else counterparts.get(box.track_id)
+        if counterpart is None:
+            valid[rows] = False
+        else:
+            next_from_box = np.asarray(counterpart.pose @ invert(box.pose), dtype=np.float64)
+            flow[rows] = rigid_flow(sweep.xyz[rows], next_from_box)
+    return flow, valid, _dynamic(sweep, flow, next_from_current, following)
+
+
+def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSweep) -> _Motion:
+    """What the data set brings."""
+    valid = given.valid & _finite_rows(np.hstack([sweep.xyz, given.flow]))
+    if given.dynamic is not None:
+        return given.flow, valid, given.dynamic
+    motion = _ego_motion(sweep, following)
+    if motion is None or given.background is not None:
+        still = valid if given.background is None else valid & given.background
+        motion = fit_rigid_motion(sweep.xyz[still], given.flow[still])
+    return given.flow, valid, _dynamic(sweep, given.flow, motion, following)
+
+
+def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.float64] | None:
+    """(4, 4) next_from_current of what stands still, None if the poses are unknown."""
+    if sweep.pose is None or following.pose is None:
+        return None
+    return np.asarray(invert(following.pose) @ sweep.pose, dtype=np.float64)
+
+
+def _dynamic(
+    sweep: LabelledSweep,
+    flow: NDArray[np.float32],
+    next_from_current: NDArray[np.float64],
+    following: LabelledSweep,
+) -> NDArray[np.bool_]:
+    interval_s = (following.stamp_ns - sweep.stamp_ns) * 1e-9
+    with np.errstate(invalid="ignore", over="ignore"):
+        residual = np.linalg.norm(residual_flow(sweep.xyz, flow, next_from_current), axis=1)
+        moves: NDArray[np.bool_] = residual > DYNAMIC_SPEED_M_S * interval_s
+    return moves
+
+
+def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
+    """Says for which points it is known whether they are on an object that moves."""
+    everywhere = np.ones(len(sweep), dtype=bool)
+    if settings.unlabelled_static:
+        return everywhere
+    if sweep.boxes is None and sweep.given is None:
+        return ~everywhere
+    return everywhere if sweep.labelled is None else sweep.labelled
+
+
+def _ground_of(sweep: LabelledSweep) -> NDArray[np.bool_]:
+    if sweep.ground is not None:
+        return sweep.ground
+    ground = np.zeros(len(sweep), dtype=bool)
+    finite = _finite_rows(sweep.xyz)
+    ground[finite] = ground_mask(sweep.xyz[finite], GroundSettings())
+    return ground
+
+
+def _finite_rows(rows: NDArray[np.float32]) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(rows).all(axis=1), dtype=np.bool_)

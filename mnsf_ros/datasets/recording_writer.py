@@ -1,0 +1,148 @@
+"""Labelled sweeps into recordings with truth, see `docs/recordings.md`."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
+from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.conventions import (
+    ODOMETRY_FRAME,
+    POINTS_TOPIC,
+    TRUTH_FLOW_TOPIC,
+    TRUTH_ODOMETRY_TOPIC,
+)
+from msg_utils.point_cloud2 import encode_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+
+_FILE_SUFFIX: Final = ".mcap"
+
+
+def write_recording(
+    source: SweepSource,
+    path: Path | str,
+    settings: TruthSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+    *,
+    overwrite: bool = False,
+    compress: bool = False,
+) -> int:
+    """Writes a sequence with what is known about its motion.
+
+    Only two sweeps are in memory at a time.
+
+    Args:
+        source: The sweeps.
+        path: Folder to write, or a single file if it ends in `.mcap`; it appears when all is
+            done, and nothing is left behind after an error.
+        settings: How far labels are believed.
+        progress: Called after every sweep with the number of sweeps done.
+        overwrite: Whether a recording at the same path may be replaced.
+        compress: Whether to compress the recording: smaller but slower to write and read.
+
+    Returns:
+        The number of sweeps.
+
+    Raises:
+        DatasetError: If the data set is damaged, or its sweeps are out of order.
+        RecordingError: If the recording cannot be written.
+    """
+    settings, done = settings or TruthSettings(), 0
+    with (
+        _target(Path(path), overwrite=overwrite) as folder,
+        BagWriter(folder, overwrite=overwrite, compress=compress) as writer,
+    ):
+        for sweep, following in _with_next(source.sweeps):
+            _write_sweep(writer, source.frame_id, sweep, following, settings)
+            done += 1
+            if progress is not None:
+                progress(done)
+        if not done:
+            raise DatasetError("the sequence has no sweep there, nothing is written")
+    return done
+
+
+def _with_next(
+    sweeps: Iterable[LabelledSweep],
+) -> Iterator[tuple[LabelledSweep, LabelledSweep | None]]:
+    """Yields every sweep with the one after it.
+
+    Raises:
+        DatasetError: If that is not later.
+    """
+    current: LabelledSweep | None = None
+    for following in sweeps:
+        if current is not None:
+            if following.stamp_ns <= current.stamp_ns:
+                raise DatasetError(
+                    f"sweeps are out of order: stamp {following.stamp_ns} ns comes after "
+                    f"{current.stamp_ns} ns"
+                )
+            yield current, following
+        current = following
+    if current is not None:
+        yield current, None
+
+
+def _write_sweep(
+    writer: BagWriter,
+    frame_id: str,
+    sweep: LabelledSweep,
+    following: LabelledSweep | None,
+    settings: TruthSettings,
+) -> None:
+    columns = {name: sweep.xyz[:, axis] for axis, name in enumerate("xyz")}
+    points = encode_columns({**columns, **sweep.columns}, 1, len(sweep))
+    truth = sweep_truth(sweep, following, settings)
+    is_dense = bool(np.isfinite(sweep.xyz).all())
+    stamp_ns = sweep.stamp_ns
+    writer.write_cloud(POINTS_TOPIC, points, stamp_ns, frame_id, is_dense=is_dense)
+    writer.write_cloud(
+        TRUTH_FLOW_TOPIC,
+        truth.encode(sweep.xyz),
+        stamp_ns,
+        frame_id,
+        is_dense=is_dense and bool(truth.valid.all()),
+    )
+    if sweep.pose is not None:
+        writer.write_odometry(TRUTH_ODOMETRY_TOPIC, sweep.pose, stamp_ns, ODOMETRY_FRAME, frame_id)
+
+
+@contextmanager
+def _target(path: Path, *, overwrite: bool) -> Iterator[Path]:
+    """Yields the folder for a BagWriter; of that for a single file, the file is kept."""
+    if path.suffix != _FILE_SUFFIX:
+        yield path
+        return
+    _check_file(path, overwrite=overwrite)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(
+            prefix=f".{path.stem}.", suffix=".partial", dir=path.parent
+        ) as temporary:
+            folder = Path(temporary, path.stem)
+            yield folder
+            (file,) = folder.glob(f"*{_FILE_SUFFIX}")
+            _check_file(path, overwrite=overwrite)
+            file.replace(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _check_file(path: Path, *, overwrite: bool) -> None:
+    if path.is_dir():
+        raise RecordingError(f"{path}: is a folder, expected a file")
+    if path.exists() and not overwrite:
+        raise RecordingError(f"{path}: exists already")

@@ -1,0 +1,146 @@
+"""Files of data sets: found, read and checked, with one line of text for all that goes wrong."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+from xml.etree.ElementTree import ParseError
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.datasets.errors import DatasetError
+
+# What parsers raise on damaged files; LookupError and TypeError: on files laid out otherwise.
+_UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    RuntimeError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+    ParseError,
+)
+_MAX_LENGTH: Final = 200
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turns what parsers raise inside the block into a DatasetError that names the file."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise DatasetError(f"{path}: no such file") from error
+    except _UNREADABLE as error:
+        raise DatasetError(f"{path}: cannot be read: {_reason(error)}") from error
+
+
+def require(module: str) -> Any:  # noqa: ANN401
+    """Imports a module of a library that only data sets need.
+
+    Raises:
+        DatasetError: If the library is not installed; the text has the command that helps.
+    """
+    library = module.partition(".")[0]
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != library:
+            raise
+        raise DatasetError(
+            f"this format is read with {library}, which is not installed; "
+            f"install it with: python -m pip install {library}"
+        ) from error
+
+
+def files_in(folder: Path, pattern: str) -> list[Path]:
+    """Returns the files of a folder that fit a pattern, by name.
+
+    Raises:
+        DatasetError: If there is no such folder, or no such file in it.
+    """
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder")
+    files = sorted(file for file in folder.glob(pattern) if file.is_file())
+    if not files:
+        raise DatasetError(f"{folder}: holds no file {pattern!r}")
+    return files
+
+
+def read_json(path: Path) -> Any:  # noqa: ANN401
+    """Returns the content of a JSON file.
+
+    Raises:
+        DatasetError: If it is missing or damaged.
+    """
+    with reading(path):
+        return json.loads(path.read_bytes())
+
+
+def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
+    """Returns a file of little-endian float32 as (N, `num_columns`).
+
+    Raises:
+        DatasetError: If it is missing or cut within a row.
+    """
+    with reading(path):
+        raw = path.read_bytes()
+    row_bytes = 4 * num_columns
+    if len(raw) % row_bytes:
+        raise DatasetError(
+            f"{path}: is cut short: {len(raw)} bytes, expected a multiple of {row_bytes}"
+        )
+    return np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
+
+
+def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+    """Returns all arrays of an npz file.
+
+    Raises:
+        DatasetError: If it is missing or damaged, or lacks a required array.
+    """
+    # The file is opened here because np.load leaves a damaged one open.
+    with reading(path), path.open("rb") as file:
+        loaded = np.load(file, allow_pickle=False)
+        if not isinstance(loaded, np.lib.npyio.NpzFile):
+            raise ValueError("is a single array, expected an npz archive")
+        with loaded as archive:
+            arrays = dict(archive)
+    missing = [name for name in required if name not in arrays]
+    if missing:
+        raise DatasetError(
+            f"{path}: has no array {', '.join(missing)}; it has {', '.join(sorted(arrays))}"
+        )
+    return arrays
+
+
+def stamp_in(name: str, path: Path) -> int:
+    """Returns the integer that is a part of a file's name.
+
+    Raises:
+        DatasetError: If it is none.
+    """
+    try:
+        return int(name)
+    except ValueError:
+        raise DatasetError(f"{path}: {name!r} in its name is no stamp") from None
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
+    if isinstance(error, LookupError):
+        # A KeyError's text is only the key.
+        return f"it has no {text}" if isinstance(error, KeyError) else f"index error: {text}"
+    return text or type(error).__name__

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import tiny_world
+
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.recording_writer import write_recording
+
+BOXES = "per_sweep_annotations_amodal/tracked_object_labels"
+
+
+def ply(xyz, order="<"):
+    fields = [(axis, f"{order}f8") for axis in "xyz"]
+    fields += [("intensity", f"{order}f4"), ("laser_number", "u1")]
+    rows = np.zeros(len(xyz), fields)
+    for column, axis in enumerate("xyz"):
+        rows[axis] = xyz[:, column]
+    rows["intensity"], rows["laser_number"] = 12, 31
+    name = "little" if order == "<" else "big"
+    header = f"ply\nformat binary_{name}_endian 1.0\ncomment none\nelement vertex {len(xyz)}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += "property float intensity\nproperty uchar laser_number\n"
+    return header.encode() + b"element face 0\nend_header\n" + rows.tobytes()
+
+
+def quaternion(pose):
+    half_yaw = math.atan2(pose[1, 0], pose[0, 0]) / 2
+    return {"w": math.cos(half_yaw), "x": 0.0, "y": 0.0, "z": math.sin(half_yaw)}
+
+
+def label(track, pose):
+    return {
+        "center": dict(zip("xyz", pose[:3, 3].tolist(), strict=True)),
+        "rotation": quaternion(pose),
+        **dict(zip(("length", "width", "height"), tiny_world.SIZE.tolist(), strict=True)),
+        "track_label_uuid": track,
+        "occlusion": 0,
+        "label_class": {"name": "VEHICLE"} if track == "mover" else "VEHICLE",
+    }
+
+
+def write_log(folder, order="<"):
+    log = folder / "log"
+    for sub in ("lidar", "poses", "per_sweep_annotations_amodal"):
+        (log / sub).mkdir(parents=True)
+    for index in range(tiny_world.NUM_SWEEPS):
+        stamp = tiny_world.stamp_ns(index)
+        (log / f"lidar/PC_{stamp}.ply").write_bytes(ply(tiny_world.sweep(index).xyz, order))
+        pose = tiny_world.world_from_sweep(index)
+        content = {"rotation": list(quaternion(pose).values()), "translation": list(pose[:3, 3])}
+        (log / f"poses/city_SE3_egovehicle_{stamp}.json").write_text(json.dumps(content))
+        labels = [label(track, box) for track, box in tiny_world.boxes(index).items()]
+        (log / f"{BOXES}_{stamp}.json").write_text(json.dumps(labels))
+    return log
+
+
+def convert(log, out):
+    write_recording(open_source("argoverse1", log), out)
+    return out
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_a_log_becomes_a_recording_with_truth(tmp_path, order):
+    out = convert(write_log(tmp_path, order), tmp_path / "out")
+    points = tiny_world.check_recording(out, "egovehicle").columns[0]
+    assert (points["intensity"] == 12).all()
+    assert (points["ring"] == 31).all()
+
+
+def test_an_occluded_box_owns_no_points(tmp_path):
+    log = write_log(tmp_path)
+    path = log / f"{BOXES}_{tiny_world.stamp_ns(0)}.json"
+    labels = json.loads(path.read_text())
+    labels[0]["occlusion"] = 100
+    path.write_text(json.dumps(labels))
+    found = tiny_world.read(convert(log, tmp_path / "out"))
+    assert not found.truth[0].dynamic.any()
+    assert found.truth[1].dynamic.any()
+
+
+def test_a_sweep_without_labels_has_no_valid_flow(tmp_path):
+    log = write_log(tmp_path)
+    (log / f"{BOXES}_{tiny_world.stamp_ns(0)}.json").unlink()
+    found = tiny_world.read(convert(log, tmp_path / "out"))
+    assert [truth.valid.any() for truth in found.truth] == [False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("lidar/PC_{}.ply", lambda raw: raw[:900], r"\.ply: is cut short: it has \d+ of \d+ poin"),
+        ("lidar/PC_{}.ply", lambda raw: raw[:40], r"\.ply: cannot be read: is no PLY file"),
+        ("lidar/PC_{}.ply", lambda raw: b"ply\nend_header\n", "its header lacks a format"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"binary_little_endian", b"ascii"), "'ascii'"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"property uchar", b"property list"), "'list'"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"double x", b"double u"), "no property x"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"vertex", b"camera"), "'camera'"),
+        ("poses/city_SE3_egovehicle_{}.json", lambda raw: raw[:30], r"\.json: cannot be read"),
+        ("poses/city_SE3_egovehicle_{}.json", lambda raw: b"{}", "it has no 'rotation'"),
+        (BOXES + "_{}.json", lambda raw: b'[{"center": 1}]', r"labels_\d+\.json: cannot be read"),
+    ],
+)
+def test_damage_is_named_and_nothing_is_left_behind(tmp_path, name, change, message):
+    log = write_log(tmp_path)
+    path = log / name.format(tiny_world.stamp_ns(1))
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(DatasetError, match=message):
+        convert(log, tmp_path / "out" / "bag")
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_other_folders_are_refused(tmp_path):
+    with pytest.raises(DatasetError, match="lidar: no such folder"):
+        open_source("argoverse1", tmp_path)
+    log = write_log(tmp_path)
+    (log / f"lidar/PC_{tiny_world.stamp_ns(0)}.ply").rename(log / "lidar/PC_one.ply")
+    with pytest.raises(DatasetError, match=r"PC_one\.ply: 'one' in its name is no stamp"):
+        open_source("argoverse1", log)

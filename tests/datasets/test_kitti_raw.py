@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import tiny_world
+
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.truth_settings import TruthSettings
+
+EARTH_RADIUS_M = 6_378_137.0
+LATITUDE, LONGITUDE = 49.0, 8.4
+# Lidar in the IMU frame: ahead, to the left and above, and turned a little.
+LIDAR_FROM_IMU = tiny_world.pose(-0.8, 0.3, -0.8, 0.01)
+# Looks to the front, with x to the right and y down, 0.1 m behind the lidar.
+CAMERA_FROM_LIDAR = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0.1], [0, 0, 0, 1.0]])
+FOCAL, WIDTH, HEIGHT = 100.0, 200.0, 80.0
+
+
+def write_drive(folder, *, tracklets=True):
+    """A drive in the layout of the synchronized data, with the sweep of number 1 lost."""
+    drive = folder / "2011_09_26" / "2011_09_26_drive_0005_sync"
+    for sub in ("velodyne_points/data", "oxts/data"):
+        (drive / sub).mkdir(parents=True)
+    lines = []
+    for number in range(4):
+        index = max(number - 1, 0)
+        stamp = np.datetime64(tiny_world.stamp_ns(index), "ns")
+        lines.append("" if number == 1 else str(stamp).replace("T", " "))
+        write_imu(drive / f"oxts/data/{number:010d}.txt", index)
+        if number != 1:
+            xyz = tiny_world.sweep(index).xyz
+            rows = np.column_stack([xyz, np.full(len(xyz), 0.25)]).astype("<f4")
+            rows.tofile(drive / f"velodyne_points/data/{number:010d}.bin")
+    (drive / "velodyne_points/timestamps.txt").write_text("\n".join(lines) + "\n")
+    write_calibration(drive.parent)
+    if tracklets:
+        (drive / "tracklet_labels.xml").write_text(tracklet_text())
+    return drive
+
+
+def write_imu(path, index):
+    pose = tiny_world.world_from_sweep(index) @ LIDAR_FROM_IMU
+    x, y, z = (pose[:3, 3] - LIDAR_FROM_IMU[:3, 3]).tolist()
+    scale = EARTH_RADIUS_M * math.cos(math.radians(LATITUDE))
+    longitude = LONGITUDE + math.degrees(x / scale)
+    mercator = math.asinh(math.tan(math.radians(LATITUDE))) + y / scale
+    latitude = math.degrees(math.atan(math.sinh(mercator)))
+    yaw = math.atan2(pose[1, 0], pose[0, 0])
+    path.write_text(f"{float(latitude)!r} {float(longitude)!r} {100 + z} 0 0 {yaw!r} " + "0 " * 24)
+
+
+def write_calibration(folder):
+    def entry(name, values):
+        return f"{name}: {' '.join(repr(float(v)) for v in np.ravel(values))}\n"
+
+    def rigid(transform):
+        return entry("R", transform[:3, :3]) + entry("T", transform[:3, 3])
+
+    date = "calib_time: 15-Mar-2012 11:37:16\n"
+    (folder / "calib_imu_to_velo.txt").write_text(date + rigid(LIDAR_FROM_IMU))
+    (folder / "calib_velo_to_cam.txt").write_text(date + rigid(CAMERA_FROM_LIDAR))
+    projection = [[FOCAL, 0, WIDTH / 2, 0], [0, FOCAL, HEIGHT / 2, 0], [0, 0, 1, 0]]
+    (folder / "calib_cam_to_cam.txt").write_text(
+        date
+        + entry("R_rect_00", np.eye(3))
+        + entry("S_rect_02", [WIDTH, HEIGHT])
+        + entry("P_rect_02", projection)
+    )
+
+
+def tracklet_text():
+    items = ""
+    length, width, height = tiny_world.SIZE
+    for track in ("mover", "parked", "gone"):
+        poses = ""
+        for number in range(1 if track == "gone" else 4):
+            box = tiny_world.boxes(max(number - 1, 0))[track]
+            x, y, z = box[:3, 3].tolist()
+            yaw = math.atan2(box[1, 0], box[0, 0])
+            poses += (
+                f"<item><tx>{x!r}</tx><ty>{y!r}</ty><tz>{float(z - height / 2)!r}</tz>"
+                f"<rx>0</rx><ry>0</ry><rz>{yaw!r}</rz><state>2</state></item>"
+            )
+        items += (
+            f"<item><objectType>Van</objectType><h>{height}</h><w>{width}</w><l>{length}</l>"
+            f"<first_frame>0</first_frame><poses><count>9</count>{poses}</poses></item>"
+        )
+    return (
+        f"<boost_serialization><tracklets><count>3</count>{items}</tracklets></boost_serialization>"
+    )
+
+
+def convert(drive, out, **settings):
+    write_recording(open_source("kitti", drive), out, TruthSettings(**settings))
+    return out
+
+
+def test_a_drive_becomes_a_recording_with_truth(tmp_path):
+    out = convert(write_drive(tmp_path), tmp_path / "out", unlabelled_static=True)
+    found = tiny_world.check_recording(out, "velodyne", tolerance=1e-4)
+    assert (found.columns[0]["intensity"] == 0.25).all()
+
+
+def test_only_what_the_camera_sees_and_boxes_are_valid(tmp_path):
+    found = tiny_world.read(convert(write_drive(tmp_path), tmp_path / "out"))
+    tiny = tiny_world.sweep(0)
+    x, y, z = tiny.xyz.astype(float).T
+    depth = x + 0.1
+    u, v = WIDTH / 2 - FOCAL * y / depth, HEIGHT / 2 - FOCAL * z / depth
+    seen = (depth > 0) & (u >= 0) & (u < WIDTH) & (v >= 0) & (v < HEIGHT)
+    boxed = np.isin(tiny.part, (tiny_world.MOVER, tiny_world.MARGIN, tiny_world.PARKED))
+    assert 0.1 < seen.mean() < 0.5
+    expected = (seen & (tiny.part != tiny_world.GONE)) | boxed
+    # Ground in a box is labelled, too, but the test does not know which points these are.
+    assert (found.truth[0].valid >= expected).all()
+    assert (found.truth[0].valid != expected).mean() < 0.05
+
+
+def test_without_tracklets_nothing_is_valid(tmp_path):
+    drive = write_drive(tmp_path, tracklets=False)
+    assert not tiny_world.read(convert(drive, tmp_path / "out")).truth[0].valid.any()
+    found = tiny_world.read(convert(drive, tmp_path / "all", unlabelled_static=True))
+    assert found.truth[0].valid.all()
+    assert not found.truth[0].dynamic.any()
+
+
+def test_the_calibration_may_lie_in_the_drive(tmp_path):
+    drive = write_drive(tmp_path)
+    for file in drive.parent.glob("calib_*.txt"):
+        file.rename(drive / file.name)
+    tiny_world.check_recording(convert(drive, tmp_path / "out", unlabelled_static=True), "velodyne")
+
+
+def remove(name):
+    return lambda drive: (drive / name).unlink()
+
+
+def cut(name, keep):
+    def change(drive):
+        path = drive / name
+        path.write_bytes(path.read_bytes()[:keep])
+
+    return change
+
+
+def write(name, text):
+    return lambda drive: (drive / name).write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (cut("velodyne_points/data/0000000002.bin", 1001), r"0000000002\.bin: is cut short: 1001"),
+        (remove("oxts/data/0000000002.txt"), r"0000000002\.txt: no such file"),
+        (cut("oxts/data/0000000003.txt", 20), r"0000000003\.txt: has \d numbers, expected 30"),
+        (remove("velodyne_points/timestamps.txt"), r"timestamps\.txt: no such file"),
+        (write("velodyne_points/timestamps.txt", "2011\n"), r"has no line 3 for that sweep"),
+        (write("velodyne_points/timestamps.txt", "x\n" * 9), r"timestamps\.txt: cannot be read"),
+        (cut("tracklet_labels.xml", 500), r"tracklet_labels\.xml: cannot be read"),
+        (write("tracklet_labels.xml", "<a/>"), r"has no element 'tracklets'"),
+        (remove("../calib_imu_to_velo.txt"), r"calib_imu_to_velo\.txt: no such file"),
+        (write("../calib_cam_to_cam.txt", "K_00: 1"), r"has no entry 'R_rect_00'; it has K_00"),
+        (write("../calib_velo_to_cam.txt", "R: 1 2\nT: 0 0 0"), r"calib_velo_to_cam\.txt: cannot"),
+    ],
+)
+def test_damage_is_named_and_nothing_is_left_behind(tmp_path, damage, message):
+    drive = write_drive(tmp_path)
+    damage(drive)
+    with pytest.raises(DatasetError, match=message):
+        convert(drive, tmp_path / "out" / "bag")
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_other_folders_are_refused(tmp_path):
+    with pytest.raises(DatasetError, match=r"velodyne_points/data: no such folder"):
+        open_source("kitti", tmp_path)
+    (tmp_path / "velodyne_points" / "data").mkdir(parents=True)
+    (tmp_path / "velodyne_points/data/0000000000.txt").touch()
+    with pytest.raises(DatasetError, match=r"holds no file '\*\.bin'"):
+        open_source("kitti", tmp_path)

@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import tiny_world
+
+from mnsf_ros.datasets import json_rows
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.nuscenes_boxes import Annotation, Keyframe, boxes_at
+from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.datasets.recording_writer import write_recording
+
+# The lidar looks to the left, as it does on the real vehicles, and the sweep is in its frame.
+EGO_FROM_LIDAR = tiny_world.pose(0.9, 0.1, 1.8, -1.5)
+MICROS = [tiny_world.stamp_ns(index) // 1000 for index in range(tiny_world.NUM_SWEEPS)]
+
+
+def pose_entry(pose):
+    half_yaw = math.atan2(pose[1, 0], pose[0, 0]) / 2
+    rotation = [math.cos(half_yaw), 0.0, 0.0, math.sin(half_yaw)]
+    return {"translation": pose[:3, 3].tolist(), "rotation": rotation}
+
+
+def scene_tables():
+    """Two scenes; of the first, sweeps 0 and 2 are annotated, 1 is between them."""
+    length, width, height = tiny_world.SIZE.tolist()
+    tables = {
+        "scene": [{"token": "s1", "name": "scene-1"}, {"token": "s2", "name": "scene-2"}],
+        "sample": [
+            {"token": "k0", "timestamp": MICROS[0], "scene_token": "s1"},
+            {"token": "k2", "timestamp": MICROS[2], "scene_token": "s1"},
+            {"token": "other", "timestamp": 7, "scene_token": "s2"},
+        ],
+        "sensor": [
+            {"token": "cam", "channel": "CAM_FRONT"},
+            {"token": "top", "channel": "LIDAR_TOP"},
+        ],
+        "calibrated_sensor": [
+            {"token": "c1", "sensor_token": "cam", **pose_entry(np.eye(4))},
+            {"token": "l1", "sensor_token": "top", **pose_entry(EGO_FROM_LIDAR)},
+        ],
+        "category": [{"token": "cat", "name": "vehicle.car"}],
+        "instance": [
+            {"token": track, "category_token": "cat"} for track in ("mover", "parked", "gone")
+        ],
+        "sample_annotation": [
+            {
+                "sample_token": f"k{index}",
+                "instance_token": track,
+                "size": [width, length, height],
+                **pose_entry(tiny_world.world_from_box(track, index)),
+            }
+            for index in (2, 0)
+            for track in tiny_world.boxes(index)
+        ],
+        "sample_data": [],
+        "ego_pose": [{"token": "e9", **pose_entry(np.eye(4))}],
+    }
+    for index in (2, 0, 1):
+        pose = tiny_world.world_from_sweep(index) @ np.linalg.inv(EGO_FROM_LIDAR)
+        tables["ego_pose"].append({"token": f"e{index}", **pose_entry(pose)})
+        for sensor, folder in (("c1", "CAM"), ("l1", "LIDAR_TOP")):
+            tables["sample_data"].append(
+                {
+                    "sample_token": "k0" if index == 0 else "k2",
+                    "ego_pose_token": f"e{index}",
+                    "calibrated_sensor_token": sensor,
+                    "timestamp": MICROS[index],
+                    "filename": f"sweeps/{folder}/{index}.bin",
+                }
+            )
+    return tables
+
+
+def write_data(folder, tables=None, version="v1.0-mini"):
+    (folder / version).mkdir(parents=True, exist_ok=True)
+    (folder / "sweeps/LIDAR_TOP").mkdir(parents=True, exist_ok=True)
+    for name, rows in (tables or scene_tables()).items():
+        (folder / version / f"{name}.json").write_text(json.dumps(rows, indent=1))
+    for index in range(tiny_world.NUM_SWEEPS):
+        xyz = tiny_world.sweep(index).xyz
+        extra = np.tile([33.0, 17.0], (len(xyz), 1))
+        rows = np.hstack([xyz, extra]).astype("<f4")
+        rows.tofile(folder / f"sweeps/LIDAR_TOP/{index}.bin")
+    return folder
+
+
+def convert(source, out, sequence="scene-1"):
+    write_recording(open_source("nuscenes", source, ReadOptions(sequence=sequence)), out)
+    return out
+
+
+def test_a_scene_becomes_a_recording_with_truth(tmp_path, monkeypatch):
+    # So small that every object lies in several chunks.
+    monkeypatch.setattr(json_rows, "_CHUNK_CHARACTERS", 50)
+    out = convert(write_data(tmp_path / "data"), tmp_path / "out")
+    found = tiny_world.read(out)
+    assert found.stamps == [micros * 1000 for micros in MICROS]
+    assert found.frames == {"lidar_top"}
+    for index in range(tiny_world.NUM_SWEEPS):
+        tiny = tiny_world.sweep(index)
+        tiny_world.check_truth(found.truth[index], index, tiny.xyz, tiny.part)
+        pose = found.poses[found.stamps[index]]
+        np.testing.assert_allclose(pose, tiny_world.world_from_sweep(index), atol=1e-9)
+    assert set(found.columns[0]["intensity"]) == {33}
+    assert set(found.columns[0]["ring"]) == {17}
+
+
+def test_the_folder_of_the_tables_will_do(tmp_path):
+    write_data(tmp_path / "data")
+    write_data(tmp_path / "data", version="v1.0-test")
+    with pytest.raises(DatasetError, match=r"found v1\.0-mini, v1\.0-test"):
+        open_source("nuscenes", tmp_path / "data")
+    convert(tmp_path / "data" / "v1.0-mini", tmp_path / "out")
+
+
+def test_a_split_without_annotations_has_no_valid_flow(tmp_path):
+    tables = {**scene_tables(), "sample_annotation": []}
+    found = tiny_world.read(convert(write_data(tmp_path / "data", tables), tmp_path / "out"))
+    assert not any(truth.valid.any() for truth in found.truth)
+
+
+def test_boxes_between_keyframes():
+    def at(yaw, x):
+        return Annotation(tiny_world.pose(x, 0, 0, yaw), np.ones(3), 6)
+
+    # The shortest way from 170 to -170 degrees is over 180.
+    keyframes = [
+        Keyframe(100, {"both": at(math.radians(170), 1), "first": at(0, 5)}),
+        Keyframe(200, {"both": at(math.radians(-170), 2), "last": at(0, 6)}),
+    ]
+    world_from_lidar = tiny_world.pose(0, 3, 0, 0)
+    assert boxes_at(99, keyframes, world_from_lidar) is None
+    assert boxes_at(201, keyframes, world_from_lidar) is None
+    assert [box.track_id for box in boxes_at(100, keyframes, np.eye(4))] == ["both", "first"]
+    assert [box.track_id for box in boxes_at(200, keyframes, np.eye(4))] == ["both", "last"]
+    both, first, last = boxes_at(125, keyframes, world_from_lidar)
+    assert (both.track_id, first.track_id, last.track_id) == ("both", None, None)
+    expected = tiny_world.pose(1.25, -3, 0, math.radians(175))
+    np.testing.assert_allclose(both.pose, expected, atol=1e-12)
+    assert (first.pose[0, 3], last.pose[0, 3]) == (5, 6)
+
+
+def test_a_scene_is_named(tmp_path):
+    write_data(tmp_path)
+    with pytest.raises(DatasetError, match="several scenes, name one; it has scene-1, scene-2"):
+        convert(tmp_path, tmp_path / "out", None)
+    with pytest.raises(DatasetError, match="no scene 'scene-3'"):
+        convert(tmp_path, tmp_path / "out", "scene-3")
+    with pytest.raises(DatasetError, match="has no lidar sweep of that scene"):
+        convert(tmp_path, tmp_path / "out", "scene-2")
+    with pytest.raises(DatasetError, match=r"expected one folder 'v1\.0-…' .* found none"):
+        convert(tmp_path / "sweeps", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("v1.0-mini/sample.json", lambda raw: raw[:-40], "the list has no end"),
+        ("v1.0-mini/sample.json", lambda raw: b"{}", "is no JSON list"),
+        ("v1.0-mini/sample.json", lambda raw: b"[1]", "holds 1, expected objects"),
+        ("v1.0-mini/sensor.json", lambda raw: b'[{"token": 1}]', "sensor.json: a row has no entr"),
+        ("v1.0-mini/ego_pose.json", lambda raw: b"[]", "ego_pose.json: cannot be read: it has no"),
+        (
+            "v1.0-mini/ego_pose.json",
+            lambda raw: raw.replace(b'"rotation": [', b'"rotation": [1,'),
+            r"ego_pose\.json: cannot be read: quaternion \(5,\)",
+        ),
+        ("sweeps/LIDAR_TOP/1.bin", lambda raw: raw[:-3], "1.bin: is cut short"),
+    ],
+)
+def test_damage_is_named_and_nothing_is_left_behind(tmp_path, name, change, message):
+    path = write_data(tmp_path / "data") / name
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(DatasetError, match=message):
+        convert(tmp_path / "data", tmp_path / "out" / "bag")
+    path.unlink()
+    with pytest.raises(DatasetError, match=f"{path.name}: no such file"):
+        convert(tmp_path / "data", tmp_path / "out" / "bag")
+    assert not list(tmp_path.glob("out/*"))

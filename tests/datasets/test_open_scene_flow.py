@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tiny_world
+
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.recording_writer import write_recording
+
+h5py = pytest.importorskip("h5py")
+# From the lidar to the vehicle, whose poses the files have beside points of the lidar.
+VEHICLE_FROM_LIDAR = tiny_world.pose(1.5, 0, 1.7, 0)
+
+
+def write_sequence(path, *, microseconds=False):
+    with h5py.File(path, "w") as file:
+        # Not in the order of time.
+        for index in (2, 0, 1):
+            stamp = tiny_world.stamp_ns(index)
+            write_group(file.create_group(str(stamp // 1000 if microseconds else stamp)), index)
+    return path
+
+
+def write_group(group, index):
+    tiny = tiny_world.sweep(index)
+    pose = tiny_world.world_from_sweep(index) @ np.linalg.inv(VEHICLE_FROM_LIDAR)
+    group["lidar"] = np.column_stack([tiny.xyz, np.full(len(tiny.xyz), 5)]).astype(np.float32)
+    group["lidar_dt"] = np.full(len(tiny.xyz), 0.01, np.float32)
+    group["pose"] = pose.astype(np.float32)
+    group["ground_mask"] = np.arange(len(tiny.xyz)) % 3 == 0
+    if index < tiny_world.NUM_SWEEPS - 1:
+        on_car = np.isin(tiny.part, (1, 2, 4, 5))
+        flow = tiny_world.expected_flow(index, tiny.xyz, tiny.part)
+        group["flow"] = flow.astype(np.float32)
+        group["flow_is_valid"] = tiny.part != tiny_world.GONE
+        group["flow_category_indices"] = np.where(on_car, 19, 0).astype(np.uint8)
+        group["flow_instance_id"] = np.zeros(len(tiny.xyz), np.int16)
+        group["ego_motion"] = np.eye(4, dtype=np.float32)
+
+
+def convert(source, out):
+    write_recording(open_source("opensceneflow", source), out)
+    return out
+
+
+@pytest.mark.parametrize("microseconds", [False, True])
+def test_a_sequence_becomes_a_recording_with_truth(tmp_path, microseconds):
+    path = write_sequence(tmp_path / "log.h5", microseconds=microseconds)
+    found = tiny_world.read(convert(path, tmp_path / "out"))
+    assert found.stamps == [tiny_world.stamp_ns(index) for index in range(3)]
+    assert found.frames == {"lidar"}
+    for index in range(tiny_world.NUM_SWEEPS):
+        tiny = tiny_world.sweep(index)
+        assert np.array_equal(found.xyz[index], tiny.xyz)
+        assert np.array_equal(found.truth[index].ground, np.arange(len(tiny.xyz)) % 3 == 0)
+        if index < 2:
+            tiny_world.check_truth(found.truth[index], index, tiny.xyz, tiny.part)
+    assert not found.truth[2].valid.any()
+    assert set(found.columns[0]["intensity"]) == {5}
+    assert set(found.columns[0]["time_offset"]) == {np.float32(0.01)}
+    pose = found.poses[found.stamps[1]] @ VEHICLE_FROM_LIDAR
+    np.testing.assert_allclose(pose, tiny_world.world_from_sweep(1), atol=1e-6)
+
+
+def test_sweeps_without_flow_are_not_valid(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    with h5py.File(path, "a") as file:
+        del file[f"{tiny_world.stamp_ns(1)}/flow"]
+    found = tiny_world.read(convert(path, tmp_path / "out"))
+    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
+
+
+def test_damage_is_named_and_nothing_is_left_behind(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    whole = path.read_bytes()
+    for keep in (0, 100, len(whole) // 2):
+        path.write_bytes(whole[:keep])
+        with pytest.raises(DatasetError, match=r"log\.h5: cannot be read"):
+            convert(path, tmp_path / "out" / "bag")
+    path.write_bytes(whole)
+    with h5py.File(path, "a") as file:
+        del file[f"{tiny_world.stamp_ns(1)}/pose"]
+    with pytest.raises(DatasetError, match=r"log\.h5: cannot be read: .*pose"):
+        convert(path, tmp_path / "out" / "bag")
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_other_files_are_refused(tmp_path):
+    with pytest.raises(DatasetError, match="nowhere: no such file"):
+        open_source("opensceneflow", tmp_path / "nowhere")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["points"] = [1]
+    with pytest.raises(DatasetError, match="has group 'points', expected one named by the stamp"):
+        open_source("opensceneflow", tmp_path / "other.h5")
+    with h5py.File(tmp_path / "empty.h5", "w"):
+        pass
+    with pytest.raises(DatasetError, match="has no group"):
+        open_source("opensceneflow", tmp_path / "empty.h5")

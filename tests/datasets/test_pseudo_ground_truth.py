@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tiny_world
+
+from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
+from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
+from mnsf_ros.datasets.truth_settings import TruthSettings
+
+SETTINGS = TruthSettings()
+
+
+def labelled(index, **changes):
+    boxes = tuple(
+        Box(pose, tiny_world.SIZE, tiny_world.CAR, track)
+        for track, pose in tiny_world.boxes(index).items()
+    )
+    sweep = LabelledSweep(
+        tiny_world.stamp_ns(index),
+        tiny_world.sweep(index).xyz,
+        pose=tiny_world.world_from_sweep(index),
+        boxes=boxes,
+    )
+    return replace(sweep, **changes)
+
+
+def part(index=0):
+    return tiny_world.sweep(index).part
+
+
+def test_points_move_with_their_box_and_all_others_with_the_vehicle():
+    truth = sweep_truth(labelled(0), labelled(1), SETTINGS)
+    tiny_world.check_truth(truth, 0, tiny_world.sweep(0).xyz, part())
+
+
+def test_ground_below_a_box_stays_where_it_is():
+    truth = sweep_truth(labelled(0), labelled(1), SETTINGS)
+    local = tiny_world.carried(np.linalg.inv(tiny_world.boxes(0)["mover"]), labelled(0).xyz)
+    below = (np.abs(local[:, :2]) < tiny_world.SIZE[:2] / 2).all(axis=1) & (local[:, 2] < -0.8)
+    assert below.sum() > 10
+    assert truth.ground[below].all()
+    assert not truth.dynamic[below].any()
+
+
+def test_the_margin_decides_what_is_beside_a_box():
+    for margin_m, expected in ((0.3, False), (0.5, True)):
+        truth = sweep_truth(labelled(0), labelled(1), TruthSettings(box_margin_m=margin_m))
+        # They are 0.2 m outside, and half of the margin is on either side.
+        assert set(truth.dynamic[part() == tiny_world.MARGIN]) == {expected}
+
+
+def test_nothing_is_valid_without_a_next_sweep_or_poses():
+    for truth in (
+        sweep_truth(labelled(0), None, SETTINGS),
+        sweep_truth(labelled(0, pose=None), labelled(1), SETTINGS),
+        sweep_truth(labelled(0), labelled(1, pose=None), SETTINGS),
+    ):
+        assert not truth.valid.any()
+        assert not truth.dynamic.any()
+        assert (truth.class_id[part() == tiny_world.MOVER] == tiny_world.CAR).all()
+
+
+def test_a_box_of_unknown_motion_has_no_valid_flow():
+    boxes = tuple(replace(box, track_id=None) for box in labelled(0).boxes)
+    truth = sweep_truth(labelled(0, boxes=boxes), labelled(1), SETTINGS)
+    on_box = truth.class_id == tiny_world.CAR
+    assert on_box.any()
+    assert not truth.valid[on_box].any()
+    assert truth.valid[~on_box].all()
+
+
+def test_a_hidden_box_owns_no_points_but_tells_where_the_object_went():
+    boxes = tuple(replace(box, hidden=True) for box in labelled(0).boxes)
+    assert not sweep_truth(labelled(0, boxes=boxes), labelled(1), SETTINGS).dynamic.any()
+    boxes = tuple(replace(box, hidden=True) for box in labelled(1).boxes)
+    truth = sweep_truth(labelled(0), labelled(1, boxes=boxes), SETTINGS)
+    assert truth.dynamic[part() == tiny_world.MOVER].all()
+
+
+def test_only_what_was_labelled_is_valid():
+    view = labelled(0).xyz[:, 0] > 0
+    truth = sweep_truth(labelled(0, labelled=view), labelled(1), SETTINGS)
+    on_box = np.isin(part(), (tiny_world.MOVER, tiny_world.MARGIN, tiny_world.PARKED))
+    assert np.array_equal(truth.valid, (view & (part() != tiny_world.GONE)) | on_box)
+    everything = replace(SETTINGS, unlabelled_static=True)
+    truth = sweep_truth(labelled(0, labelled=view), labelled(1), everything)
+    assert np.array_equal(truth.valid, part() != tiny_world.GONE)
+
+
+def test_a_sweep_without_labels_is_not_valid_unless_wanted():
+    sweep = labelled(0, boxes=None)
+    assert not sweep_truth(sweep, labelled(1), SETTINGS).valid.any()
+    truth = sweep_truth(sweep, labelled(1), replace(SETTINGS, unlabelled_static=True))
+    assert truth.valid.all()
+    assert not truth.dynamic.any()
+
+
+@pytest.mark.parametrize("interval_s", [0.05, 0.1, 1.0])
+def test_what_is_dynamic_depends_on_the_speed(interval_s):
+    still = np.eye(4)
+    shift = np.eye(4)
+    xyz = np.zeros((1, 3), np.float32)
+    for speed, expected in ((0.49, False), (0.51, True)):
+        shift[0, 3] = speed * interval_s
+        sweeps = [
+            LabelledSweep(stamp, xyz, pose=still, boxes=(Box(pose, np.ones(3), 7, "a"),))
+            for stamp, pose in ((0, still), (round(interval_s * 1e9), shift))
+        ]
+        assert sweep_truth(*sweeps, SETTINGS).dynamic[0] == expected
+
+
+def test_points_that_are_not_finite_are_not_valid():
+    xyz = labelled(0).xyz.copy()
+    xyz[::7] = np.nan
+    truth = sweep_truth(labelled(0, xyz=xyz), labelled(1), SETTINGS)
+    assert not truth.valid[::7].any()
+    assert not truth.ground[::7].any()
+    assert truth.valid.sum() > 1000
+
+
+def test_a_box_in_a_box_gets_its_own_points():
+    small = Box(np.eye(4), np.ones(3), tiny_world.PERSON, "small")
+    large = Box(tiny_world.pose(2, 0, 0, 0), np.full(3, 3.0), tiny_world.CAR, "large")
+    # Inside the small one, inside the large one, and nearer to the middle of the large one.
+    xyz = np.array([[0.1, 0, 0], [1.5, 0, 0], [0.49, 0, 0], [0.7, 0, 0]], np.float32)
+    for boxes in ((small, large), (large, small)):
+        sweep = LabelledSweep(0, xyz, pose=np.eye(4), boxes=boxes, ground=np.zeros(4, bool))
+        truth = sweep_truth(sweep, replace(sweep, stamp_ns=1), TruthSettings(1.0))
+        assert truth.class_id.tolist() == [7, 6, 7, 6]
+
+
+def test_given_flow_is_kept_and_what_it_lacks_is_found():
+    xyz, parts = tiny_world.sweep(0).xyz, part()
+    flow = tiny_world.expected_flow(0, xyz, parts).astype(np.float32)
+    moving = np.isin(parts, (tiny_world.MOVER, tiny_world.MARGIN))
+    valid = np.arange(len(xyz)) % 5 > 0
+    for pose, background in (
+        (tiny_world.world_from_sweep(0), None),  # by the poses
+        (None, None),  # by what most points do
+        (tiny_world.pose(5, 5, 5, 5), ~moving),  # by the background, whatever the poses say
+    ):
+        given = GivenFlow(flow, valid, background=background)
+        sweep = labelled(0, given=given, pose=pose, boxes=None)
+        truth = sweep_truth(sweep, labelled(1), SETTINGS)
+        assert np.array_equal(truth.flow, flow)
+        assert np.array_equal(truth.valid, valid)
+        assert np.array_equal(truth.dynamic, moving & valid)
+    classes = np.full(len(xyz), 3, np.uint8)
+    given = GivenFlow(flow, valid, dynamic=~moving, class_id=classes)
+    truth = sweep_truth(labelled(0, given=given), labelled(1), SETTINGS)
+    assert np.array_equal(truth.dynamic, ~moving & valid)
+    assert np.array_equal(truth.class_id, classes)
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    with pytest.raises(DatasetError, match=r"xyz has shape \(4, 2\), expected \(N, 3\)"):
+        LabelledSweep(5, np.zeros((4, 2), np.float32))
+    with pytest.raises(DatasetError, match=r"stamp 5: ring has shape \(3,\), expected \(4,\)"):
+        LabelledSweep(5, np.zeros((4, 3), np.float32), {"ring": np.zeros(3)})
+    given = GivenFlow(np.zeros((3, 3), np.float32), np.ones(3, bool))
+    with pytest.raises(DatasetError, match=r"flow has shape \(3, 3\), expected \(4, 3\)"):
+        LabelledSweep(5, np.zeros((4, 3), np.float32), given=given)
+    with pytest.raises(DatasetError, match="pose is not finite"):
+        LabelledSweep(5, np.zeros((4, 3), np.float32), pose=np.full((4, 4), np.nan))
+    with pytest.raises(DatasetError, match="box margin is -1"):
+        TruthSettings(-1)
