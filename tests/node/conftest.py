@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import itertools
 import os
 import tempfile
+import warnings
 from pathlib import Path
 
 import pytest
@@ -16,35 +18,36 @@ _NUM_DOMAINS = 101
 
 
 def _reserve_domain():
-    """A ROS domain that no other run of these tests uses, and the lock that says so."""
-    for offset in itertools.count():
-        domain = 1 + (os.getpid() + offset) % _NUM_DOMAINS
-        lock = Path(tempfile.gettempdir(), f"mnsf_ros_test_domain_{domain}").open("a")  # noqa: SIM115
+    """A ROS domain that no other run of these tests uses, and the open file that says so."""
+    for offset in itertools.count(os.getpid()):
+        domain = 1 + offset % _NUM_DOMAINS
+        path = Path(tempfile.gettempdir(), f"mnsf_ros_test_domain_{domain}_{os.getuid()}")
+        lock = path.open("w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             lock.close()
-        else:
-            return domain, lock
+            continue
+        return domain, lock
     raise AssertionError
 
 
-# Before anything of ROS is imported: it reads these once.
+# Before anything of ROS is imported, which reads these once. The lock holds as long as the process.
 _DOMAIN, _LOCK = _reserve_domain()
+_LOGS = tempfile.TemporaryDirectory(prefix="mnsf_ros_test_logs_")
 os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="mnsf_ros_test_log_")
-for _name in (
-    "ROS_NAMESPACE",
-    "ROS_LOCALHOST_ONLY",
-    "ROS_STATIC_PEERS",
-    "RCUTILS_COLORIZED_OUTPUT",
-):
+os.environ["ROS_LOG_DIR"] = _LOGS.name
+for _name in ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "RCUTILS_CONSOLE_OUTPUT_FORMAT"):
     os.environ.pop(_name, None)
 prepare_environment()
 
 pytest.importorskip("rclpy")
+# rclpy loads lark with the first node; from Python 3.11 on it imports deprecated modules.
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)
+    pytest.importorskip("rosidl_generator_py")
 
 
 @pytest.fixture(scope="session")
@@ -57,34 +60,112 @@ def ros():
     rclpy.try_shutdown()
 
 
-@pytest.fixture(scope="module")
-def make_peer(ros):
-    """Makes nodes of the tests; they end with the module."""
-    from scene_flow_peer import SceneFlowPeer
-
-    peers = []
-
-    def make(**options):
-        peers.append(SceneFlowPeer(**options))
-        return peers[-1]
-
-    yield make
-    for peer in peers:
-        peer.close()
-
-
-@pytest.fixture(scope="module")
-def start_node(tmp_path_factory):
-    """Starts nodes as a user does; ends with the module those that still run."""
+@contextlib.contextmanager
+def _node_starter(tmp_path_factory):
+    """A function that starts nodes as a user does; at the end it ends those that still run."""
     from scene_flow_process import SceneFlowProcess
 
     processes = []
 
-    def start(*ros_arguments, **options):
-        log = tmp_path_factory.mktemp("node") / "stderr"
-        processes.append(SceneFlowProcess(log, ros_arguments, **options))
+    def start(parameters, *ros_arguments):
+        log = tmp_path_factory.mktemp("node") / "log"
+        processes.append(SceneFlowProcess(log, parameters, ros_arguments))
         return processes[-1]
 
-    yield start
-    for process in processes:
-        process.kill()
+    try:
+        yield start
+    finally:
+        for process in processes:
+            process.end()
+
+
+@contextlib.contextmanager
+def _peer_maker():
+    """A function that makes the other end of a node; at the end it closes all of them."""
+    from scene_flow_peer import SceneFlowPeer
+
+    peers = []
+
+    def make(process, **options):
+        peers.append(SceneFlowPeer(process, **options))
+        return peers[-1]
+
+    try:
+        yield make
+    finally:
+        for peer in peers:
+            peer.close()
+
+
+@pytest.fixture(scope="module")
+def start_node(tmp_path_factory):
+    """Starts nodes that end with the module."""
+    with _node_starter(tmp_path_factory) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def make_peer(ros):
+    """Makes peers that end with the module."""
+    with _peer_maker() as make:
+        yield make
+
+
+@contextlib.contextmanager
+def _healthy_node(tmp_path_factory, name, parameters):
+    """A node that must be well at the end."""
+    with _node_starter(tmp_path_factory) as start:
+        process = start(parameters, "-r", f"__node:={name}")
+        yield process
+        assert process.stop() == 0, process.log
+        assert process.log.count("Traceback") == process.num_expected_tracebacks, process.log
+
+
+@pytest.fixture(scope="session")
+def quick_node(tmp_path_factory):
+    """One node for all tests that leave it as it was."""
+    from scene_flow_process import QUICK
+
+    with _healthy_node(tmp_path_factory, "quick", QUICK) as process:
+        yield process
+
+
+@pytest.fixture(scope="session")
+def _peer_of_quick_node(ros, quick_node):
+    with _peer_maker() as make:
+        yield make(quick_node, node_name="/quick")
+
+
+@pytest.fixture
+def peer(_peer_of_quick_node):
+    """The other end of `quick_node`, connected."""
+    _peer_of_quick_node.wait_for_node()
+    return _peer_of_quick_node
+
+
+@pytest.fixture(scope="session")
+def _peer_of_resting_node(ros, tmp_path_factory):
+    from scene_flow_process import RESTING
+
+    with (
+        _healthy_node(tmp_path_factory, "resting", RESTING) as process,
+        _peer_maker() as make,
+    ):
+        yield make(process, node_name="/resting", watches=False)
+
+
+@pytest.fixture
+def resting_peer(_peer_of_resting_node):
+    """The other end of a node that works only if somebody watches, which this peer does not."""
+    _peer_of_resting_node.advertise(reliable=True)
+    _peer_of_resting_node.wait_for_node()
+    yield _peer_of_resting_node
+    _peer_of_resting_node.stop_watching()
+
+
+@pytest.fixture
+def drive(ros):
+    """Sweeps of moving boxes, in a time of their own: a node starts anew with the first."""
+    from synthetic_clouds import Drive
+
+    return Drive()

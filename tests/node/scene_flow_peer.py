@@ -4,50 +4,58 @@ from __future__ import annotations
 
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
-from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-
 from waiting import PATIENCE_S
 
-_DEPTH = 200
+# Nothing may be overwritten while a test does something else.
+_DEPTH = 500
 
+# Each cloud that a node receives is counted as one of these.
+_CLOUD_EVENTS = ("sweeps_received", "clouds_undecodable", "clouds_empty")
 
-def parameter_message(name, value):
-    """A parameter as it is sent; `value` may be a ParameterValue of any contents."""
-    if isinstance(value, ParameterValue):
-        return ParameterMessage(name=name, value=value)
-    return Parameter(name, value=value).to_parameter_msg()
+_TRIPLET_ENDS = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
 
 
 class SceneFlowPeer:
-    """Publishes clouds, receives flow and diagnostics, sets parameters. Spins in the tests' thread.
+    """Publishes clouds, receives flow and diagnostics, sets parameters; spins while it waits.
 
     Attributes:
-        flows: Received flow clouds by their stamp, nanoseconds.
-        diagnostics: Received diagnostics, oldest first.
+        flows: Received clouds with flow by their stamp, nanoseconds.
+        diagnostics: Received diagnostics of the node, oldest first: `input` and `flow` to status.
     """
 
-    def __init__(self, node_name="/scene_flow", *, watches=True, reliable=True):
-        self.node = rclpy.create_node("scene_flow_peer")
+    def __init__(
+        self, process, *, node_name="/scene_flow", watches=True, reliable=True, points=None
+    ):
+        self._process = process
+        self._node_name = node_name
+        self.points_topic = points or f"{node_name}/points"
+        self.flow_topic = f"{node_name}/flow"
+        self.node = rclpy.create_node(f"peer_of{node_name.replace('/', '_')}")
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        self._name = node_name
         self._clients = {}
+        self._publisher = None
+        self._flow_subscription = None
         self.flows = {}
         self.diagnostics = []
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, _DEPTH)
-        self.publisher = None
         if reliable is not None:
             self.advertise(reliable=reliable)
-        self._flow_subscription = None
         if watches:
             self.watch()
 
@@ -55,64 +63,70 @@ class SceneFlowPeer:
         self._executor.shutdown()
         self.node.destroy_node()
 
+    # Clouds and flow
+
     def advertise(self, *, reliable):
-        """Starts to publish clouds, with a publisher of its own reliability."""
+        """Starts to publish clouds; the last publisher ends."""
         self.stop_advertising()
         policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        self.publisher = self.node.create_publisher(
-            PointCloud2, f"{self._name}/points", QoSProfile(depth=_DEPTH, reliability=policy)
+        self._publisher = self.node.create_publisher(
+            PointCloud2, self.points_topic, QoSProfile(depth=_DEPTH, reliability=policy)
         )
 
     def stop_advertising(self):
-        if self.publisher is not None:
-            self.node.destroy_publisher(self.publisher)
-        self.publisher = None
+        if self._publisher is not None:
+            self.node.destroy_publisher(self._publisher)
+        self._publisher = None
 
-    def watch(self):
+    def watch(self, *, reliable=True):
         """Subscribes to the flow."""
+        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         self._flow_subscription = self.node.create_subscription(
-            PointCloud2, f"{self._name}/flow", self._on_flow, _DEPTH
+            PointCloud2,
+            self.flow_topic,
+            self._on_flow,
+            QoSProfile(depth=_DEPTH, reliability=policy),
         )
 
     def stop_watching(self):
-        self.node.destroy_subscription(self._flow_subscription)
+        if self._flow_subscription is not None:
+            self.node.destroy_subscription(self._flow_subscription)
+        self._flow_subscription = None
 
-    def spin(self):
-        """Handles what has come, or waits a little for the next thing."""
-        self._executor.spin_once(timeout_sec=0.02)
+    def publish(self, message):
+        """Publishes a cloud, or the raw bytes of one."""
+        self._publisher.publish(message)
 
-    def spin_until(self, condition, what):
-        """Spins until the condition is true and returns what it returned."""
-        give_up = time.monotonic() + PATIENCE_S
-        while not (result := condition()):
-            assert time.monotonic() < give_up, f"waited {PATIENCE_S} s for {what}; {self.statuses()}"
-            self.spin()
-        return result
+    def send(self, *messages):
+        """Publishes clouds, each after the node has counted the last one, in whatever way."""
+        for message in messages:
+            before = self.num_clouds
+            self.publish(message)
+            self.spin_until(
+                lambda before=before: self.num_clouds > before, "the cloud to be counted"
+            )
 
-    def wait_for_node(self):
-        """Waits until the node hears the clouds of this peer as reliably as they are sent."""
-
-        def is_connected():
-            values = self.values("input")
-            return values.get("publishers") == "1" and values.get("reliability") == self.reliability
-
-        self.spin_until(is_connected, "the node's subscription")
+    def flow_of(self, message):
+        """The flow of a cloud, once it has come."""
+        stamp_ns = stamp_of(message)
+        return self.spin_until(lambda: self.flows.get(stamp_ns), f"the flow of {stamp_ns}")
 
     @property
-    def reliability(self):
-        policy = self.publisher.qos_profile.reliability
-        return "reliable" if policy == ReliabilityPolicy.RELIABLE else "best_effort"
+    def num_subscribers(self):
+        """Subscriptions that the publisher of this peer knows of."""
+        return self._publisher.get_subscription_count()
 
-    def send(self, message):
-        """Publishes a cloud and waits until the node has counted it, one way or the other."""
-        before = self.num_clouds()
-        self.publisher.publish(message)
-        self.spin_until(lambda: self.num_clouds() > before, "the cloud to be counted")
+    # Diagnostics
 
+    @property
     def num_clouds(self):
         """Clouds that the node says it has received."""
-        kinds = ("sweeps_received", "clouds_undecodable", "clouds_empty")
-        return sum(self.count(kind) for kind in kinds)
+        return sum(self.count(event) for event in _CLOUD_EVENTS)
+
+    @property
+    def num_open_triplets(self):
+        """Triplets that the node has formed and not yet done anything with."""
+        return self.count("triplets_formed") - sum(self.count(end) for end in _TRIPLET_ENDS)
 
     def count(self, event):
         """How often the event has happened, as the newest diagnostics say."""
@@ -120,47 +134,102 @@ class SceneFlowPeer:
 
     def values(self, part):
         """Key to value of the newest diagnostics of `input` or `flow`."""
-        status = self.statuses().get(part)
+        status = self.status(part)
         return {item.key: item.value for item in status.values} if status else {}
 
-    def statuses(self):
-        """`input` and `flow` to the newest status of that name."""
-        newest = self.diagnostics[-1].status if self.diagnostics else ()
-        return {status.name.rpartition(": ")[2]: status for status in newest}
+    def status(self, part):
+        """The newest status of `input` or `flow`, None if there was none yet."""
+        return self.diagnostics[-1][part] if self.diagnostics else None
 
-    def flow_of(self, message):
-        """The flow of a cloud, once it has come."""
-        stamp_ns = stamp_of(message)
-        return self.spin_until(lambda: self.flows.get(stamp_ns), f"the flow of {stamp_ns}")
+    # Parameters
 
     def set(self, changes):
         """Sets parameters one by one; the results in their order."""
-        request = SetParameters.Request()
-        request.parameters = [parameter_message(*item) for item in changes.items()]
+        request = SetParameters.Request(parameters=_parameter_messages(changes))
         return self._call(SetParameters, "set_parameters", request).results
 
     def set_atomically(self, changes):
         """Sets parameters all at once or not at all; the result."""
-        request = SetParametersAtomically.Request()
-        request.parameters = [parameter_message(*item) for item in changes.items()]
+        request = SetParametersAtomically.Request(parameters=_parameter_messages(changes))
         return self._call(SetParametersAtomically, "set_parameters_atomically", request).result
+
+    def set_without_waiting(self, changes):
+        """Sends a request that the node may never answer."""
+        client = self._client(SetParameters, "set_parameters")
+        client.call_async(SetParameters.Request(parameters=_parameter_messages(changes)))
 
     def get(self, name):
         """Value of a parameter."""
-        request = GetParameters.Request(names=[name])
-        values = self._call(GetParameters, "get_parameters", request).values
-        return Parameter.from_parameter_msg(ParameterMessage(name=name, value=values[0])).value
+        response = self._call(GetParameters, "get_parameters", GetParameters.Request(names=[name]))
+        message = ParameterMessage(name=name, value=response.values[0])
+        return Parameter.from_parameter_msg(message).value
 
     def describe(self, name):
+        """Descriptor of a parameter."""
         request = DescribeParameters.Request(names=[name])
         return self._call(DescribeParameters, "describe_parameters", request).descriptors[0]
 
-    def _call(self, service, name, request):
+    def parameter_names(self):
+        """Names of all parameters of the node."""
+        response = self._call(ListParameters, "list_parameters", ListParameters.Request())
+        return set(response.result.names)
+
+    # Waiting
+
+    def spin_for(self, duration_s):
+        """Handles what comes, as long as the pause of a lidar between two sweeps lasts."""
+        end = time.monotonic() + duration_s
+        while (rest_s := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=rest_s)
+
+    def spin_some(self):
+        """Handles one thing that has come, if there is one."""
+        self._executor.spin_once(timeout_sec=0)
+
+    def spin_until(self, condition, what):
+        """Handles what comes until the condition is true; returns what it returned."""
+        give_up = time.monotonic() + PATIENCE_S
+        while not (result := condition()):
+            assert self._process.is_running, f"{what}: the node has ended\n{self._process.log}"
+            assert time.monotonic() < give_up, (
+                f"{what}: not within {PATIENCE_S} s; {self.values('input')}, {self.values('flow')}"
+            )
+            self._executor.spin_once(timeout_sec=0.02)
+        return result
+
+    def wait_for_node(self, reliability=None):
+        """Waits until the node listens to this peer, as reliably as it should."""
+        policy = self._publisher.qos_profile.reliability
+        offered = "reliable" if policy == ReliabilityPolicy.RELIABLE else "best_effort"
+        expected = {"publishers": "1", "reliability": reliability or offered}
+
+        def is_heard():
+            # The node sees the publisher, and the publisher sees the node.
+            return expected.items() <= self.values("input").items() and (self.num_subscribers == 1)
+
+        self.spin_until(is_heard, f"a subscription {expected}")
+
+    def wait_until_settled(self):
+        """Waits until the node has done all it can with what it has got."""
+        self.wait_for_diagnostics(2)
+        self.spin_until(
+            lambda: self.num_open_triplets == 0 and self.values("flow")["busy"] == "False",
+            "the end of all estimates",
+        )
+
+    def wait_for_diagnostics(self, num=1):
+        """Waits for further diagnostics; the first of them may have been under way already."""
+        wanted = len(self.diagnostics) + num
+        self.spin_until(lambda: len(self.diagnostics) >= wanted, "further diagnostics")
+
+    def _client(self, service, name):
         if name not in self._clients:
-            self._clients[name] = self.node.create_client(service, f"{self._name}/{name}")
-        client = self._clients[name]
-        self.spin_until(client.service_is_ready, f"the service {name}")
-        future = client.call_async(request)
+            self._clients[name] = self.node.create_client(service, f"{self._node_name}/{name}")
+        self.spin_until(self._clients[name].service_is_ready, f"the service {name}")
+        return self._clients[name]
+
+    def _call(self, service, name, request):
+        future = self._client(service, name).call_async(request)
         self.spin_until(future.done, f"an answer of {name}")
         return future.result()
 
@@ -168,7 +237,26 @@ class SceneFlowPeer:
         self.flows[stamp_of(message)] = message
 
     def _on_diagnostics(self, message):
-        self.diagnostics.append(message)
+        base_name = self._node_name.rpartition("/")[2]
+        own = {
+            part: status
+            for status in message.status
+            for name, _, part in [status.name.rpartition(": ")]
+            if name == base_name
+        }
+        if own:
+            own["header"] = message.header
+            self.diagnostics.append(own)
+
+
+def _parameter_messages(changes):
+    """Parameters as they are sent; a value may be a ParameterValue with any contents."""
+    return [
+        ParameterMessage(name=name, value=value)
+        if isinstance(value, ParameterValue)
+        else Parameter(name, value=value).to_parameter_msg()
+        for name, value in changes.items()
+    ]
 
 
 def stamp_of(message):

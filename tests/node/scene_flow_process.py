@@ -12,7 +12,7 @@ from waiting import PATIENCE_S
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
-# An estimate of some 70 ms, whatever else the machine does: no time budget.
+# An estimate of some 70 ms, however slow the machine is: no time budget.
 QUICK = {
     "ground.remove": "false",
     "field.num_hidden_layers": 2,
@@ -26,34 +26,43 @@ QUICK = {
     "optimization.time_budget_ms": 0,
     "warm_start.max_iterations": 30,
     "compute.num_threads": 1,
+    "compute.device": "cpu",
     "node.diagnostics_period_s": 0.05,
     "node.always_estimate": "true",
 }
 
+RESTING = QUICK | {"node.always_estimate": "false"}
+
 # An estimate that takes minutes, in many short steps.
-SLOW = QUICK | {
-    "optimization.max_iterations": 100_000,
-    "warm_start.max_iterations": 100_000,
-}
+ENDLESS = QUICK | {"optimization.max_iterations": 100_000}
 
+# An estimate that is most of its time inside one library call, which takes a second or more.
+LONG_CALLS = QUICK | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
 
-def parameter_arguments(parameters):
-    """`-p name:=value` for each of the parameters."""
-    return [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+# What the process of the tests has set for itself, and the node has to set on its own.
+_PREPARED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "OMP_WAIT_POLICY")
 
 
 class SceneFlowProcess:
-    """`python -m mnsf_ros.node --ros-args ...`; what it logs goes to a file."""
+    """`python -m mnsf_ros.node --ros-args ...`; what it writes goes to a file.
 
-    def __init__(self, log_path, ros_arguments, environment=None):
+    Attributes:
+        num_expected_tracebacks: How many of them a test has provoked.
+    """
+
+    num_expected_tracebacks = 0
+
+    def __init__(self, log_path, parameters, ros_arguments):
         self._log_path = log_path
+        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         with log_path.open("w") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *ros_arguments],
+                [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *ros_arguments, *words],
+                stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
                 cwd=_CHECKOUT,
-                env=os.environ | (environment or {}),
+                env={name: value for name, value in os.environ.items() if name not in _PREPARED},
             )
 
     @property
@@ -62,12 +71,12 @@ class SceneFlowProcess:
         return self._log_path.read_text()
 
     @property
-    def pid(self):
-        return self._process.pid
-
-    @property
     def is_running(self):
         return self._process.poll() is None
+
+    def has_loaded(self, library):
+        """Whether a shared library of that name is in the memory of the process."""
+        return library in Path(f"/proc/{self._process.pid}/maps").read_text()
 
     def send_signal(self, number):
         self._process.send_signal(number)
@@ -81,8 +90,12 @@ class SceneFlowProcess:
         self.send_signal(number)
         return self.wait()
 
-    def kill(self):
-        """Ends the process if it still runs."""
+    def end(self):
+        """Ends the process if it still runs, whatever state it is in."""
         if self.is_running:
-            self._process.kill()
+            self._process.terminate()
+            try:
+                self._process.wait(5)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
         self._process.wait()

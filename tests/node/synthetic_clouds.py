@@ -25,7 +25,7 @@ _BOXES = (
 )
 
 
-def surfaces(num_points=1200, sweep_index=0, motion=MOTION):
+def surfaces(sweep_index=0, num_points=1200):
     """(num_points, 3) float32: the same points of the boxes' surfaces in each sweep, moved."""
     random = np.random.default_rng(0)
     parts = []
@@ -34,10 +34,10 @@ def surfaces(num_points=1200, sweep_index=0, motion=MOTION):
         unit = random.uniform(-0.5, 0.5, (num, 3))
         unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
         parts.append(unit * size + (x, y, size[2] / 2))
-    return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * motion
+    return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * MOTION
 
 
-def cloud_message(columns, *, height=1, stamp_ns, frame_id="lidar", is_dense=True):
+def cloud_message(columns, *, stamp_ns, height=1, frame_id="lidar"):
     """A cloud of columns of equal length."""
     num_points = len(next(iter(columns.values())))
     encoded = encode_columns(columns, height, num_points // height)
@@ -50,7 +50,7 @@ def cloud_message(columns, *, height=1, stamp_ns, frame_id="lidar", is_dense=Tru
         ],
         point_step=encoded.point_step,
         row_step=encoded.row_step,
-        is_dense=is_dense,
+        is_dense=True,
     )
     message.data = array.array("B", encoded.data.tobytes())
     message.header.frame_id = frame_id
@@ -66,27 +66,25 @@ def xyz_message(xyz, **options):
 
 
 class Drive:
-    """Sweeps of the moving boxes, one after another, in a time that no other drive uses."""
+    """Sweeps of the moving boxes, in a time that no other drive uses."""
 
     _starts_s = itertools.count(1_000, 1_000)
 
-    def __init__(self, **options):
-        self._options = options
+    def __init__(self):
         self._start_ns = next(self._starts_s) * 10**9
-        self._index = itertools.count()
 
     def stamp_ns(self, index):
-        return self._start_ns + index * INTERVAL_NS
+        """Stamp of a sweep by its number."""
+        return self._start_ns + round(index * INTERVAL_NS)
 
-    def sweep(self, index):
-        """A sweep by its number."""
-        return xyz_message(
-            surfaces(sweep_index=index), stamp_ns=self.stamp_ns(index), **self._options
-        )
+    def sweep(self, index, *, num_points=1200, **options):
+        """A sweep by its number, which may lie between two others."""
+        options = {"stamp_ns": self.stamp_ns(index)} | options
+        return xyz_message(surfaces(index, num_points), **options)
 
-    def sweeps(self, num):
-        """The next sweeps."""
-        return [self.sweep(next(self._index)) for _ in range(num)]
+    def sweeps(self, *indices):
+        """Several sweeps by their numbers."""
+        return [self.sweep(index) for index in indices]
 
 
 def flow_columns(message):

@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from mnsf_ros.core.flow_estimate import FlowEstimate, Start
+from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.online.online_statistics import OnlineStatistics
+
+OK, WARN, ERROR, STALE = (
+    DiagnosticStatus.OK,
+    DiagnosticStatus.WARN,
+    DiagnosticStatus.ERROR,
+    DiagnosticStatus.STALE,
+)
+
+
+class Story:
+    """What has happened to a node, and what its diagnostics say about it."""
+
+    def __init__(self):
+        self.statistics = OnlineStatistics()
+        self._diagnostics = Diagnostics("flow_node")
+
+    def receive(self, *events):
+        for event in ("sweeps_received", *events):
+            self.statistics.count(event)
+        self.statistics.add_arrival()
+
+    def estimate(self, latency_ms=50.0, start=Start.WARM):
+        self.statistics.count("flows_out")
+        estimate = FlowEstimate(
+            flow=np.zeros((1, 3), np.float32),
+            kept=np.ones(1, bool),
+            times_ms={"prepare": 1.0, "forward": 2.5},
+            fits={"forward": OptimizationResult(0.1, 40, StopReason.ITERATION_LIMIT)},
+            start=start,
+            device="cpu",
+            distance_kind="tree",
+        )
+        self.statistics.add_estimate(latency_ms, estimate)
+
+    def statuses(self, load=0, stale_after_s=60.0):
+        state = InputState("/points", "reliable", 1)
+        snapshot = self.statistics.snapshot()
+        return self._diagnostics.statuses(snapshot, state, load, stale_after_s)
+
+    def says(self, **options):
+        """(level, message) of `input` and of `flow`."""
+        return [(status.level, status.message) for status in self.statuses(**options)]
+
+
+@pytest.fixture
+def story():
+    return Story()
+
+
+def values_of(status):
+    return {item.key: item.value for item in status.values}
+
+
+class TestLevels:
+    def test_before_the_first_sweep(self, story):
+        assert story.says() == [(STALE, "no sweep on /points"), (OK, "waiting for sweeps")]
+
+    def test_before_the_third_sweep(self, story):
+        story.receive()
+        assert story.says() == [(OK, "receiving"), (OK, "waiting for the third sweep")]
+
+    def test_during_the_first_estimate(self, story):
+        story.receive()
+        assert story.says(load=1)[1] == (OK, "estimating")
+
+    def test_while_flow_comes(self, story):
+        story.receive()
+        story.estimate()
+        assert story.says() == [(OK, "receiving"), (OK, "estimating")]
+        assert story.says() == [(OK, "receiving"), (OK, "estimating")]
+
+    def test_when_the_input_stops(self, story):
+        story.receive()
+        story.estimate()
+        story.says()
+        time.sleep(0.01)
+        assert story.says(stale_after_s=0.005) == [
+            (STALE, "no sweep on /points"),
+            (OK, "waiting for sweeps"),
+        ]
+
+    def test_when_the_input_comes_back(self, story):
+        story.receive()
+        time.sleep(0.01)
+        story.says(stale_after_s=0.005)
+        story.receive()
+        assert story.says()[0] == (OK, "receiving")
+
+    def test_when_triplets_are_dropped(self, story):
+        story.receive("triplets_dropped")
+        assert story.says(load=2)[1] == (WARN, "slower than the sensor: dropping triplets")
+        assert story.says(load=1)[1] == (OK, "estimating")
+
+    def test_when_nobody_watches(self, story):
+        story.receive("triplets_unwatched")
+        assert story.says()[1] == (OK, "resting: nobody subscribes to the flow")
+
+    def test_when_clouds_cannot_be_decoded(self, story):
+        story.statistics.count("clouds_undecodable")
+        assert story.says()[0] == (WARN, "clouds that cannot be decoded")
+        assert story.says()[0] == (STALE, "no sweep on /points")
+
+    def test_when_clouds_have_no_point(self, story):
+        story.receive()
+        story.statistics.count("clouds_empty")
+        assert story.says()[0] == (WARN, "clouds without a finite point")
+
+    def test_when_an_estimate_fails(self, story):
+        story.receive()
+        story.statistics.add_failure("too few points")
+        (status,) = story.statuses()[1:]
+        assert (status.level, status.message) == (WARN, "the last estimate failed")
+        assert values_of(status)["last failure"] == "too few points"
+
+    def test_one_bad_sweep_which_is_in_three_triplets_is_no_alarm(self, story):
+        for _ in range(3):
+            story.statistics.add_failure("too few points")
+        assert story.says()[1][0] == WARN
+        story.statistics.add_failure("too few points")
+        assert story.says()[1] == (ERROR, "4 estimates failed in a row")
+        story.receive()
+        story.estimate()
+        assert story.says()[1] == (OK, "estimating")
+
+
+class TestValues:
+    def test_of_nothing(self, story):
+        of_input, of_flow = (values_of(status) for status in story.statuses())
+        assert of_input == {
+            "topic": "/points",
+            "publishers": "1",
+            "reliability": "reliable",
+            "rate [Hz]": "0.00",
+        }
+        assert of_flow == {
+            "rate [Hz]": "0.00",
+            "latency median [ms]": "unknown",
+            "latency p95 [ms]": "unknown",
+            "queue": "0",
+            "busy": "False",
+            "last failure": "none",
+        }
+
+    def test_of_estimates(self, story):
+        for latency_ms in (10.0, 20.0, 30.0):
+            story.receive("triplets_formed")
+            story.estimate(latency_ms, Start.COLD_GAP if latency_ms == 10.0 else Start.WARM)
+        values = values_of(story.statuses(load=2)[1])
+        expected = {
+            "latency median [ms]": "20.0",
+            "latency p95 [ms]": "29.0",
+            "queue": "1",
+            "busy": "True",
+            "flows_out": "3",
+            "triplets_formed": "3",
+            "device": "cpu",
+            "distance": "tree",
+            "start": "warm",
+            "cold starts, recent": "1",
+            "prepare median [ms]": "1.0",
+            "forward median [ms]": "2.5",
+            "forward iterations, last": "40",
+            "forward stop reasons, recent": "iteration_limit 3",
+        }
+        assert expected.items() <= values.items()
+
+    def test_each_event_is_counted_in_one_of_the_statuses(self, story):
+        events = ("sweeps_gap", "clouds_empty", "triplets_formed", "callback_errors")
+        story.receive(*events)
+        of_input, of_flow = (values_of(status) for status in story.statuses())
+        assert [event in of_input for event in events] == [True, True, False, False]
+        assert [event in of_flow for event in events] == [False, False, True, True]
+
+    def test_names(self, story):
+        assert [status.name for status in story.statuses()] == [
+            "flow_node: input",
+            "flow_node: flow",
+        ]
+
+
+class TestOnTheTopic:
+    def test_of_a_node_at_work(self, peer, drive):
+        sweeps = drive.sweeps(*range(4))
+        for sweep in sweeps:
+            peer.send(sweep)
+        peer.flow_of(sweeps[2])
+        peer.wait_until_settled()
+        assert peer.status("input").level == peer.status("flow").level == OK
+        assert peer.status("flow").message == "estimating"
+        assert float(peer.values("input")["rate [Hz]"]) > 0
+        assert float(peer.values("flow")["latency median [ms]"]) > 0
+        assert peer.values("flow")["forward stop reasons, recent"].startswith("iteration_limit")
+        assert peer.diagnostics[-1]["header"].stamp.sec > 0
+
+    def test_of_a_node_without_input(self, peer, drive):
+        assert peer.set({"node.stale_after_s": 0.2})[0].successful
+        peer.spin_until(lambda: peer.status("input").level == STALE, "silence to be noticed")
+        assert peer.status("input").message == f"no sweep on {peer.points_topic}"
+        peer.spin_until(
+            lambda: peer.status("flow").message == "waiting for sweeps", "the flow to know it, too"
+        )
+        assert peer.set({"node.stale_after_s": 60.0})[0].successful
+        peer.spin_until(lambda: peer.status("input").level == OK, "more patience")
+
+    def test_of_a_node_that_only_gets_bad_sweeps(self, peer, drive):
+        for sweep in (drive.sweep(index, num_points=6) for index in range(6)):
+            peer.send(sweep)
+            peer.wait_until_settled()
+        assert peer.status("flow").level == ERROR
+        assert "estimates failed in a row" in peer.status("flow").message
+        sweeps = drive.sweeps(6, 7, 8)
+        peer.send(*sweeps)
+        peer.flow_of(sweeps[1])
+        peer.wait_until_settled()
+        assert peer.status("flow").level == OK

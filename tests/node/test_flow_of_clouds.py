@@ -1,0 +1,207 @@
+from __future__ import annotations
+
+import array
+import itertools
+
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from scene_flow_peer import stamp_of
+from scipy.spatial import cKDTree
+from sensor_msgs.msg import PointCloud2, PointField
+from synthetic_clouds import (
+    INTERVAL_NS,
+    MOTION,
+    cloud_message,
+    flow_columns,
+    surfaces,
+    xyz_columns,
+    xyz_message,
+)
+
+from msg_utils.point_cloud2 import decode_points
+
+
+def assert_shows_the_motion(flow):
+    """The boxes' known motion, but for a few points at edges."""
+    errors_m = np.linalg.norm(flow - MOTION, axis=1)
+    assert np.median(errors_m) < 0.05
+    assert np.quantile(errors_m, 0.95) < 0.15
+
+
+def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive):
+    sweeps = drive.sweeps(0, 1, 2)
+    peer.send(*sweeps)
+    sent, received = sweeps[1], peer.flow_of(sweeps[1])
+    assert received.header == sent.header
+    assert (received.height, received.width) == (sent.height, sent.width)
+    assert list(received.fields[: len(sent.fields)]) == list(sent.fields)
+    added = [(item.name, item.datatype, item.count) for item in received.fields[len(sent.fields) :]]
+    assert added == [(f"flow_{axis}", PointField.FLOAT32, 1) for axis in "xyz"]
+    assert received.is_dense is True
+    assert received.is_bigendian is False
+    points, expected = decode_points(received), decode_points(sent)
+    for name in ("x", "y", "z", "intensity"):
+        np.testing.assert_array_equal(points[name], expected[name])
+
+
+def test_a_point_and_its_flow_are_where_the_next_sweep_is(peer, drive):
+    sweeps = drive.sweeps(0, 1, 2)
+    peer.send(*sweeps)
+    received = peer.flow_of(sweeps[1])
+    assert_shows_the_motion(flow_columns(received))
+    moved = xyz_columns(received) + flow_columns(received)
+    distances_m, _ = cKDTree(surfaces(2)).query(moved)
+    assert np.quantile(distances_m, 0.95) < 0.1
+
+
+def test_each_sweep_between_others_gets_its_flow(peer, drive):
+    sweeps = drive.sweeps(*range(6))
+    peer.send(*sweeps[:2])
+    for current, newest in itertools.pairwise(sweeps[1:]):
+        peer.send(newest)
+        assert_shows_the_motion(flow_columns(peer.flow_of(current)))
+    assert stamp_of(sweeps[0]) not in peer.flows
+    assert stamp_of(sweeps[-1]) not in peer.flows
+    assert peer.values("flow")["start"] == "warm"
+
+
+def test_points_that_are_not_finite_keep_their_place_and_have_no_flow(peer, drive):
+    bad = {3: np.nan, 500: np.inf, 501: -np.inf, 1199: np.nan}
+    messages = []
+    for index in range(3):
+        xyz = surfaces(index)
+        for row, value in bad.items():
+            xyz[row, row % 3] = value
+        messages.append(xyz_message(xyz, stamp_ns=drive.stamp_ns(index)))
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert received.is_dense is False
+    flow = flow_columns(received)
+    rows_without = np.flatnonzero(~np.isfinite(flow).all(axis=1))
+    assert rows_without.tolist() == sorted(bad)
+    assert np.isnan(flow[rows_without]).all()
+    np.testing.assert_array_equal(xyz_columns(received), xyz_columns(messages[1]))
+    assert_shows_the_motion(np.delete(flow, rows_without, axis=0))
+
+
+def test_points_beyond_the_crop_get_a_flow_too(peer, drive):
+    messages = []
+    for index in range(3):
+        xyz = np.vstack([surfaces(index), [[500, 0, 1], [0, 0, 0], [10, 0, 50]]])
+        messages.append(xyz_message(xyz.astype(np.float32), stamp_ns=drive.stamp_ns(index)))
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert received.width == 1203
+    assert np.isfinite(flow_columns(received)).all()
+
+
+def test_an_organized_cloud_stays_one(peer, drive):
+    messages = [drive.sweep(index, height=8) for index in range(3)]
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert (received.height, received.width) == (8, 150)
+    assert received.row_step == 150 * received.point_step
+    intensity = decode_points(received)["intensity"]
+    np.testing.assert_array_equal(intensity, np.arange(1200).reshape(8, 150))
+    assert_shows_the_motion(flow_columns(received))
+
+
+def unaligned_message(index, drive, *, order, row_padding=0):
+    """A cloud as some drivers send it: doubles at odd offsets, padded rows, any byte order."""
+    layout = np.dtype(
+        {
+            "names": ["ring", "x", "y", "z", "time"],
+            "formats": ["u1", f"{order}f4", f"{order}f4", f"{order}f4", f"{order}f8"],
+            "offsets": [0, 1, 5, 9, 14],
+            "itemsize": 23,
+        }
+    )
+    points = np.zeros(1200, layout)
+    for axis, column in zip("xyz", surfaces(index).T, strict=True):
+        points[axis] = column
+    points["ring"] = np.arange(1200) % 251
+    points["time"] = np.arange(1200) / 7
+    rows = points.reshape(4, 300)
+    data = b"".join(row.tobytes() + b"\xaa" * row_padding for row in rows)
+    message = PointCloud2(
+        height=4,
+        width=300,
+        fields=[
+            PointField(name="ring", offset=0, datatype=PointField.UINT8, count=1),
+            PointField(name="x", offset=1, datatype=PointField.FLOAT32, count=1),
+            PointField(name="y", offset=5, datatype=PointField.FLOAT32, count=1),
+            PointField(name="z", offset=9, datatype=PointField.FLOAT32, count=1),
+            PointField(name="time", offset=14, datatype=PointField.FLOAT64, count=1),
+        ],
+        is_bigendian=order == ">",
+        point_step=23,
+        row_step=300 * 23 + row_padding,
+        is_dense=True,
+    )
+    message.data = array.array("B", data)
+    message.header.frame_id = "lidar"
+    stamp_ns = drive.stamp_ns(index)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return message
+
+
+@pytest.mark.parametrize(("order", "row_padding"), [("<", 0), ("<", 13), (">", 0), (">", 5)])
+def test_any_layout_and_byte_order(peer, drive, order, row_padding):
+    messages = [
+        unaligned_message(index, drive, order=order, row_padding=row_padding) for index in range(3)
+    ]
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert received.is_bigendian is (order == ">")
+    assert list(received.fields[:5]) == list(messages[1].fields)
+    points, expected = decode_points(received), decode_points(messages[1])
+    for name in ("ring", "x", "y", "z", "time"):
+        np.testing.assert_array_equal(points[name], expected[name])
+    assert_shows_the_motion(flow_columns(received))
+
+
+def test_coordinates_of_double_precision(peer, drive):
+    messages = []
+    for index in range(3):
+        columns = dict(zip("xyz", surfaces(index).astype(np.float64).T.copy(), strict=True))
+        messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert [item.datatype for item in received.fields[:3]] == 3 * [PointField.FLOAT64]
+    assert_shows_the_motion(flow_columns(received))
+
+
+def test_flow_fields_that_a_cloud_already_has_are_replaced(peer, drive):
+    messages = []
+    for index in range(3):
+        columns = dict(zip("xyz", surfaces(index).T.copy(), strict=True))
+        columns |= {f"flow_{axis}": np.full(1200, 99.0, np.float32) for axis in "xyz"}
+        messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    assert [item.name for item in received.fields] == ["x", "y", "z", "flow_x", "flow_y", "flow_z"]
+    assert_shows_the_motion(flow_columns(received))
+
+
+def test_unequal_intervals(peer, drive):
+    messages = [drive.sweep(index) for index in (0, 1, 3)]
+    peer.send(*messages)
+    received = peer.flow_of(messages[1])
+    errors_m = np.linalg.norm(flow_columns(received) - 2 * MOTION, axis=1)
+    assert np.median(errors_m) < 0.1
+
+
+def test_the_flow_is_offered_to_every_kind_of_subscriber(peer):
+    (info,) = peer.node.get_publishers_info_by_topic(peer.flow_topic)
+    assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+def test_nanoseconds_of_the_stamp_survive(peer, drive):
+    messages = [
+        drive.sweep(index, stamp_ns=drive.stamp_ns(0) + index * INTERVAL_NS + 123_456_789 + index)
+        for index in range(3)
+    ]
+    peer.send(*messages)
+    assert peer.flow_of(messages[1]).header == messages[1].header

@@ -1,0 +1,82 @@
+"""Signals in the middle of work: the node ends in order, whatever it is doing."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import time
+
+import pytest
+from scene_flow_process import ENDLESS, LONG_CALLS, QUICK
+from synthetic_clouds import Drive
+
+_POINTS = "/points_of_all"
+
+# Settings, signals, and the seconds between them.
+_ENDS = {
+    # As `ros2 launch` and a terminal do together.
+    "interrupted_twice": (ENDLESS, [signal.SIGINT] * 2, 0.1),
+    "terminated_impatiently": (ENDLESS, [signal.SIGTERM, signal.SIGINT, signal.SIGTERM], 0),
+    "in_a_library_call": (LONG_CALLS, [signal.SIGINT] * 3, 0),
+}
+
+
+@pytest.fixture(scope="module")
+def busy_nodes(start_node, make_peer):
+    """A node for each test, started and set to work all together."""
+    remapping = ("-r", f"~/points:={_POINTS}")
+    processes = {
+        name: start_node(settings, *remapping, "-r", f"__node:={name}")
+        for name, (settings, _, _) in _ENDS.items()
+    }
+    peers = {
+        name: make_peer(process, node_name=f"/{name}", points=_POINTS, reliable=None)
+        for name, process in processes.items()
+    }
+    lidar = next(iter(peers.values()))
+    lidar.advertise(reliable=True)
+    for peer in peers.values():
+        peer.spin_until(
+            lambda peer=peer: peer.values("input").get("reliability") == "reliable", "all nodes"
+        )
+    for sweep in Drive().sweeps(*range(4)):
+        lidar.publish(sweep)
+        for peer in peers.values():
+            received = peer.count("sweeps_received")
+            peer.spin_until(lambda peer=peer, n=received: peer.count("sweeps_received") > n, "all")
+    return processes, peers
+
+
+@pytest.mark.parametrize("name", _ENDS)
+def test_a_signal_in_the_middle_of_an_estimate(busy_nodes, name):
+    process, peer = busy_nodes[0][name], busy_nodes[1][name]
+    _, numbers, pause_s = _ENDS[name]
+    peer.spin_until(lambda: peer.values("flow")["busy"] == "True", "an estimate")
+    for number in numbers:
+        process.send_signal(number)
+        time.sleep(pause_s)
+    assert process.wait() == 0
+    assert "Traceback" not in process.log
+    assert "ERROR" not in process.log
+
+
+def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
+    """ROS goes away under the worker thread, at any point of its work."""
+    steps = ("optimization.max_iterations", "warm_start.max_iterations", "fusion.max_iterations")
+    process = start_node(QUICK | dict.fromkeys(steps, 1))
+    peer = make_peer(process)
+    peer.wait_for_node()
+    drive, indices = Drive(), itertools.count()
+
+    def has_gone_on():
+        peer.publish(drive.sweep(next(indices), num_points=60))
+        return len(peer.flows) > 20
+
+    peer.spin_until(has_gone_on, "flow after flow")
+    process.send_signal(signal.SIGTERM)
+    for _ in range(100):
+        has_gone_on()
+        time.sleep(0.002)
+    assert process.wait() == 0
+    assert "Traceback" not in process.log
+    assert "ERROR" not in process.log

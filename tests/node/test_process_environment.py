@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import itertools
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from synthetic_clouds import surfaces, xyz_message
+
+from mnsf_ros.node.process_environment import TRANSPORT_PROFILE, prepare_environment
+
+_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
+
+
+class TestPrepareEnvironment:
+    def test_sets_what_is_not_set(self):
+        environment = {"HOME": "/root"}
+        prepare_environment(environment)
+        assert environment == {
+            "HOME": "/root",
+            _PROFILE: str(TRANSPORT_PROFILE),
+            "OMP_WAIT_POLICY": "PASSIVE",
+        }
+
+    @pytest.mark.parametrize("variable", [_PROFILE, _NEWER_PROFILE])
+    def test_leaves_a_profile_of_the_user_alone(self, variable):
+        environment = {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
+        prepare_environment(environment)
+        assert environment == {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
+
+    def test_takes_an_empty_profile_for_none(self):
+        environment = {_PROFILE: "", _NEWER_PROFILE: ""}
+        prepare_environment(environment)
+        assert environment[_PROFILE] == str(TRANSPORT_PROFILE)
+
+    def test_the_profile_has_room_for_large_clouds_and_fits_into_a_container(self):
+        names = {"dds": "http://www.eprosima.com"}
+        root = ElementTree.parse(TRANSPORT_PROFILE).getroot()
+        (segment,) = root.findall(".//dds:segment_size", names)
+        assert 2 * 4_000_000 < int(segment.text) <= 32 * 2**20
+
+
+def large_sweep(index, drive):
+    """2 MB: 120,000 points of 16 bytes, most of them ground far below the boxes."""
+    ground = np.random.default_rng(1).uniform(-60, 60, (118_800, 3))
+    ground[:, 2] = -50
+    xyz = np.vstack([surfaces(index), ground]).astype(np.float32)
+    return xyz_message(xyz, stamp_ns=drive.stamp_ns(index))
+
+
+class TestLargeClouds:
+    @pytest.fixture
+    def peer(self, resting_peer):
+        resting_peer.advertise(reliable=False)
+        resting_peer.wait_for_node()
+        return resting_peer
+
+    def test_of_a_best_effort_publisher_with_the_profile_arrive(self, peer, drive):
+        num_sent, before = 20, peer.count("sweeps_received")
+        for index in range(num_sent):
+            peer.publish(large_sweep(index, drive))
+            peer.spin_for(0.1)
+        # The default transport loses most of them; a busy machine may lose a few.
+        peer.spin_until(
+            lambda: peer.count("sweeps_received") - before >= 0.7 * num_sent, "nearly all clouds"
+        )
+
+    def test_with_flow_arrive_at_a_best_effort_subscriber(self, peer, drive):
+        before = peer.count("flows_out")
+        peer.flows.clear()
+        peer.watch(reliable=False)
+        indices = itertools.count()
+
+        def have_come():
+            peer.publish(large_sweep(next(indices), drive))
+            peer.spin_for(0.2)
+            return len(peer.flows) >= 3
+
+        peer.spin_until(have_come, "three clouds with flow")
+        assert len(peer.flows) >= 0.5 * (peer.count("flows_out") - before)
+        assert {len(flow.data) for flow in peer.flows.values()} == {120_000 * 28}

@@ -1,0 +1,93 @@
+"""Sweeps that do not continue the stream: counted, said once, and the flow goes on."""
+
+from __future__ import annotations
+
+import pytest
+from scene_flow_peer import stamp_of
+
+
+@pytest.fixture
+def under_way(peer, drive):
+    """A drive of which three sweeps are through; the events that it starts with do not count."""
+    sweeps = drive.sweeps(0, 1, 2)
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    return drive
+
+
+def assert_goes_on(peer, drive, first):
+    """Three sweeps in a row from `first` on give the flow of the middle one."""
+    sweeps = drive.sweeps(first, first + 1, first + 2)
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+
+
+@pytest.mark.parametrize(
+    ("event", "odd_index", "next_index"),
+    [
+        ("duplicate", 2, 3),
+        ("out_of_order", 1.5, 3),
+        ("gap", 12, 13),
+        ("time_went_back", -20, -19),
+    ],
+)
+def test_an_odd_stamp_is_counted_and_said_once(
+    peer, quick_node, under_way, event, odd_index, next_index
+):
+    before = peer.count(f"sweeps_{event}")
+    peer.send(under_way.sweep(odd_index))
+    assert peer.count(f"sweeps_{event}") == before + 1
+    assert_goes_on(peer, under_way, next_index)
+    said = f"{event.replace('_', ' ')} (said once, counted in /diagnostics)"
+    assert quick_node.log.count(said) == 1
+
+
+@pytest.mark.parametrize("odd_index", [2, 1.5])
+def test_a_refused_sweep_does_not_interrupt_the_stream(peer, under_way, odd_index):
+    peer.send(under_way.sweep(odd_index))
+    newest = under_way.sweep(3)
+    peer.send(newest)
+    peer.flow_of(under_way.sweep(2))
+
+
+def test_a_repeated_sweep_is_counted_each_time(peer, under_way, quick_node):
+    before = peer.count("sweeps_duplicate")
+    for _ in range(3):
+        peer.send(under_way.sweep(2))
+    assert peer.count("sweeps_duplicate") == before + 3
+    assert quick_node.log.count("duplicate (said once") == 1
+
+
+def test_another_frame_starts_anew(peer, under_way, quick_node):
+    before = peer.count("sweeps_frame_changed")
+    sweeps = [under_way.sweep(index, frame_id="other_lidar") for index in (3, 4, 5)]
+    peer.send(*sweeps)
+    assert peer.flow_of(sweeps[1]).header.frame_id == "other_lidar"
+    assert stamp_of(sweeps[0]) not in peer.flows
+    assert peer.count("sweeps_frame_changed") == before + 1
+    assert quick_node.log.count("frame changed (said once") == 1
+
+
+def test_a_bag_in_a_loop_gives_flow_in_each_round(peer, drive):
+    sweeps = drive.sweeps(*range(8))
+    before = peer.count("sweeps_time_went_back")
+    for _ in range(3):
+        peer.flows.clear()
+        peer.send(*sweeps)
+        peer.flow_of(sweeps[-2])
+    assert peer.count("sweeps_time_went_back") == before + 2
+
+
+def test_sweeps_without_a_stamp_take_the_time_of_their_arrival(peer, drive, quick_node):
+    before = peer.count("clouds_without_stamp")
+    sweeps = [drive.sweep(index, stamp_ns=0) for index in range(4)]
+    peer.flows.clear()
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    assert peer.count("clouds_without_stamp") == before + 4
+    assert quick_node.log.count("no stamp") == 1
+
+
+def test_all_that_was_received_is_still_accounted_for(peer):
+    peer.wait_until_settled()
+    assert peer.num_open_triplets == 0
