@@ -37,8 +37,9 @@ lint: $(READY)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)
-	$(BIN)/mnsf parameters --preset online > config/online.yaml
-	$(BIN)/mnsf parameters --preset paper > config/paper.yaml
+	for preset in online paper authors; do \
+		$(BIN)/mnsf parameters --preset $$preset > config/$$preset.yaml || exit; \
+	done
 	{ sed '/^| setting/,$$d' docs/parameters.md; $(BIN)/mnsf parameters --format markdown; } \
 		> docs/parameters.new && mv docs/parameters.new docs/parameters.md
 

@@ -36,8 +36,8 @@ _AUTHORS: dict[str, SettingValue] = _PAPER | {
     "fusion.input": "sum",
     "fusion.fields": "last",
     "fusion.patience": 30,
-    "nsfp.truncation_m": 2.0**0.5,  # they compare squared distances with 2
     "nsfp.weight_decay": 0.0001,
+    "nsfp.min_delta_m2": 0.0001,
 }
 
 _PRESETS: dict[str, dict[str, SettingValue]] = {

@@ -193,9 +193,9 @@ class NsfpSettings:
     """What only the methods NSFP and NSFP (linear) of the evaluator need."""
 
     truncation_m: float = _setting(
-        2.0,
-        "Pairs of points farther apart do not count in the Chamfer distance (the authors' code: "
-        "1.414)",
+        1.41421356,
+        "Pairs of points farther apart do not count in the Chamfer distance; NSFP's code compares "
+        "squared distances with 2",
         "m",
         0.01,
         1000,
@@ -208,7 +208,11 @@ class NsfpSettings:
         30, "Stop after this many steps without improvement; 0: never", "", 0, 100_000
     )
     min_delta_m2: float = _setting(
-        0.0001, "A smaller fall of the loss is no improvement", "m²", 0, 10
+        0.001,
+        "A smaller fall of the loss is no improvement (the authors' code: 0.0001)",
+        "m²",
+        0,
+        10,
     )
 
 

@@ -35,11 +35,14 @@ LAYERS = {
     "recording": [*_BASE, "sweeps", "msg_utils"],
     "simulation": [*_BASE, "sweeps", "msg_utils", "recording"],
     "datasets": [*_BASE, "sweeps", "msg_utils", "recording", "simulation"],
+    "sweeps_io": [*_METHOD, "datasets"],
     "evaluation": [
         *("mnsf_ros", *_METHOD, "msg_utils", "settings_documents", "scene_flow", "methods"),
         *("recording", "simulation", "datasets"),
     ],
     "node": [*_METHOD, "msg_utils", "settings_documents", "online"],
+    "report": ["*"],
+    "studies": ["*"],
     "demo": ["*"],
     "cli": ["*"],
 }

@@ -227,6 +227,6 @@ def test_paper_preset_is_the_paper():
 
 def test_unknown_preset():
     with pytest.raises(
-        SettingsError, match=r"^unknown preset 'fast', expected one of online, paper$"
+        SettingsError, match=r"^unknown preset 'fast', expected one of online, paper, authors$"
     ):
         preset("fast")

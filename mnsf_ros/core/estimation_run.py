@@ -67,16 +67,16 @@ class EstimationRun:
     def field_flows(self) -> list[torch.Tensor]:
         """Fits g_f and each g_b; (N, 3) finite metres each, to t+1, t-1, t-2 ..."""
         targets = [self._bench.next, *self._bench.before]
-        stages = ["forward", "backward", *(f"backward {k}" for k in range(2, len(targets)))]
         fields = self.learners.fields
         if self._settings.optimization.joint:
             self._fit_jointly(targets)
             return [self._bench.flow("fields", field.network) for field in fields]
+        stages = ["forward", "backward", *(f"backward {k}" for k in range(2, len(fields)))]
         schedules = self._schedules.fields(len(fields))
         keep_best = self._settings.fusion.fields == "best"
         return [
             self._field_flow(*each, keep_best=keep_best)
-            for each in zip(stages, fields, targets, schedules, strict=True)
+            for each in zip(stages[: len(fields)], fields, targets, schedules, strict=True)
         ]
 
     def inverted_flows(self, backward_flows: Sequence[torch.Tensor]) -> list[torch.Tensor]:

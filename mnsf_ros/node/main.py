@@ -59,7 +59,7 @@ class _EndSignals:
             signal.signal(number, self._on_signal)
 
     def leave_to_rclpy(self) -> None:
-        """To be called when rclpy's handlers are there and before there is something to clean up."""
+        """To be called when rclpy's handlers are there, before there is anything to clean up."""
         self._is_left_to_rclpy = True
 
     def ignore(self) -> None:

@@ -1,0 +1,99 @@
+"""`mnsf flow`: the flow of one sweep, from and to single files."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.presets import PRESET_NAMES, preset
+
+if TYPE_CHECKING:
+    from mnsf_ros.core.flow_estimate import FlowEstimate
+    from mnsf_ros.settings import Settings
+    from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile
+    from mnsf_ros.sweeps_io.write_flow import FlowToWrite
+
+_EPILOG = """\
+Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .bin (KITTI, nuScenes),
+.feather (Argoverse 2). OUT: .npz, .npy or .ply, row i for row i of CURRENT, NaN where that has no
+point. Each sweep is in its own sensor frame; point + flow is the place in NEXT.
+"""
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    parser = subparsers.add_parser(
+        "flow",
+        help="estimate the flow of one sweep in a file",
+        description="Estimates where each point of CURRENT is in NEXT.",
+        usage="mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT [options]",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="files in the order of time")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT")
+    parser.add_argument(
+        "--method", default="mnsf", metavar="NAME", help="default mnsf; see docs/methods.md"
+    )
+    parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="change a setting, for example ground.remove=false; may be repeated",
+    )
+    parser.add_argument("--force", action="store_true", help="replace OUT if it is there")
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.methods import make_method
+    from mnsf_ros.sweeps_io.read_sweep import read_sweep
+    from mnsf_ros.sweeps_io.triplet_of_files import triplet_of_files
+    from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
+
+    settings = preset(options.preset).changed(parse_assignments(options.assignments))
+    if len(options.sweeps) < 2:
+        raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
+    check_target(options.out, overwrite=options.force)
+    estimator = make_method(options.method, settings)
+    sweeps = [read_sweep(name) for name in options.sweeps]
+    estimate = estimator.estimate(triplet_of_files(sweeps))
+    flow = _in_rows_of_file(sweeps[-2], estimate, options.method, settings)
+    write_flow(options.out, flow, overwrite=options.force)
+    print(_summary(options.out, options.method, flow, estimate))
+
+
+def _in_rows_of_file(
+    current: SweepInFile, estimate: FlowEstimate, method: str, settings: Settings
+) -> FlowToWrite:
+    import numpy as np
+
+    from mnsf_ros.sweeps_io.write_flow import FlowToWrite
+
+    flow = np.full(current.xyz.shape, np.nan, dtype=np.float32)
+    kept = np.zeros(len(flow), dtype=bool)
+    flow[current.measured], kept[current.measured] = estimate.flow, estimate.kept
+    return FlowToWrite(current.xyz, flow, kept, method, settings.to_mapping())
+
+
+def _summary(out: Path, method: str, flow: FlowToWrite, estimate: FlowEstimate) -> str:
+    import numpy as np
+
+    lengths = np.linalg.norm(estimate.flow.astype(np.float64), axis=1)
+    missing = len(flow.flow) - len(lengths)
+    stages = ", ".join(
+        f"{stage} {fit.stop_reason.value} after {fit.iterations} steps"
+        for stage, fit in estimate.fits.items()
+    )
+    return (
+        f"{out}: {len(lengths)} points{f' and {missing} rows without' if missing else ''}, "
+        f"{int(flow.kept.sum())} kept; {method}: flow {np.median(lengths):.3f} m (median), "
+        f"{lengths.max():.3f} m (largest); {estimate.time_ms / 1e3:.1f} s"
+        f"{f' ({stages})' if stages else ''}"
+    )

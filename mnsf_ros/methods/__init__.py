@@ -1,0 +1,4 @@
+"""The methods that the evaluator compares, by name."""
+
+from mnsf_ros.methods.registry import make_method as make_method
+from mnsf_ros.methods.registry import method_names as method_names

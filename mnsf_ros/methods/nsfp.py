@@ -1,0 +1,60 @@
+"""NSFP: a field and its inverse, fitted with the Chamfer distance and a cycle term."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import nn
+
+from mnsf_ros.core.chamfer import ChamferDistance
+from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.schedule import Schedules
+from mnsf_ros.core.workbench import Workbench
+from mnsf_ros.methods.fields import (
+    FieldMaker,
+    linear_field,
+    penalty,
+    perceptron_field,
+    schedule_for,
+)
+
+
+def nsfp(bench: Workbench, schedules: Schedules) -> torch.Tensor:
+    """NSFP (Li 2021); (N, 3) metres."""
+    return _flow(bench, schedules, perceptron_field)
+
+
+def nsfp_linear(bench: Workbench, schedules: Schedules) -> torch.Tensor:
+    """NSFP with linear fields on a Kronecker product of encodings; (N, 3) metres."""
+    return _flow(bench, schedules, linear_field)
+
+
+def _flow(bench: Workbench, schedules: Schedules, make_field: FieldMaker) -> torch.Tensor:
+    """Minimizes Chamfer(p + g(p), S3) + Chamfer(p', S2).
+
+    p' = q + h(q) with q = p + g(p) is where the inverse field h takes the moved points back to.
+    Both directions of the distance need all moved points, so there are no random batches.
+    """
+    points = bench.rows_to_fit
+    there, back = (make_field(bench) for _ in range(2))
+    settings = bench.settings.nsfp
+    to_next = ChamferDistance(bench.sampled_points(bench.next), settings.truncation_m)
+    to_current = ChamferDistance(points, settings.truncation_m)
+
+    def loss_of() -> torch.Tensor:
+        moved = points + there(points)
+        returned = moved + back(moved)
+        smoothness = penalty(there, bench) + penalty(back, bench)
+        return to_next(moved) + to_current(returned) + smoothness
+
+    both = Learner.fresh(nn.ModuleList([there, back]), settings.weight_decay)
+    schedule = replace(
+        schedules.field(),
+        learning_rate=settings.learning_rate,
+        patience=settings.patience,
+        min_delta_m=settings.min_delta_m2,
+    )
+    schedule = schedule_for(there, schedule, bench)
+    bench.fit("forward", both, loss_of, schedule, keep_best=True)
+    return bench.flow("forward", there)

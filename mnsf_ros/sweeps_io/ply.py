@@ -1,0 +1,124 @@
+"""PLY files: ascii, and binary with either byte order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, read_bytes, reading, xyz_of_columns
+from mnsf_ros.sweeps_io.text_rows import parse_rows
+
+_TYPES: Final = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2",
+    "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_BYTE_ORDERS: Final = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_POINTS: Final = "vertex"
+
+
+@dataclass
+class _Element:
+    """A table of the file: so many rows of scalars with names."""
+
+    name: str
+    num_rows: int
+    columns: list[tuple[str, str]] = field(default_factory=list)
+
+    def dtype(self, byte_order: str) -> np.dtype[Any]:
+        # By number: the same name may come twice.
+        return np.dtype(
+            [(f"{place}", f"{byte_order}{kind}") for place, (_, kind) in enumerate(self.columns)]
+        )
+
+
+def read_ply(path: Path) -> SweepInFile:
+    """Reads the properties x, y and z of the element vertex.
+
+    Raises:
+        SweepFileError: If the file is missing, damaged, cut short, or has no such points.
+    """
+    content = read_bytes(path)
+    with reading(path):
+        lines, start = _header_lines(content)
+        byte_order, elements = _parse_header(lines)
+        before, points = _points_and_before(elements)
+        names = [name for name, _ in points.columns]
+        if not {"x", "y", "z"} <= set(names):
+            raise SweepFileError(f"{path}: vertex has no x, y, z; it has {', '.join(names)}")
+        places = [names.index(axis) for axis in "xyz"]
+        body = content[start:]
+        if byte_order:
+            columns = _binary_columns(body, before, points, byte_order, places)
+        else:
+            num_lines = sum(element.num_rows for element in before)
+            columns = parse_rows(_without_lines(body, num_lines), points.num_rows, places)
+        return SweepInFile(xyz_of_columns(path, columns))
+
+
+def _header_lines(content: bytes) -> tuple[list[list[str]], int]:
+    """The words of each line, and where the rows start."""
+    end = content.find(b"end_header")
+    after = content.find(b"\n", end)
+    if not content.startswith(b"ply") or end < 0 or after < 0:
+        raise ValueError("it has no header from 'ply' to 'end_header'")
+    lines = content[:end].decode("utf-8", errors="replace").splitlines()
+    return [line.split() for line in lines], after + 1
+
+
+def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
+    byte_order: str | None = None
+    elements: list[_Element] = []
+    for words in lines:
+        match words:
+            case ["format", name, _]:
+                if name not in _BYTE_ORDERS:
+                    raise ValueError(f"its format is {name!r}")
+                byte_order = _BYTE_ORDERS[name]
+            case ["element", name, number]:
+                elements.append(_Element(name, int(number)))
+                if elements[-1].num_rows < 0:
+                    raise ValueError(f"element {name} has {number} rows")
+            case ["property", kind, name] if elements and kind in _TYPES:
+                elements[-1].columns.append((name, _TYPES[kind]))
+            case ["property", "list", *_] if elements:
+                elements[-1].columns.append(("list", ""))
+            case ["property", *rest]:
+                raise ValueError(f"property {' '.join(rest)!r} is of no known type")
+    if byte_order is None:
+        raise ValueError("its header has no line 'format'")
+    return byte_order, elements
+
+
+def _points_and_before(elements: list[_Element]) -> tuple[list[_Element], _Element]:
+    names = [element.name for element in elements]
+    if _POINTS not in names:
+        raise ValueError(f"it has no element {_POINTS!r}; it has {', '.join(names) or 'none'}")
+    number = names.index(_POINTS)
+    for element in elements[: number + 1]:
+        if ("list", "") in element.columns:
+            raise ValueError(f"element {element.name!r} has lists, the points cannot be found")
+    return elements[:number], elements[number]
+
+
+def _binary_columns(
+    body: bytes, before: list[_Element], points: _Element, byte_order: str, places: list[int]
+) -> list[NDArray[Any]]:
+    start = sum(element.dtype(byte_order).itemsize * element.num_rows for element in before)
+    dtype = points.dtype(byte_order)
+    available = max(0, len(body) - start) // dtype.itemsize
+    if available < points.num_rows:
+        raise ValueError(f"is cut short: {available} of {points.num_rows} points")
+    rows = np.frombuffer(body[start:], dtype, points.num_rows)
+    return [rows[f"{place}"] for place in places]
+
+
+def _without_lines(body: bytes, number: int) -> bytes:
+    lines = body.split(b"\n", number)
+    return lines[number] if len(lines) > number else b""

@@ -1,0 +1,122 @@
+"""What a file says about one sweep, and the one error for all files that do not."""
+
+from __future__ import annotations
+
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps.sweep import Sweep
+
+# What parsers raise on damaged files; LookupError and TypeError: on files laid out otherwise.
+# NumPy parses headers as Python source.
+_UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    ArithmeticError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    struct.error,
+    tokenize.TokenError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+_MAX_REASON: Final = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SweepInFile:
+    """The points of a file, row for row, before anything is left out.
+
+    Attributes:
+        xyz: (N, 3) float32, metres; rows without a measurement are not finite.
+        stamp_ns: Time of the sweep, integer nanoseconds; 0 where the file does not say.
+        pose: (4, 4) from the sensor to the world; None where the file does not say.
+    """
+
+    xyz: NDArray[np.float32]
+    stamp_ns: int = 0
+    pose: NDArray[np.float64] | None = None
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(N,) bool, the rows with a finite point."""
+        return np.asarray(np.isfinite(self.xyz).all(axis=1))
+
+    def sweep(self) -> Sweep:
+        """The measured points as a sweep."""
+        return Sweep(np.ascontiguousarray(self.xyz[self.measured]), self.stamp_ns)
+
+
+def xyz_of_columns(path: Path, columns: list[NDArray[Any]]) -> NDArray[np.float32]:
+    """Puts three columns of numbers, (N,) each, side by side as (N, 3) float32.
+
+    Raises:
+        SweepFileError: If a column does not hold numbers.
+    """
+    for name, column in zip("xyz", columns, strict=True):
+        if column.dtype.kind not in "fiu":
+            raise SweepFileError(f"{path}: {name} is of {column.dtype}, expected numbers")
+    # Beyond float32 it becomes infinity: a row without a measurement.
+    with np.errstate(over="ignore"):
+        return np.stack([column.astype(np.float32) for column in columns], axis=1)
+
+
+def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float32]:
+    """The first three columns of an array with at least three, (N, 3) float32.
+
+    An array of rows with named fields has to name x, y and z.
+
+    Raises:
+        SweepFileError: If the array is not of that kind.
+    """
+    if table.dtype.names is not None:
+        return xyz_of_columns(path, [table[axis].ravel() for axis in "xyz"])
+    if table.ndim != 2 or table.shape[1] < 3:
+        raise SweepFileError(f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider")
+    return xyz_of_columns(path, [table[:, axis] for axis in range(3)])
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turns what parsers raise inside the block into a SweepFileError that names the file."""
+    try:
+        yield
+    except _UNREADABLE as error:
+        raise SweepFileError(f"{path}: cannot be read: {_reason(error)}") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file.
+
+    Raises:
+        SweepFileError: If there is none, or it is empty.
+    """
+    with reading(path):
+        content = path.read_bytes()
+    if not content:
+        raise SweepFileError(f"{path}: is empty")
+    return content
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    text = " ".join(str(error).split())[:_MAX_REASON].rstrip(".")
+    if isinstance(error, KeyError):
+        return f"it has no {text}"
+    return text or type(error).__name__

@@ -1,0 +1,116 @@
+"""The flow of one sweep in a file: npz, npy or ply. Row i belongs to row i of the sweep's file."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.settings import SettingValue
+
+_PLY_COLUMNS: Final = ("x", "y", "z", "flow_x", "flow_y", "flow_z")
+
+
+@dataclass(frozen=True, eq=False)
+class FlowToWrite:
+    """What is written.
+
+    Attributes:
+        xyz: (N, 3) float32, metres, sensor frame of the current sweep.
+        flow: (N, 3) float32, metres until the next sweep; NaN where there is no point.
+        kept: (N,) bool, the points inside the crop that are not ground.
+        method: Name of the method.
+        settings: Full name of each setting to its value.
+    """
+
+    xyz: NDArray[np.float32]
+    flow: NDArray[np.float32]
+    kept: NDArray[np.bool_]
+    method: str = ""
+    settings: Mapping[str, SettingValue] = field(default_factory=dict)
+
+
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Says before the work whether a flow can be written there.
+
+    Raises:
+        SweepFileError: If the ending names no format, or a file is there that may not be replaced.
+    """
+    if path.suffix.lower() not in WRITERS:
+        raise SweepFileError(f"{path}: expected a file that ends with {', '.join(WRITERS)}")
+    if path.is_dir() or (path.exists() and not overwrite):
+        raise SweepFileError(f"{path}: exists already")
+    if not path.absolute().parent.is_dir():
+        raise SweepFileError(f"{path}: there is no folder {path.parent}")
+
+
+def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> None:
+    """Writes the file complete, or not at all.
+
+    Raises:
+        SweepFileError: If it cannot be written.
+    """
+    check_target(path, overwrite=overwrite)
+    temporary = ""
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=path.absolute().parent, prefix=f".{path.name}.", delete=False
+        ) as stream:
+            temporary = stream.name
+            WRITERS[path.suffix.lower()](stream, flow)
+        Path(temporary).chmod(0o666 & ~_umask())
+        Path(temporary).replace(path)
+    except OSError as error:
+        raise SweepFileError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _write_npz(stream: IO[bytes], flow: FlowToWrite) -> None:
+    np.savez_compressed(
+        stream,
+        xyz=flow.xyz,
+        flow=flow.flow,
+        kept=flow.kept,
+        method=np.array(flow.method),
+        settings=np.array(json.dumps(dict(flow.settings))),
+    )
+
+
+def _write_npy(stream: IO[bytes], flow: FlowToWrite) -> None:
+    np.save(stream, flow.flow)
+
+
+def _write_ply(stream: IO[bytes], flow: FlowToWrite) -> None:
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment flow of {flow.method}: metres until the next sweep",
+        f"element vertex {len(flow.xyz)}",
+        *(f"property float {name}" for name in _PLY_COLUMNS),
+        "end_header\n",
+    ]
+    stream.write("\n".join(header).encode())
+    stream.write(np.hstack([flow.xyz, flow.flow]).astype("<f4").tobytes())
+
+
+WRITERS: Final[Mapping[str, Callable[[IO[bytes], FlowToWrite], None]]] = {
+    ".npz": _write_npz,
+    ".npy": _write_npy,
+    ".ply": _write_ply,
+}

@@ -1,0 +1,29 @@
+"""Devices to run on, and a street seen from a sensor that moves."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from moving_sweeps import moving_triplet
+
+CUDA = pytest.param(
+    "cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+)
+
+
+@pytest.fixture(params=["cpu", CUDA])
+def device(request):
+    """Where the tensors of a test are."""
+    return torch.device(request.param)
+
+
+@pytest.fixture
+def generator():
+    """A source of randomness with a fixed seed."""
+    return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture
+def translated(make_scene):
+    """Five sweeps of a street in which every point has the same flow."""
+    return moving_triplet(make_scene(points_per_box=20).current)

@@ -1,0 +1,170 @@
+"""Other programs as methods: real scripts in real processes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from moving_sweeps import QUICK, as_sweep
+
+from mnsf_ros.errors import MethodError, SettingsError, SweepError
+from mnsf_ros.methods import make_method
+from mnsf_ros.methods.command_estimator import CommandEstimator
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+START = "import sys, numpy as np; current, following, flow = sys.argv[-3:]\n"
+# The flow of point i is its own position times the number of points of the next sweep.
+NETWORK = START + (
+    "points, number = np.load(current), len(np.load(following))\n"
+    "assert points.dtype == np.float32\n"
+    "np.save(flow, points * number)\n"
+)
+
+
+@pytest.fixture
+def triplet():
+    rng = np.random.default_rng(0)
+    current, following = rng.uniform(2, 9, (20, 3)), rng.uniform(2, 9, (30, 3))
+    return SweepTriplet(None, as_sweep(np.clip(current, None, 3.9)), as_sweep(following % 3.9, 1))
+
+
+@pytest.fixture
+def script(tmp_path):
+    """Writes a program; its name has a space, as names of folders do."""
+
+    def write(code):
+        path = tmp_path / "a network.py"
+        path.write_text(code)
+        return [sys.executable, str(path)]
+
+    return write
+
+
+def estimate(command, triplet, **options):
+    return CommandEstimator(command, QUICK, **options).estimate(triplet)
+
+
+def test_flow_is_what_the_program_writes(script, triplet):
+    result = estimate(script(NETWORK), triplet)
+    np.testing.assert_array_equal(result.flow, triplet.current.xyz * np.float32(30))
+    assert result.flow.dtype == np.float32
+    assert result.kept.all()
+    assert list(result.times_ms) == ["prepare", "command"]
+    assert result.fits == {}
+
+
+def test_points_outside_the_crop_are_not_given_and_get_none(script, triplet):
+    more = np.vstack([[(300.0, 0.0, 0.0)], triplet.current.xyz])
+    result = estimate(script(NETWORK), SweepTriplet(None, as_sweep(more), triplet.next))
+    assert result.kept.tolist() == [False] + [True] * 20
+    assert not result.flow[0].any()
+    np.testing.assert_array_equal(result.flow[1:], triplet.current.xyz * np.float32(30))
+
+
+def test_whole_numbers_and_double_precision_are_flow_too(script, triplet):
+    for kind in ("np.int64", "np.float64"):
+        code = START + f"np.save(flow, np.ones((20, 3), {kind}))\n"
+        assert (estimate(script(code), triplet).flow == 1).all()
+
+
+def test_time_that_the_program_tells(script, triplet):
+    told = NETWORK + "print('time_ms: 3'); print('loading'); print('time_ms: 12.5'); print('bye')\n"
+    assert estimate(script(told), triplet).times_ms == {"network": 12.5}
+
+
+def test_arguments_come_first(script, triplet, tmp_path):
+    code = START + (
+        "import json; json.dump(sys.argv[1:-3], open(sys.argv[2], 'w'))\n"
+        "np.save(flow, np.zeros((20, 3)))\n"
+    )
+    said = tmp_path / "said"
+    estimate([*script(code), "--weights", str(said), "$HOME;"], triplet)
+    assert said.read_text() == f'["--weights", "{said}", "$HOME;"]'
+
+
+def test_command_in_the_name(script, triplet):
+    python, path = script(NETWORK)
+    result = make_method(f"command:{python} '{path}' --device cpu", QUICK).estimate(triplet)
+    assert result.flow.any()
+
+
+@pytest.mark.parametrize("name", ["flot", "3dflow", "gmsf", "scoop"])
+def test_learned_network_from_its_environment_variable(script, triplet, monkeypatch, name):
+    variable = f"MNSF_{name.upper()}"
+    monkeypatch.delenv(variable, raising=False)
+    text = f"^method '{name}' runs the command in the environment variable {variable}, which is not"
+    with pytest.raises(SettingsError, match=text):
+        make_method(name, QUICK)
+    python, path = script(NETWORK)
+    monkeypatch.setenv(variable, f"{python} '{path}'")
+    assert make_method(name, QUICK).estimate(triplet).flow.any()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [("", "expected a program"), ("  ", "expected a program"), ("a 'b", "No closing quotation")],
+)
+def test_command_line_that_is_none(text, complaint):
+    with pytest.raises(SettingsError, match=complaint):
+        make_method(f"command:{text}", QUICK)
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        ("import sys; print('no GPU', file=sys.stderr); sys.exit(3)", "status 3: no GPU$"),
+        ("raise ValueError('bad\\nweights')", "status 1: weights$"),
+        ("import os; os._exit(1)", "status 1: it said nothing$"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "status -9: it said nothing$"),
+        ("", "wrote no flow.npy$"),
+        (START + "open(flow, 'w').close()", "flow.npy cannot be read: "),
+        (START + "open(flow, 'w').write('x' * 99)", "flow.npy cannot be read: "),
+        (START + "np.save(flow, np.zeros((20, 3)).astype(object))", "flow.npy cannot be read: "),
+        (
+            START + "np.save(flow, np.zeros((19, 3)))",
+            r"shape \(19, 3\) of float64, expected \(20, 3\)",
+        ),
+        (START + "np.save(flow, np.zeros(60))", r"shape \(60,\) of float64, expected \(20, 3\)"),
+        (START + "np.save(flow, np.zeros((20, 3), complex))", r"of complex128, expected"),
+        (START + "np.save(flow, np.eye(20, 3) / 0)", "20 of 20 rows of flow are not finite$"),
+        (START + "np.save(flow, np.eye(20, 3) * 1e300)", "3 of 20 rows of flow are not finite$"),
+    ],
+)
+def test_program_that_gives_no_flow(script, triplet, code, text):
+    with pytest.raises(MethodError, match=text) as info:
+        estimate(script(code), triplet)
+    assert str(info.value).startswith(f"{sys.executable}: ")
+
+
+def test_program_that_is_not_there(triplet, tmp_path):
+    with pytest.raises(
+        MethodError, match=r"missing: cannot be started: No such file or directory$"
+    ):
+        estimate([str(tmp_path / "missing")], triplet)
+
+
+def test_program_that_hangs_is_ended_with_all_that_it_started(triplet, tmp_path):
+    note = tmp_path / "pid"
+    hanging = ["/bin/sh", "-c", f"sleep 60 & echo $! > {note}; wait"]
+    with pytest.raises(MethodError, match=r"^/bin/sh: not done after 0\.5 s$"):
+        estimate(hanging, triplet, timeout_s=0.5)
+    for _ in range(100):
+        state = subprocess.run(
+            ["ps", "-o", "stat=", "-p", note.read_text().strip()],
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout
+        if not state or state.startswith("Z"):
+            return
+        time.sleep(0.05)
+    pytest.fail(f"its child is still there: {state}")
+
+
+def test_empty_sweep_is_refused_before_anything_starts(triplet):
+    nothing = SweepTriplet(None, as_sweep(np.zeros((0, 3))), triplet.next)
+    with pytest.raises(SweepError, match="0 of 0 points are left"):
+        estimate(["/no/such/program"], nothing)

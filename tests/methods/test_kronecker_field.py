@@ -1,0 +1,112 @@
+"""The linear field, against its definition written out."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from mnsf_ros.errors import SweepError
+from mnsf_ros.methods.kronecker_field import KroneckerField
+from mnsf_ros.settings import Settings
+
+SETTINGS = Settings().changed({"linear.node_spacing_m": 2.0, "linear.sigma_m": 3.0}).linear
+POINTS = torch.tensor([[-3.0, 0.5, 1.0], [5.0, 4.0, 2.5]])
+# One node to spare: x from -6 to 8, y from -2 to 6, z from -2 to 6.
+LOW, SHAPE = torch.tensor([-6.0, -2.0, -2.0]), (8, 5, 5)
+
+
+@pytest.fixture
+def field(generator, device):
+    return KroneckerField(POINTS, SETTINGS, generator).to(device)
+
+
+def weights_of(field):
+    (weights,) = field.parameters()
+    return weights
+
+
+def slow_flow(field, node):
+    """Weights times the Kronecker product of the codes of one node."""
+    code = torch.ones(1)
+    for number, size in zip(node, SHAPE, strict=True):
+        places = 2.0 * torch.arange(size)
+        all_codes = torch.exp(-((places[:, None] - places) ** 2) / (2 * 3.0**2))
+        code = torch.kron(code, all_codes[number] / all_codes.norm(dim=1).max())
+    return weights_of(field).detach().cpu().reshape(3, -1) @ code
+
+
+def test_flow_at_the_nodes(field, device):
+    assert weights_of(field).shape == (3, *SHAPE)
+    for node in [(0, 0, 0), (3, 2, 1), (7, 4, 4), (1, 3, 0)]:
+        position = (LOW + 2.0 * torch.tensor(node)).to(device)
+        flow = field(position[None])[0]
+        torch.testing.assert_close(flow.cpu(), slow_flow(field, node), atol=1e-5, rtol=1e-4)
+
+
+def test_blended_between_the_nodes(field, device):
+    corners = torch.cartesian_prod(*[torch.tensor([2, 3])] * 3)
+    inside = torch.tensor([0.25, 0.5, 0.8])
+    blend = torch.zeros(3)
+    for corner in corners:
+        share = torch.where(corner == 3, inside, 1 - inside).prod()
+        blend += share * slow_flow(field, corner.tolist())
+    position = (LOW + 2.0 * (2 + inside)).to(device)
+    torch.testing.assert_close(field(position[None])[0].cpu(), blend, atol=1e-5, rtol=1e-4)
+
+
+def test_outside_it_is_the_border(field, device):
+    far = torch.tensor([[1e4, 1e4, -1e4]], device=device)
+    torch.testing.assert_close(
+        field(far)[0].cpu(), slow_flow(field, (7, 4, 0)), atol=1e-5, rtol=1e-4
+    )
+
+
+def test_flow_is_linear_in_the_weights(field, device, generator):
+    positions = 4 * torch.rand(20, 3, generator=generator).to(device)
+    once = field(positions)
+    with torch.no_grad():
+        weights_of(field).mul_(-3)
+    torch.testing.assert_close(field(positions), -3 * once)
+
+
+def test_start_weights_are_uniform_and_seeded(field):
+    weights = weights_of(field)
+    assert 0.5 < weights.abs().max() < 3**-0.5
+    again = KroneckerField(POINTS, SETTINGS, torch.Generator().manual_seed(0))
+    assert torch.equal(weights_of(again), weights.cpu())
+
+
+def test_total_variation_by_hand(field):
+    # A field whose flow rises by 1 along x per node, found by solving for the weights.
+    with torch.no_grad():
+        weights_of(field).zero_()
+    floor = 3 * 1e-5**0.5
+    assert field.total_variation().item() == pytest.approx(floor, rel=1e-3)
+    with torch.no_grad():
+        weights_of(field)[0, 3, 2, 2] = 1.0
+    flow = torch.stack(
+        [
+            torch.stack(
+                [torch.stack([slow_flow(field, (i, j, k)) for k in range(5)]) for j in range(5)]
+            )
+            for i in range(8)
+        ]
+    )[..., 0]
+    corner = flow[:-1, :-1, :-1]
+    steps = [flow[1:, :-1, :-1], flow[:-1, 1:, :-1], flow[:-1, :-1, 1:]]
+    lengths = sum((step - corner) ** 2 for step in steps).add(1e-5).sqrt()
+    expected = lengths.mean().item() + 2 * 1e-5**0.5
+    assert field.total_variation().item() == pytest.approx(expected, rel=1e-4)
+
+
+def test_gradient_reaches_the_weights(field, device):
+    (field(torch.ones(1, 3, device=device)).sum() + field.total_variation()).backward()
+    assert weights_of(field).grad.isfinite().all()
+
+
+def test_grid_too_large_for_memory_is_refused(generator):
+    far = torch.tensor([[0.0, 0.0, 0.0], [1000.0, 1000.0, 1000.0]])
+    with pytest.raises(
+        SweepError, match=r"^the grid of the linear field would have 503 x 503 x 503"
+    ):
+        KroneckerField(far, SETTINGS, generator)

@@ -1,0 +1,165 @@
+"""Methods by name: ours, and those of packages that are really installed."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.methods import make_method, method_names
+from mnsf_ros.methods.built_in import BUILT_IN
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+PAPER = preset("paper").changed({"compute.device": "cpu"})
+
+CODE = """
+import numpy as np
+from mnsf_ros.core.flow_estimate import FlowEstimate
+
+class Constant:
+    def __init__(self, settings):
+        self.seed = settings.compute.seed
+
+    def estimate(self, triplet):
+        flow = np.full_like(triplet.current.xyz, self.seed)
+        return FlowEstimate(flow, np.ones(len(flow), bool))
+
+class NoEstimator:
+    def __init__(self, settings):
+        pass
+
+not_callable = 3
+"""
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Installs a distribution as pip would: its module and its metadata on the path."""
+
+    def install_it(package, methods, folder="site"):
+        site = tmp_path / folder
+        metadata = site / f"{package}-1.0.dist-info"
+        metadata.mkdir(parents=True)
+        (site / f"{package}_module.py").write_text(CODE)
+        (metadata / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n"
+        )
+        lines = [f"{name} = {target}" for name, target in methods.items()]
+        text = "\n".join(["[mnsf_ros.methods]", *lines, ""])
+        (metadata / "entry_points.txt").write_text(text)
+        monkeypatch.syspath_prepend(site)
+        monkeypatch.delitem(sys.modules, f"{package}_module", raising=False)
+
+    return install_it
+
+
+def triplet():
+    sweep = Sweep.from_array(np.eye(3))
+    return SweepTriplet(sweep, sweep, sweep)
+
+
+def test_names_are_those_of_the_paper_and_unique():
+    names = method_names()
+    assert len(set(names)) == len(names)
+    assert names[:10] == (
+        *("zero", "ego", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time"),
+        *("mnsf-cycle", "mnsf"),
+    )
+    assert set(names[10:]) >= {
+        *("mnsf-no-backward", "mnsf-mean", "mnsf-no-inversion", "mnsf-weighted-sum"),
+        *(f"mnsf-depth{depth}" for depth in (2, 3, 5, 7)),
+        *(f"mnsf-frames{number}" for number in (2, 3, 4, 5)),
+        *("flot", "3dflow", "gmsf", "scoop"),
+    }
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in BUILT_IN if name[:4] in ("mnsf", "fnsf", "nsfp")]
+)
+@pytest.mark.parametrize("preset_name", ["online", "paper", "authors"])
+def test_every_method_takes_every_preset(name, preset_name):
+    estimator = make_method(name, preset(preset_name).changed({"compute.device": "cpu"}))
+    assert callable(estimator.estimate)
+
+
+def test_the_method_itself_is_the_one_of_the_node():
+    estimator = make_method("mnsf", PAPER)
+    assert type(estimator) is MultiFrameEstimator
+    assert estimator.settings is PAPER
+
+
+@pytest.mark.parametrize("name", ["", "MNSF", "mnsf-depth4", "fnfs", "file:x"])
+def test_unknown_name(name):
+    with pytest.raises(
+        SettingsError, match=rf"^unknown method {name!r}.*; there are zero, ego, nsfp"
+    ):
+        make_method(name, PAPER)
+
+
+def test_near_names_are_suggested():
+    with pytest.raises(SettingsError, match=r"did you mean mnsf-depth"):
+        make_method("mnsf-depth4", PAPER)
+
+
+def test_device_that_is_not_there():
+    import torch
+
+    if torch.cuda.is_available():
+        pytest.skip("there is one")
+    for name in ("fnsf", "nsfp", "mnsf"):
+        with pytest.raises(SettingsError, match=r"compute\.device"):
+            make_method(name, PAPER.changed({"compute.device": "cuda"}))
+
+
+def test_method_of_another_package(install):
+    install("theirs", {"constant": "theirs_module:Constant", "aaa": "theirs_module:Constant"})
+    assert method_names()[-2:] == ("aaa", "constant")
+    estimate = make_method("constant", PAPER.changed({"compute.seed": 7})).estimate(triplet())
+    assert isinstance(estimate, FlowEstimate)
+    assert (estimate.flow == 7).all()
+
+
+def test_package_seen_twice_is_one(install):
+    install("theirs", {"constant": "theirs_module:Constant"}, folder="a")
+    install("theirs", {"constant": "theirs_module:Constant"}, folder="b")
+    assert method_names().count("constant") == 1
+    make_method("constant", PAPER)
+
+
+def test_same_name_in_two_packages(install):
+    install("theirs", {"constant": "theirs_module:Constant"}, folder="a")
+    install("others", {"constant": "others_module:Constant"}, folder="b")
+    assert method_names().count("constant") == 1
+    text = "^method 'constant' is offered by others and theirs; uninstall all but one$"
+    with pytest.raises(SettingsError, match=text):
+        make_method("constant", PAPER)
+
+
+def test_our_names_stay_ours(install):
+    install("theirs", {"mnsf": "theirs_module:Constant"})
+    assert method_names() == tuple(BUILT_IN)
+    assert type(make_method("mnsf", PAPER)) is MultiFrameEstimator
+
+
+@pytest.mark.parametrize(
+    ("target", "text"),
+    [
+        ("no_such_module:Constant", "cannot load 'no_such_module:Constant': No module named"),
+        ("theirs_module:Missing", "cannot load 'theirs_module:Missing': .*no attribute 'Missing'"),
+        ("theirs_module:not_callable", "got 3, expected something to call with settings"),
+        (
+            "theirs_module:NoEstimator",
+            r"got <.*NoEstimator.*>, expected an object with estimate\(\)",
+        ),
+    ],
+)
+def test_broken_package(install, target, text):
+    install("theirs", {"broken": target})
+    assert "broken" in method_names()
+    with pytest.raises(SettingsError, match=f"^method 'broken' of theirs: {text}"):
+        make_method("broken", PAPER)
