@@ -1,0 +1,40 @@
+"""Progress bars on the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+
+
+def counting_progress(console: Console) -> Progress:
+    """A bar with a text, `done/all` and the time left; add a task with its total to it."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=console)
+
+
+def simulate_with_progress(
+    settings: SimulationSettings, path: Path, console: Console, *, overwrite: bool = False
+) -> None:
+    """Simulates a recording and shows how far it is.
+
+    Raises:
+        RecordingError: If it cannot be written.
+    """
+    with counting_progress(console) as progress:
+        task = progress.add_task("simulating a street", total=settings.num_sweeps)
+        write_recording(
+            settings,
+            path,
+            lambda done, _: progress.update(task, completed=done),
+            overwrite=overwrite,
+        )

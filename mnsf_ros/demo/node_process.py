@@ -1,0 +1,77 @@
+"""The scene flow node as a child process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from mnsf_ros.errors import MnsfError
+
+_STOP_TIMEOUT_S = 10.0
+_LINES_SHOWN = 5
+
+
+class NodeProcessError(MnsfError):
+    """The node's process ended by itself or did not come up."""
+
+
+class NodeProcess:
+    """A running node."""
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path) -> None:
+        self._process = process
+        self._log = log
+
+    def check(self) -> None:
+        """Sees whether the node still runs.
+
+        Raises:
+            NodeProcessError: If it has ended; with the last lines that it said.
+        """
+        status = self._process.poll()
+        if status is not None:
+            raise self.failure(f"the node ended with exit status {status}")
+
+    def failure(self, what: str) -> NodeProcessError:
+        """An error with the last lines that the node said."""
+        lines = self._log.read_text(errors="replace").strip().splitlines()[-_LINES_SHOWN:]
+        said = " | ".join(line.strip() for line in lines) or "nothing"
+        return NodeProcessError(f"{what}; it said: {said} ({self._log})")
+
+
+@contextmanager
+def node_process(arguments: Sequence[str], log: Path) -> Iterator[NodeProcess]:
+    """Starts the node and ends it when the block ends.
+
+    Args:
+        arguments: What comes after `--ros-args`.
+        log: File for what the node says.
+    """
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *arguments],
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+            env=dict(os.environ),
+            # Ctrl-C in the terminal is for the demo, which then ends the node in good order.
+            start_new_session=True,
+        )
+        try:
+            yield NodeProcess(process, log)
+        finally:
+            _stop(process)
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    try:
+        process.wait(_STOP_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
