@@ -40,7 +40,7 @@ setup(
         "setuptools",
         "numpy>=1.26",
         "scipy>=1.11",
-        "torch>=2.1",
+        "torch>=2.4",
         "edt>=2.4",
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",

@@ -317,7 +317,7 @@ class WarmStartSettings:
         800.0, "Stop optimizing a warm start after this time; 0: never", "ms", 0, 3_600_000
     )
     max_gap_s: float = _setting(
-        2.0, "Start cold if the last triplet is older than this", "s", 0.01, 3600
+        10.0, "Start cold if the last triplet is older than this", "s", 0.01, 3600
     )
     max_loss_ratio: float = _setting(
         2.0, "Start cold if the loss of the carried field has grown by more than this", "", 1, 1000

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-_ROWS_AT_ONCE = 16_384
+# On a CPU few enough for the layers to stay in the cache of a core.
+_ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
 
 class Batches:
@@ -47,4 +48,4 @@ def evaluate(network: nn.Module, rows: torch.Tensor) -> torch.Tensor:
     Returns:
         (N, 3), without gradient.
     """
-    return torch.cat([network(part) for part in rows.split(_ROWS_AT_ONCE)])
+    return torch.cat([network(part) for part in rows.split(_ROWS_AT_ONCE[rows.device.type])])

@@ -74,24 +74,27 @@ def fit_jointly(
         CancelledError: If the schedule says so.
     """
 
-    def losses_of() -> list[torch.Tensor]:
-        points = batches.draw()
-        return [
-            target.mean(points + field.network(points))
-            for field, target in zip(fields, targets, strict=True)
-        ]
-
     def loss_of() -> PartlyJudgedLoss:
-        losses = losses_of()
+        losses = _losses(fields, batches, targets)
         return PartlyJudgedLoss(torch.stack(losses).sum(), losses[0])
 
     networks = nn.ModuleList(field.network for field in fields)
     together = Learner(networks, fields[0].optimizer)
     result = minimize(together, loss_of, schedule, keep_best=keep_best and batches.are_whole)
     with torch.no_grad():
-        for field, loss in zip(fields, losses_of(), strict=True):
+        for field, loss in zip(fields, _losses(fields, batches, targets), strict=True):
             field.last_loss = loss.item()
     return result
+
+
+def _losses(
+    fields: Sequence[Learner], batches: Batches, targets: Sequence[TargetDistance]
+) -> list[torch.Tensor]:
+    points = batches.draw()
+    return [
+        target.mean(points + field.network(points))
+        for field, target in zip(fields, targets, strict=True)
+    ]
 
 
 @torch.no_grad()

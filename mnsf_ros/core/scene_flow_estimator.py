@@ -9,7 +9,10 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
 class SceneFlowEstimator(Protocol):
-    """Estimates the flow of the middle sweep of a triplet."""
+    """Estimates the flow of the middle sweep of a triplet.
+
+    An estimator may have an attribute `num_sweeps`, the number of sweeps that it looks at.
+    """
 
     def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
         """Estimates the flow of `triplet.current`.

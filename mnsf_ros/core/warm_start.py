@@ -62,7 +62,7 @@ def _fields_with_one_optimizer(
     """Fields that start from the same weights, as in the authors' code."""
     first = FlowField(settings.field, generator).to(device)
     networks = nn.ModuleList([first, *(copy.deepcopy(first) for _ in range(number - 1))])
-    optimizer = torch.optim.Adam(networks.parameters())
+    optimizer = torch.optim.Adam(networks.parameters(), fused=True)
     return tuple(Learner(network, optimizer) for network in networks)
 
 
