@@ -36,14 +36,13 @@ def main() -> None:
     except NoRosError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(_EXIT_USAGE)
-    status, has_ended = _run(signals)
+    status = _run(signals)
     sys.stdout.flush()
     sys.stderr.flush()
-    if not has_ended:
-        # The worker is inside a library call of seconds, for example a large distance transform,
-        # and an interpreter that shuts down under a running thread aborts.
-        os._exit(status)
-    sys.exit(status)
+    # All is cleaned up. The worker may still be inside a library call of seconds, for example a
+    # large distance transform, under which an interpreter that shuts down aborts; and taking down
+    # an interpreter with torch in it lasts half a second, which a Ctrl-C should not.
+    os._exit(status)
 
 
 class _EndSignals:
@@ -62,22 +61,17 @@ class _EndSignals:
         """To be called when rclpy's handlers are there, before there is anything to clean up."""
         self._is_left_to_rclpy = True
 
-    def ignore(self) -> None:
-        """For the end of the interpreter, which would give the signals their default meaning."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         if not self._is_left_to_rclpy:
             os._exit(0)
 
 
-def _run(signals: _EndSignals) -> tuple[int, bool]:
+def _run(signals: _EndSignals) -> int:
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.logging import get_logger
 
-    status, has_ended, node = 0, True, None
+    status, node = 0, None
     try:
         _init_ros()
         node = _make_node(signals)
@@ -91,11 +85,10 @@ def _run(signals: _EndSignals) -> tuple[int, bool]:
             raise
     finally:
         if node is not None:
-            has_ended = node.close(_CLOSE_TIMEOUT_S)
+            node.close(_CLOSE_TIMEOUT_S)
             node.destroy_node()
         rclpy.try_shutdown()
-        signals.ignore()
-    return status, has_ended
+    return status
 
 
 def _init_ros() -> None:
