@@ -35,7 +35,7 @@ LAYERS = {
     "recording": [*_BASE, "sweeps", "msg_utils"],
     "simulation": [*_BASE, "sweeps", "msg_utils", "recording"],
     "datasets": [*_BASE, "sweeps", "msg_utils", "recording", "simulation"],
-    "sweeps_io": [*_METHOD, "datasets"],
+    "sweeps_io": [*_METHOD, "msg_utils", "recording", "datasets"],
     "evaluation": [
         *("mnsf_ros", *_METHOD, "msg_utils", "settings_documents", "scene_flow", "methods"),
         *("recording", "simulation", "datasets"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,9 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 
 def _run(options: argparse.Namespace) -> None:
+    # Read by torch when it is imported. Threads that spin while they wait are 50 times slower
+    # where other programs want the cores, too.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from mnsf_ros.methods import make_method
     from mnsf_ros.sweeps_io.read_sweep import read_sweep
     from mnsf_ros.sweeps_io.triplet_of_files import triplet_of_files

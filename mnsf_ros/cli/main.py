@@ -8,10 +8,10 @@ import sys
 from types import FrameType
 
 from mnsf_ros import __version__
-from mnsf_ros.cli import convert, demo, parameters, simulate
+from mnsf_ros.cli import convert, demo, evaluate, flow, parameters, report, simulate, study
 from mnsf_ros.errors import MnsfError
 
-_SUBCOMMANDS = (demo, simulate, convert, parameters)
+_SUBCOMMANDS = (demo, flow, evaluate, report, study, simulate, convert, parameters)
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130

@@ -92,7 +92,7 @@ class Workbench:
 
     def sampled_points(self, sweep: PreparedSweep) -> torch.Tensor:
         """(M, 3) metres, the points of another sweep that fits may use."""
-        return self._sampled(sweep.points.cpu()).to(self.device)
+        return self._sampled(sweep.points)
 
     def fit(
         self,
@@ -184,7 +184,8 @@ class Workbench:
     def _sampled(self, rows: torch.Tensor) -> torch.Tensor:
         wanted = self.settings.optimization.max_points
         if 0 < wanted < len(rows):
-            return rows[torch.randperm(len(rows), generator=self.generator)[:wanted]]
+            chosen = torch.randperm(len(rows), generator=self.generator)[:wanted]
+            return rows[chosen.to(rows.device)]
         return rows
 
 

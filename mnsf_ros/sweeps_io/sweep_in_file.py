@@ -72,7 +72,7 @@ def xyz_of_columns(path: Path, columns: list[NDArray[Any]]) -> NDArray[np.float3
         if column.dtype.kind not in "fiu":
             raise SweepFileError(f"{path}: {name} is of {column.dtype}, expected numbers")
     # Beyond float32 it becomes infinity: a row without a measurement.
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([column.astype(np.float32) for column in columns], axis=1)
 
 

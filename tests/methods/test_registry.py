@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,6 +78,14 @@ def test_names_are_those_of_the_paper_and_unique():
         *(f"mnsf-frames{number}" for number in (2, 3, 4, 5)),
         *("flot", "3dflow", "gmsf", "scoop"),
     }
+
+
+def test_document_names_every_method():
+    document = (Path(__file__).parents[2] / "docs" / "methods.md").read_text()
+    for name in BUILT_IN:
+        series = re.fullmatch(r"(mnsf-(?:depth|frames))([3-7])", name)
+        text = f"`{series[1]}2`.*`{series[2]}`" if series else f"`{name}`"
+        assert re.search(text, document), name
 
 
 @pytest.mark.parametrize(

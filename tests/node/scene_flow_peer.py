@@ -21,7 +21,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from waiting import PATIENCE_S
 
-# Nothing may be overwritten while a test does something else.
+# No cloud may be overwritten while a test does something else.
 _DEPTH = 500
 
 # Each cloud that a node receives is counted as one of these.
@@ -53,7 +53,8 @@ class SceneFlowPeer:
         self._flow_subscription = None
         self.flows = {}
         self.diagnostics = []
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, _DEPTH)
+        # Of diagnostics only the newest: old ones would be taken for what is true now.
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 1)
         if reliable is not None:
             self.advertise(reliable=reliable)
         if watches:
@@ -211,15 +212,15 @@ class SceneFlowPeer:
 
     def wait_until_settled(self):
         """Waits until the node has done all it can with what it has got."""
-        self.wait_for_diagnostics(2)
+        self.wait_for_diagnostics()
         self.spin_until(
             lambda: self.num_open_triplets == 0 and self.values("flow")["busy"] == "False",
             "the end of all estimates",
         )
 
-    def wait_for_diagnostics(self, num=1):
-        """Waits for further diagnostics; the first of them may have been under way already."""
-        wanted = len(self.diagnostics) + num
+    def wait_for_diagnostics(self):
+        """Waits for new diagnostics: one was received already, one more was under way."""
+        wanted = len(self.diagnostics) + 3
         self.spin_until(lambda: len(self.diagnostics) >= wanted, "further diagnostics")
 
     def _client(self, service, name):

@@ -8,7 +8,7 @@ import time
 
 import pytest
 from scene_flow_process import ENDLESS, LONG_CALLS, QUICK
-from synthetic_clouds import Drive
+from synthetic_clouds import Drive, surfaces, xyz_message
 
 _POINTS = "/points_of_all"
 
@@ -69,7 +69,10 @@ def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
     drive, indices = Drive(), itertools.count()
 
     def has_gone_on():
-        peer.publish(drive.sweep(next(indices), num_points=60))
+        index = next(indices)
+        # The boxes go to and fro, so that they stay in sight.
+        xyz = surfaces(abs(index % 20 - 10), num_points=60)
+        peer.publish(xyz_message(xyz, stamp_ns=drive.stamp_ns(index)))
         return len(peer.flows) > 20
 
     peer.spin_until(has_gone_on, "flow after flow")

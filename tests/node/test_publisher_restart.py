@@ -48,7 +48,7 @@ def test_among_publishers_of_both_kinds_all_are_heard(peer, make_peer, quick_nod
     for sender, sweep in zip((peer, other, peer), sweeps, strict=True):
         sender.spin_until(lambda sender=sender: sender.num_subscribers == 1, "the subscription")
         sender.send(sweep)
-        peer.wait_for_diagnostics(2)
+        peer.wait_for_diagnostics()
     peer.flow_of(sweeps[1])
     other.stop_advertising()
     peer.wait_for_node()

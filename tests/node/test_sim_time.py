@@ -39,7 +39,7 @@ def diagnostics_stamp_ns(peer):
 
 def test_before_the_first_clock_there_are_diagnostics_and_flow(peer, drive):
     peer.spin_until(lambda: diagnostics_stamp_ns(peer) == 0, "diagnostics without a time")
-    peer.wait_for_diagnostics(3)
+    peer.wait_for_diagnostics()
     sweeps = drive.sweeps(0, 1, 2)
     peer.send(*sweeps)
     peer.flow_of(sweeps[1])

@@ -1,0 +1,216 @@
+"""Evaluates damaged recordings by the thousand: no crash, no hang, no wrong number in silence.
+
+    python benchmarks/mutated_bags.py [--number 1000] [--seed 0] [--folder DIR]
+
+Small recordings of each format are damaged at random: flipped bytes, cuts, wrong lengths, blocks
+that are zeroed, doubled or moved. Each is inspected and evaluated with methods whose results are
+known. What comes out is one of:
+
+* refused: one line says that nothing can be read;
+* same: every row is that of the undamaged recording, whatever was reported;
+* partial: the errors that are there are right, and damage or a warning was reported;
+* warned: errors differ, and damage or a warning was reported;
+* unprotected: rows differ without a warning, but the recording has no checksums, which every
+  result says in its notes: bits that flip within a message cannot be noticed by anybody;
+* silent: rows differ, the recording has checksums, and nothing was reported. Must not happen;
+* crash, hang: must not happen either.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import signal
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from bag_formats import write_originals
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluationOptions,
+    EvaluationTask,
+    choose_topics,
+)
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.row_json import row_to_json
+from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.inspection import inspect_recording
+
+LIMIT_S = 60
+MEMORY_BYTES = 8 * 2**30
+METHODS = ("zero", "ego")
+GOOD = ("refused", "same", "partial", "warned", "unprotected")
+BAD = ("silent", "crash", "hang")
+DAMAGES = ("flip", "flip at end", "cut", "length", "zero", "double", "move")
+WRONG_LENGTHS = (2**63 - 1, 2**64 - 1, 2**40, 2**32 - 1, 2**31, 7, 0)
+Rows = dict[tuple[str, int], dict[str, Any]]
+Counts = dict[str, Counter[str]]
+
+
+class HangError(BaseException):
+    """An evaluation took too long. Not an Exception, so that nobody catches it on the way."""
+
+
+def mutated(data: bytes, random: np.random.Generator) -> tuple[bytes, str]:
+    """Damaged data, and the name of the damage."""
+    data = bytearray(data)
+    kind = str(random.choice(DAMAGES))
+    length = len(data)
+    if kind.startswith("flip"):
+        low = max(0, length - 1500) if kind == "flip at end" else 0
+        for _ in range(int(random.integers(1, 9))):
+            data[int(random.integers(low, length))] ^= int(random.integers(1, 256))
+        return bytes(data), kind
+    start = int(random.integers(0, length))
+    size = int(random.integers(1, 4000))
+    if kind == "cut":
+        del data[start:]
+    elif kind == "length":
+        # What a damaged length looks like: huge, negative, or just a little off.
+        wrong = WRONG_LENGTHS[int(random.integers(len(WRONG_LENGTHS)))]
+        data[start : start + 8] = wrong.to_bytes(8, "little")[: length - start]
+    elif kind == "zero":
+        data[start : start + size] = bytes(len(data[start : start + size]))
+    elif kind == "double":
+        data[start:start] = data[start : start + size]
+    else:
+        block = data[start : start + size]
+        del data[start : start + size]
+        target = int(random.integers(0, len(data) + 1))
+        data[target:target] = block
+    return bytes(data), kind
+
+
+def evaluate(path: Path) -> tuple[Rows, bool, bool]:
+    """Rows without times, by method and stamp; whether something was reported; checksums."""
+    inspection = inspect_recording(path)
+    recording = choose_topics(inspection, "bag", points="/points")
+    # What the results would say: that truth or odometry is missing is a warning, too.
+    is_warned = bool(inspection.damages) or None in (recording.truth, recording.odometry)
+    options = EvaluationOptions(preset("paper"), num_points=100)
+    rows = {}
+    for method in METHODS:
+        for event in run_task(EvaluationTask(recording, method), options):
+            if isinstance(event, Findings):
+                is_warned = is_warned or bool(event.damages) or bool(event.warnings)
+                continue
+            row = json.loads(row_to_json(event))
+            is_warned = is_warned or bool(row["failure"])
+            del row["time_ms"], row["stage_times_ms"]
+            rows[method, row["stamp_ns"]] = row
+    return rows, is_warned, inspection.has_checksums
+
+
+def judge(path: Path, expected: Rows) -> tuple[str, str]:
+    """What became of a damaged recording, and a text where that is bad."""
+    signal.signal(signal.SIGALRM, _hang)
+    signal.alarm(LIMIT_S)
+    try:
+        rows, is_warned, has_checksums = evaluate(path)
+    except MnsfError as error:
+        return "crash" if "\n" in str(error) else "refused", str(error)
+    except HangError:
+        return "hang", f"more than {LIMIT_S} s"
+    except Exception:  # noqa: BLE001 - that there is none is what is measured
+        return "crash", traceback.format_exc()
+    finally:
+        signal.alarm(0)
+    return _verdict(rows, expected, is_warned=is_warned, has_checksums=has_checksums)
+
+
+def _verdict(
+    rows: Rows, expected: Rows, *, is_warned: bool, has_checksums: bool
+) -> tuple[str, str]:
+    # An example may lose its truth, or its number if a sweep before it is lost; its errors, if it
+    # has any, must be what they were.
+    errors = {key: row["errors"] for key, row in expected.items()}
+    wrong = [key for key, row in rows.items() if row["errors"] not in ({}, errors.get(key))]
+    text = f"{len(rows)} rows, {len(wrong)} of them wrong, expected {len(expected)}"
+    if rows == expected:
+        return "same", text
+    if is_warned:
+        return "warned" if wrong else "partial", text
+    return "silent" if has_checksums else "unprotected", text
+
+
+def _hang(_number: int, _frame: FrameType | None) -> None:
+    raise HangError
+
+
+def run(
+    number: int, seed: int, folder: Path, watch: Callable[[range], Iterable[int]] = iter
+) -> tuple[Counts, Counts, list[str]]:
+    """Damages and judges; returns format -> counts, kind of damage -> counts, and what is bad."""
+    files = write_originals(folder / "originals")
+    expected = {}
+    for name, file in files.items():
+        expected[name], is_warned, _ = evaluate(_recording(file))
+        if is_warned or not expected[name]:
+            raise RuntimeError(f"{file}: is damaged before anybody damaged it")
+    by_format = {name: Counter() for name in files}
+    by_kind, bad = {}, []
+    names = list(files)
+    for index in watch(range(number)):
+        random = np.random.default_rng([seed, index])
+        name = names[index % len(names)]
+        file = files[name]
+        whole = file.read_bytes()
+        data, kind = mutated(whole, random)
+        file.write_bytes(data)
+        verdict, text = judge(_recording(file), expected[name])
+        if verdict in BAD:
+            kept = folder / f"bad_{index}_{file.name}"
+            kept.write_bytes(data)
+            bad.append(f"{verdict}: {name}, {kind}, number {index}: {text}")
+        file.write_bytes(whole)
+        by_format[name][verdict] += 1
+        by_kind.setdefault(kind, Counter())[verdict] += 1
+    return by_format, by_kind, bad
+
+
+def _recording(file: Path) -> Path:
+    # Those of rosbag2 are folders.
+    return file.parent if (file.parent / "metadata.yaml").exists() else file
+
+
+def _table(title: str, counts: Counts) -> Table:
+    table = Table("damaged", *GOOD, *BAD, title=title)
+    for name, verdicts in counts.items():
+        table.add_row(name, *(str(verdicts[verdict]) for verdict in (*GOOD, *BAD)))
+    total = sum(counts.values(), Counter())
+    table.add_row("all", *(str(total[verdict]) for verdict in (*GOOD, *BAD)))
+    return table
+
+
+def main() -> None:
+    """Damages, judges and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--number", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, help="where to work and to leave what is bad")
+    options = parser.parse_args()
+    # A length that asks for all memory there is must be an error, not the end of the machine.
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    folder = options.folder or Path(tempfile.mkdtemp(prefix="mutated_bags_"))
+    by_format, by_kind, bad = run(options.number, options.seed, folder, track)
+    console = Console(width=110)
+    console.print(_table("by format", by_format), _table("by damage", by_kind))
+    for text in bad:
+        console.print(text, markup=False)
+    raise SystemExit(1 if bad else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,122 @@
+"""`mnsf evaluate`: methods on recordings, with tables at the end."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+
+from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.presets import PRESET_NAMES, preset
+
+EXIT_DAMAGED = 3
+ALL_POINTS = "all"
+
+_EPILOG = """\
+Exit status 0: all done; 2: something that was given cannot be used; 3: done, but a recording is
+damaged (its readable part was evaluated) or a task gave up: the notes tell; 130: interrupted, what
+is finished is kept, and --resume goes on from there.
+"""
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    parser = subparsers.add_parser(
+        "evaluate",
+        help="score methods on recordings",
+        description="Estimates the flow of whole recordings, scores it and prints tables.",
+        epilog=_EPILOG,
+    )
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings")
+    topics = parser.add_argument_group("topics, of all recordings alike")
+    topics.add_argument("--points", metavar="TOPIC", help="sweeps; not needed if there is only one")
+    topics.add_argument("--truth", metavar="TOPIC", help="true flow (default: /truth/flow, if any)")
+    topics.add_argument(
+        "--odometry", metavar="TOPIC", help="sensor poses (default: /truth/odometry, if any)"
+    )
+    _add_method_arguments(parser.add_argument_group("methods and points"))
+    _add_run_arguments(parser.add_argument_group("running"))
+    parser.set_defaults(run=_run)
+
+
+def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--methods",
+        action="append",
+        metavar="NAME,...",
+        help="methods; file:DIR for predictions that another program wrote, command:LINE for a "
+        "program that makes them; may be repeated (default: mnsf)",
+    )
+    group.add_argument("--preset", choices=PRESET_NAMES, default="paper")
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="change a setting, for example crop.max_range_m=35; may be repeated",
+    )
+    group.add_argument(
+        "--num-points",
+        type=_num_points,
+        metavar="N",
+        help="random points of each sweep, or all (default: all)",
+    )
+    group.add_argument("--seed", type=int, default=0, metavar="S", help="of points and methods")
+    group.add_argument(
+        "--ground",
+        choices=("truth", "settings"),
+        help="where ground removal takes the ground from: the truth's flag where there is one, or "
+        "the ground settings, as the live node (default: truth, with --realtime settings)",
+    )
+    group.add_argument(
+        "--check-cycle",
+        action="store_true",
+        help="estimate the way back, too, and tell how well both fit: twice the work",
+    )
+
+
+def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for results")
+    group.add_argument("--resume", action="store_true", help="go on with what is in DIR")
+    group.add_argument(
+        "--realtime",
+        type=float,
+        metavar="RATE",
+        help="drop triplets as the live node would at RATE times real time",
+    )
+    group.add_argument(
+        "--write-flow", action="store_true", help="write the flow as recordings, too"
+    )
+    group.add_argument(
+        "--workers", type=int, default=1, metavar="N", help="processes on this machine"
+    )
+    group.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster; local starts one")
+    group.add_argument(
+        "--num-gpus", type=float, metavar="G", help="share of a GPU for each task of --ray"
+    )
+
+
+def _num_points(text: str) -> int | None:
+    return None if text == ALL_POINTS else int(text)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from mnsf_ros.cli.evaluation_run import evaluate
+    from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
+
+    settings = preset(options.preset).changed(parse_assignments(options.assignments))
+    is_node = options.realtime is not None
+    ground = options.ground or ("settings" if is_node else "truth")
+    evaluation = EvaluationOptions(
+        settings=settings,
+        num_points=options.num_points,
+        seed=options.seed,
+        use_true_ground=ground == "truth",
+        realtime_rate=options.realtime,
+        check_cycle=options.check_cycle,
+        flow_folder=options.out / "flow" if options.write_flow else None,
+    )
+    all_done = evaluate(options, evaluation, Console())
+    return 0 if all_done else EXIT_DAMAGED

@@ -1,0 +1,166 @@
+"""What `mnsf evaluate` does: inspect, plan, run with a progress bar, and report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from mnsf_ros.cli.evaluation_progress import evaluation_progress
+from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluatedRecording,
+    EvaluationOptions,
+    choose_topics,
+    recording_names,
+)
+from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
+from mnsf_ros.evaluation.results_tables import main_tables, work_table
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+from mnsf_ros.evaluation.runner import RunOutcome, plan_runs, run_evaluation
+from mnsf_ros.evaluation.task_runs import Executor, TaskRun, run_serially
+from mnsf_ros.evaluation.tasks import make_estimator
+from mnsf_ros.methods import method_names
+from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
+from mnsf_ros.recording.inspection import inspect_recording
+
+
+def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console: Console) -> bool:
+    """Evaluates and prints.
+
+    Args:
+        options: What the command line says, see `evaluate.add_to`.
+        evaluation: How to evaluate.
+        console: Where to print.
+
+    Returns:
+        False if a recording is damaged, or a task or a recording had to be given up.
+
+    Raises:
+        MnsfError: Something that was given cannot be used.
+    """
+    check_folder(options.out, resume=options.resume)
+    methods = _split(options.methods or ["mnsf"])
+    num_sweeps = _num_sweeps(methods, evaluation, is_remote=options.ray is not None)
+    evaluation = replace(evaluation, num_sweeps=num_sweeps)
+    execute = _executor(options, evaluation)
+    recordings, unreadable = _inspected(options, console)
+    folder = start_or_resume(
+        options.out, recordings, methods, evaluation, resume=options.resume, arguments=sys.argv
+    )
+    runs = plan_runs(recordings, methods, evaluation, folder)
+    outcome = RunOutcome()
+    try:
+        outcome = _run_with_progress(runs, evaluation, folder, execute, console)
+    finally:
+        # Also after Ctrl-C: what is finished is worth a table.
+        results = read_results(folder)
+        write_results(folder, results)
+        _print_results(results, folder, console)
+    for key, reason in outcome.failed.items():
+        _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")
+    for text in unreadable:
+        _warn(console, text)
+    return not (outcome.failed or unreadable or _is_damaged(results))
+
+
+def _split(texts: Sequence[str]) -> list[str]:
+    """The methods named, each once; the rest of a text from `command:` on is one method."""
+    methods: list[str] = []
+    for text in texts:
+        names, command, rest = text.partition(COMMAND_PREFIX)
+        methods += [name.strip() for name in names.split(",")]
+        methods += [command + rest] if command else []
+    methods = list(dict.fromkeys(filter(None, methods)))
+    if not methods:
+        raise SettingsError("methods: got none, expected at least one")
+    return methods
+
+
+def _num_sweeps(methods: Sequence[str], evaluation: EvaluationOptions, *, is_remote: bool) -> int:
+    """Sweeps that the methods need. Makes each, so that a wrong name is found out now."""
+    needed = [evaluation.num_sweeps]
+    for method in methods:
+        try:
+            estimator = make_estimator(method, evaluation.method_settings)
+        except SettingsError:
+            # A device that is not here may be on the machines of the cluster.
+            if is_remote and method in method_names():
+                continue
+            raise
+        needed.append(getattr(estimator, "num_sweeps", 0))
+    return min(max(needed), MAX_SWEEPS)
+
+
+def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Executor:
+    if options.workers < 1:
+        raise SettingsError(f"workers: got {options.workers}, expected 1 or more")
+    if options.ray is not None:
+        from mnsf_ros.evaluation.ray_cluster import RayCluster
+
+        num_gpus = options.num_gpus
+        if num_gpus is None:
+            num_gpus = float(evaluation.settings.compute.device == "cuda")
+        return RayCluster(options.ray, num_gpus=num_gpus)
+    if options.workers > 1:
+        from mnsf_ros.evaluation.worker_processes import WorkerProcesses
+
+        return WorkerProcesses(options.workers)
+    return run_serially
+
+
+def _inspected(
+    options: argparse.Namespace, console: Console
+) -> tuple[list[EvaluatedRecording], list[str]]:
+    """The recordings that can be used, and why others cannot."""
+    paths: Sequence[Path] = options.bags
+    found, unreadable = [], []
+    for path, name in zip(paths, recording_names(paths), strict=True):
+        with console.status(f"checking {name}"):
+            try:
+                inspection = inspect_recording(path)
+            except RecordingError as error:
+                unreadable.append(str(error))
+                continue
+        found.append(
+            choose_topics(inspection, name, options.points, options.truth, options.odometry)
+        )
+    if not found:
+        raise RecordingError("; ".join(unreadable))
+    return found, unreadable
+
+
+def _run_with_progress(
+    runs: Sequence[TaskRun],
+    evaluation: EvaluationOptions,
+    folder: RunFolder,
+    execute: Executor,
+    console: Console,
+) -> RunOutcome:
+    with evaluation_progress(console, runs) as progress:
+        return run_evaluation(runs, evaluation, folder, execute=execute, watch=progress.watch)
+
+
+def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
+    if not results.summaries:
+        _warn(console, "there are no results yet")
+        return
+    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
+        console.print(table.rich())
+    for text in [*results.protocol, *results.notes]:
+        console.print(text, markup=False, highlight=False, soft_wrap=False)
+    console.print(f"Results: {folder.path / 'results.md'}", markup=False, highlight=False)
+
+
+def _is_damaged(results: RunResults) -> bool:
+    return any(note.startswith("Damage: ") for note in results.notes)
+
+
+def _warn(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, style="yellow")

@@ -1,0 +1,42 @@
+"""Settings on the command line: `name=value`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.settings import SettingValue, declared_setting
+
+_WORDS = {"true": True, "false": False}
+
+
+def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
+    """Returns the settings that texts such as `crop.max_range_m=35` name, with their values.
+
+    Raises:
+        SettingsError: A text is no assignment, the setting is unknown, or the value is not of its
+            type or outside its range.
+    """
+    return dict(map(_parsed, texts))
+
+
+def _parsed(text: str) -> tuple[str, SettingValue]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise SettingsError(f"got {text!r}, expected NAME=VALUE")
+    setting = declared_setting(name.strip())
+    return setting.name, setting.checked(_typed(value.strip(), setting.kind))
+
+
+def _typed(value: str, kind: type) -> SettingValue:
+    if kind is bool:
+        return _WORDS.get(value.lower(), value)
+    # What is no number stays a text, for which the setting has the better words.
+    if kind is int:
+        with suppress(ValueError):
+            return int(value)
+    if kind in (int, float):
+        with suppress(ValueError):
+            return float(value)
+    return value

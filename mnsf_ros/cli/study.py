@@ -1,0 +1,120 @@
+"""`mnsf study`: the paper's ablation tables and case studies."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.presets import PRESET_NAMES, preset
+
+_NAMES = {
+    "ablation": "FNSF and the parts (a) to (d) of the method",
+    "fusion": "mean, weighted sum, or a network",
+    "depth": "2, 3, 5 or 7 layers of the fusion network",
+    "frames": "2, 3, 4 or 5 sweeps",
+    "landscape": "the loss around the optimum, FNSF against MNSF",
+    "stability": "one point replaced: does the change fall with 1/N?",
+}
+_EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, text in _NAMES.items())
+
+
+def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds the subcommand."""
+    parser = subparsers.add_parser(
+        "study",
+        help="make a table or a case study of the paper",
+        description="Writes NAME.md, NAME.csv and NAME.png into a folder.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", choices=_NAMES, metavar="NAME", help="which study, see below")
+    parser.add_argument(
+        "bags", nargs="*", type=Path, metavar="BAG", help="recordings; none: simulate a street"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for results (default: study_NAME)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with what is in DIR")
+    parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="change a setting, for example crop.max_range_m=35; may be repeated",
+    )
+    parser.add_argument(
+        "--num-points", default="", metavar="N", help="random points of a sweep, or all"
+    )
+    parser.add_argument("--examples", type=int, default=4, metavar="N", help="of each recording")
+    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    _add_case_study_arguments(parser)
+    parser.set_defaults(run=_run)
+
+
+def _add_case_study_arguments(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("landscape")
+    group.add_argument("--radius", type=float, default=0.5, metavar="R", help="1: all the weights")
+    group.add_argument("--steps", type=int, default=21, metavar="N", help="from side to side")
+    group.add_argument("--directions", type=int, default=10, metavar="N", help="for sharpness")
+    group = parser.add_argument_group("stability")
+    group.add_argument(
+        "--sizes", default="128,256,512,1024,2048", metavar="N,...", help="points of a sweep"
+    )
+    group.add_argument("--repeats", type=int, default=5, metavar="N", help="draws of points")
+    group.add_argument("--methods", default="nsfp,fnsf,mnsf", metavar="NAME,...")
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.studies.run_study import run_study
+    from mnsf_ros.studies.study_options import StudyOptions
+
+    console = Console()
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False)
+
+    assignments = parse_assignments(options.assignments)
+    study = StudyOptions(
+        out=options.out or Path(f"study_{options.name}"),
+        settings=preset(options.preset).changed(assignments),
+        recordings=tuple(options.bags),
+        num_points=_num_points(options),
+        num_examples=options.examples,
+        seed=options.seed,
+        resume=options.resume,
+        command=tuple(sys.argv),
+        say=say,
+    )
+    how = {
+        "radius": options.radius,
+        "num_steps": options.steps,
+        "num_directions": options.directions,
+        "sizes": tuple(_numbers("sizes", options.sizes)),
+        "num_repeats": options.repeats,
+        "methods": tuple(options.methods.split(",")),
+    }
+    result, paths = run_study(options.name, study, how, asked=tuple(assignments))
+    for table in result.tables:
+        console.print(table.rich())
+    for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):
+        say(text)
+
+
+def _num_points(options: argparse.Namespace) -> int | None:
+    """What was asked for; else a few thousand, and for stability all, which it draws from."""
+    text = options.num_points or ("all" if options.name == "stability" else "2048")
+    return None if text == "all" else _numbers("num_points", text)[0]
+
+
+def _numbers(name: str, text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError as error:
+        raise SettingsError(f"{name}: got {text!r}, expected whole numbers") from error

@@ -1,0 +1,162 @@
+"""The two metrics of the Argoverse 2 scene flow challenge.
+
+* Three-way EPE (2023): the mean of the EPE of foreground dynamic, foreground static and background
+  static points.
+* Bucket-normalized error (2024): per class, points are sorted into buckets of 0.04 m by their true
+  motion of their own in 0.1 s. Of the first bucket the EPE counts (static error), of each other
+  one its EPE over its mean motion; the mean over these is the dynamic error. 1 is the error of
+  the sensor's own motion alone. Only points within 35 m count.
+
+Both are means over all points of all examples, so an example gives sums, which can be added.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.simulation.bodies import SurfaceClass
+
+# Of a group of points: their number, the sum of their errors (m), the sum of their own motion (m).
+Sums = dict[str, list[float]]
+
+FOREGROUND_DYNAMIC: Final = "foreground dynamic"
+FOREGROUND_STATIC: Final = "foreground static"
+BACKGROUND_STATIC: Final = "background static"
+THREE_WAY: Final = (FOREGROUND_DYNAMIC, FOREGROUND_STATIC, BACKGROUND_STATIC)
+DYNAMIC: Final = "dynamic"
+STATIC: Final = "static"
+
+_MAX_RANGE_M: Final = 35.0
+_EDGES_M: Final = np.append(np.linspace(0.0, 2.0, 51), np.inf)
+# OTHER_VEHICLES of the challenge is missing: recordings have one number for all vehicles.
+_BACKGROUND: Final = "BACKGROUND"
+_FOREGROUND: Final = {
+    int(SurfaceClass.CAR): "CAR",
+    int(SurfaceClass.PEDESTRIAN): "PEDESTRIAN",
+    int(SurfaceClass.CYCLIST): "WHEELED_VRU",
+}
+
+
+def three_way_sums(
+    errors_m: NDArray[np.float64], dynamic: NDArray[np.bool_], class_id: NDArray[np.uint8]
+) -> Sums:
+    """Adds up errors of the three groups of the three-way EPE.
+
+    Args:
+        errors_m: (N,) end point errors, metres.
+        dynamic: (N,) bool, the point moves by itself.
+        class_id: (N,) kind of surface, see `docs/recordings.md`.
+
+    Returns:
+        Name of the group to its sums; groups without points are missing.
+    """
+    foreground = np.isin(class_id, list(_FOREGROUND))
+    groups = {
+        FOREGROUND_DYNAMIC: foreground & dynamic,
+        FOREGROUND_STATIC: foreground & ~dynamic,
+        BACKGROUND_STATIC: ~foreground & ~dynamic,
+    }
+    motion = np.zeros_like(errors_m)
+    return {
+        name: _sums(errors_m[mask], motion[mask]) for name, mask in groups.items() if mask.any()
+    }
+
+
+def bucket_sums(
+    errors_m: NDArray[np.float64],
+    motion_m: NDArray[np.float64],
+    range_m: NDArray[np.float64],
+    class_id: NDArray[np.uint8],
+) -> Sums:
+    """Adds up errors and motion of each class and bucket.
+
+    Args:
+        errors_m: (N,) end point errors, metres in 0.1 s.
+        motion_m: (N,) length of the true motion without that of the sensor, metres in 0.1 s.
+        range_m: (N,) horizontal distance from the sensor, metres.
+        class_id: (N,) kind of surface, see `docs/recordings.md`.
+
+    Returns:
+        `CLASS/bucket` to its sums; the first bucket is 0. Empty ones are missing.
+    """
+    near = range_m <= _MAX_RANGE_M
+    errors_m, motion_m, class_id = errors_m[near], motion_m[near], class_id[near]
+    buckets = np.searchsorted(_EDGES_M, motion_m, side="right") - 1
+    sums: Sums = {}
+    names = {**_FOREGROUND, -1: _BACKGROUND}
+    groups = np.where(np.isin(class_id, list(_FOREGROUND)), class_id.astype(np.int64), -1)
+    for group in np.unique(groups):
+        for bucket in np.unique(buckets[groups == group]):
+            mask = (groups == group) & (buckets == bucket)
+            sums[f"{names[int(group)]}/{bucket}"] = _sums(errors_m[mask], motion_m[mask])
+    return sums
+
+
+def added(parts: Iterable[Mapping[str, list[float]]]) -> Sums:
+    """Adds the sums of several examples."""
+    columns: dict[str, list[list[float]]] = {}
+    for part in parts:
+        for name, sums in part.items():
+            columns.setdefault(name, []).append(sums)
+    return {
+        name: [math.fsum(column) for column in zip(*rows, strict=True)]
+        for name, rows in columns.items()
+    }
+
+
+def three_way_epe_m(sums: Mapping[str, list[float]]) -> dict[str, float]:
+    """Returns the EPE of each of the three groups, NaN without points, metres."""
+    return {name: _mean_error(sums.get(name)) for name in THREE_WAY}
+
+
+def bucketed_errors(sums: Mapping[str, list[float]]) -> dict[str, dict[str, float]]:
+    """Returns class to its dynamic error (normalized) and its static error (m), NaN if unknown."""
+    ratios: dict[str, list[float]] = {}
+    static_m: dict[str, float] = {}
+    for name, (_, error_sum_m, motion_sum_m) in sums.items():
+        class_name, _, bucket = name.partition("/")
+        if not bucket:
+            continue
+        ratios.setdefault(class_name, [])
+        if bucket == "0":
+            static_m[class_name] = _mean_error(sums[name])
+        else:
+            ratios[class_name].append(error_sum_m / motion_sum_m)
+    return {
+        class_name: {
+            DYNAMIC: math.fsum(ratios[class_name]) / len(ratios[class_name])
+            if ratios[class_name]
+            else math.nan,
+            STATIC: static_m.get(class_name, math.nan),
+        }
+        for class_name in sorted(ratios)
+    }
+
+
+def space_time_angles(
+    estimate: NDArray[Any], truth: NDArray[Any], interval_s: float = 0.1
+) -> NDArray[np.float64]:
+    """Returns angles (N,) in radians between vectors (N, 3) with a fourth component of time.
+
+    The angle error of Argoverse 2. Unlike the paper's, it is small where both vectors are.
+    """
+    time = np.full((len(truth), 1), interval_s)
+    first = np.hstack([np.asarray(estimate, dtype=np.float64), time])
+    second = np.hstack([np.asarray(truth, dtype=np.float64), time])
+    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    cosines = (first * second).sum(axis=1) / lengths
+    angles: NDArray[np.float64] = np.arccos(np.clip(cosines, -1.0, 1.0))
+    return angles
+
+
+def _sums(errors_m: NDArray[np.float64], motion_m: NDArray[np.float64]) -> list[float]:
+    return [float(len(errors_m)), math.fsum(errors_m), math.fsum(motion_m)]
+
+
+def _mean_error(sums: list[float] | None) -> float:
+    return sums[1] / sums[0] if sums else math.nan

@@ -1,0 +1,198 @@
+"""What is evaluated, and how: all that a task needs, small enough to be sent anywhere."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.point_selection import PointSelection
+from mnsf_ros.recording.bag_topics import find_topic
+from mnsf_ros.recording.conventions import (
+    CLOUD_TYPE,
+    ODOMETRY_TYPE,
+    POINTS_TOPIC,
+    TRUTH_FLOW_TOPIC,
+    TRUTH_ODOMETRY_TOPIC,
+)
+from mnsf_ros.recording.inspection import Inspection
+from mnsf_ros.settings import Settings
+
+ALL_POINTS: Final = "all"
+
+
+@dataclass(frozen=True)
+class EvaluatedRecording:
+    """A recording and the topics that are used of it.
+
+    Attributes:
+        name: What it is called in results.
+        inspection: What is in it.
+        points: Topic of the sweeps.
+        truth: Topic of the true flow; None if there is none.
+        odometry: Topic of the sensor's poses; None if there is none.
+    """
+
+    name: str
+    inspection: Inspection
+    points: str
+    truth: str | None = None
+    odometry: str | None = None
+
+    @property
+    def num_sweeps(self) -> int:
+        """Number of sweeps that are stored."""
+        return self.inspection.topics[self.points].count
+
+
+@dataclass(frozen=True)
+class EvaluationTask:
+    """One method on one recording.
+
+    Attributes:
+        recording: The recording.
+        method: Name of the method.
+    """
+
+    recording: EvaluatedRecording
+    method: str
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Name of the recording and of the method."""
+        return self.recording.name, self.method
+
+
+@dataclass(frozen=True)
+class EvaluationOptions:
+    """How to evaluate.
+
+    Attributes:
+        settings: How to estimate.
+        num_points: So many random points of each sweep; None for all.
+        seed: Of the random points and of the methods.
+        use_true_ground: Take the truth's own ground flag where there is truth.
+        realtime_rate: Play time at this rate and drop triplets as the live node does; None to
+            estimate all of them.
+        check_cycle: Estimate the way back, too, and compare: twice the work.
+        flow_folder: Where recordings of the flow are written; None for nowhere.
+        num_sweeps: Sweeps that an example has at least: what the method with the largest appetite
+            needs, so that all methods get the same examples.
+    """
+
+    settings: Settings
+    num_points: int | None = None
+    seed: int = 0
+    use_true_ground: bool = True
+    realtime_rate: float | None = None
+    check_cycle: bool = False
+    flow_folder: Path | None = None
+    num_sweeps: int = 3
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            EvaluationError: If a number is out of its range.
+        """
+        if self.num_points is not None and self.num_points < 1:
+            raise EvaluationError(f"num_points: got {self.num_points}, expected 1 or more, or all")
+        if not 0 <= self.seed <= 2_147_483_647:
+            raise EvaluationError(f"seed: got {self.seed}, expected 0 to 2147483647")
+        rate = self.realtime_rate
+        if rate is not None and not 0 < rate < math.inf:
+            raise EvaluationError(f"realtime rate: got {rate}, expected a number above 0")
+
+    @property
+    def selection(self) -> PointSelection:
+        """Which points are given and scored."""
+        return PointSelection(
+            crop=self.settings.crop,
+            ground=self.settings.ground,
+            # A robot has no truth: it finds ground by itself.
+            use_true_ground=self.use_true_ground,
+            num_points=self.num_points,
+            seed=self.seed,
+            gives_all=self.realtime_rate is not None,
+        )
+
+    @property
+    def method_settings(self) -> Settings:
+        """The settings that the methods get.
+
+        Ground is removed before, unless the methods play live node. The number of threads is
+        fixed, because sums in another order give other last digits, and early stopping on a
+        noisy loss makes large differences of them.
+        """
+        values: dict[str, Any] = {"compute.seed": self.seed}
+        if self.realtime_rate is None:
+            values["ground.remove"] = False
+        if self.settings.compute.num_threads == 0:
+            values["compute.num_threads"] = 1
+        return self.settings.changed(values)
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether an estimate depends on those before it, so that a task cannot be resumed."""
+        settings = self.settings.warm_start
+        return settings.enabled or self.realtime_rate is not None or self.flow_folder is not None
+
+
+def choose_topics(
+    inspection: Inspection,
+    name: str,
+    points: str | None = None,
+    truth: str | None = None,
+    odometry: str | None = None,
+) -> EvaluatedRecording:
+    """Finds out which topics of a recording to use.
+
+    Args:
+        inspection: What is in the recording.
+        name: What to call it in results.
+        points: Topic of the sweeps; None for the only one that it can be.
+        truth: Topic of the true flow; None for that of `docs/recordings.md`, if it is there.
+        odometry: Topic of the sensor's poses; None for that of `docs/recordings.md`, likewise.
+
+    Raises:
+        RecordingError: There is no such topic, or there are several to choose from.
+    """
+    path, topics = inspection.path, inspection.topics
+
+    def convention(topic: str, msgtype: str) -> str | None:
+        is_there = topic in topics and topics[topic].count > 0 and topics[topic].msgtype == msgtype
+        return topic if is_there else None
+
+    def found(named: str | None, usual: str, msgtype: str) -> str | None:
+        topic = named or convention(usual, msgtype)
+        return None if topic is None else find_topic(path, topics, topic, msgtype)
+
+    true_flow = found(truth, TRUTH_FLOW_TOPIC, CLOUD_TYPE)
+    if points is None and true_flow is not None:
+        points = convention(POINTS_TOPIC, CLOUD_TYPE)
+    sweeps = find_topic(path, topics, points, CLOUD_TYPE)
+    if sweeps == true_flow:
+        raise RecordingError(f"{path}: topic {sweeps!r} cannot be both the sweeps and their truth")
+    poses = found(odometry, TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
+    return EvaluatedRecording(name, inspection, sweeps, true_flow, poses)
+
+
+def recording_names(paths: Sequence[Path]) -> list[str]:
+    """Returns a name for each recording: the last part of its path, or all of it if need be.
+
+    Raises:
+        EvaluationError: The same path is named twice.
+    """
+    twice = [path for path, count in Counter(paths).items() if count > 1]
+    if twice:
+        raise EvaluationError(f"{twice[0]}: is named {paths.count(twice[0])} times")
+    short = [path.stem if path.is_file() else path.resolve().name for path in paths]
+    counts = Counter(short)
+    return [
+        name if counts[name] == 1 else str(path) for name, path in zip(short, paths, strict=True)
+    ]

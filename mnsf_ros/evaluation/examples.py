@@ -1,0 +1,196 @@
+"""From sweeps, truth and poses to examples, one at a time: memory does not grow with length."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.findings import (
+    FRAMES_DIFFER,
+    INTERRUPTIONS,
+    SWEEPS_WITHOUT_POSE,
+    SWEEPS_WITHOUT_TRUTH,
+    TRUTH_WITHOUT_SWEEP,
+    Findings,
+)
+from mnsf_ros.evaluation.point_selection import PointSelection
+from mnsf_ros.evaluation.pose_track import PoseTrack
+from mnsf_ros.evaluation.recorded_sweeps import CloudRows
+from mnsf_ros.evaluation.truth_track import TruthTrack
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.settings import BufferSettings
+from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
+
+# The paper's largest ablation uses five sweeps: t-3 to t+1.
+MAX_SWEEPS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class SelectedSweep:
+    """A sweep as the methods get it, with what is known about its points.
+
+    Attributes:
+        sweep: The points that were selected.
+        number: Place of the sweep in the recording, counted from 0.
+        truth: Truth of the same points, row for row; None if unknown.
+        world_from_sensor: (4, 4) pose of the sensor; None if unknown.
+    """
+
+    sweep: Sweep
+    number: int
+    truth: FlowTruth | None = None
+    world_from_sensor: NDArray[np.float64] | None = None
+
+
+class ExampleBuilder:
+    """Puts sweeps that come in stamp order together to examples."""
+
+    def __init__(
+        self,
+        recording: str,
+        selection: PointSelection,
+        settings: BufferSettings,
+        findings: Findings,
+        *,
+        truth: TruthTrack | None = None,
+        poses: PoseTrack | None = None,
+        num_sweeps: int = 3,
+    ) -> None:
+        """Starts without any sweep.
+
+        Args:
+            recording: Name of the recording.
+            selection: Which points to give and to score.
+            settings: Which sweeps may stand beside each other.
+            findings: Gets what is noticed on the way.
+            truth: Truth of the sweeps; None if there is none.
+            poses: Poses of the sensor; None if there are none.
+            num_sweeps: Sweeps that an example must have, 3 to `MAX_SWEEPS`.
+        """
+        self._recording = recording
+        self._selection = selection
+        self._settings = settings
+        self._findings = findings
+        self._truth = truth
+        self._poses = poses
+        self._num_sweeps = num_sweeps
+        self._number = 0
+        self._buffer = SweepBuffer()
+        self._recent: deque[SelectedSweep] = deque(maxlen=MAX_SWEEPS)
+
+    def examples(self, sweeps: Iterable[Sweep | None]) -> Iterator[Example]:
+        """Yields the examples of a recording.
+
+        Args:
+            sweeps: All finite points of each sweep, `source` a CloudRows; None where sweeps may
+                be missing.
+        """
+        for sweep in sweeps:
+            if sweep is None:
+                self._interrupt()
+                continue
+            selected = self._selected(sweep)
+            if self._is_accepted(selected):
+                example = self._newest_example()
+                if example is not None:
+                    yield example
+
+    def _interrupt(self) -> None:
+        """Lets no triplet reach across this place."""
+        self._findings.count(INTERRUPTIONS, int(len(self._recent) > 0))
+        self._buffer = SweepBuffer()
+        self._recent.clear()
+
+    def _selected(self, sweep: Sweep) -> SelectedSweep:
+        truth = self._truth_of(sweep)
+        cloud: CloudRows = sweep.source
+        if truth is not None:
+            truth = _rows_of(truth, cloud.rows)
+        scored = self._selection.scored_mask(sweep.xyz, None if truth is None else truth.ground)
+        rows = self._selection.given_rows(scored, sweep.stamp_ns)
+        if truth is not None:
+            truth = _rows_of(replace(truth, valid=truth.valid & scored), rows)
+        source = replace(cloud, rows=cloud.rows[rows])
+        number, self._number = self._number, self._number + 1
+        return SelectedSweep(
+            sweep=replace(sweep, xyz=sweep.xyz[rows], source=source),
+            number=number,
+            truth=truth,
+            world_from_sensor=self._pose_of(sweep),
+        )
+
+    def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
+        if self._truth is None:
+            return None
+        truth, passed_over = self._truth.take(sweep.stamp_ns, sweep.source.num_points)
+        if passed_over:
+            # The truth before leads to a sweep that is not there, and must not be scored.
+            self._findings.count(TRUTH_WITHOUT_SWEEP, passed_over)
+            self._interrupt()
+        self._findings.count(SWEEPS_WITHOUT_TRUTH, int(truth is None))
+        return truth
+
+    def _pose_of(self, sweep: Sweep) -> NDArray[np.float64] | None:
+        if self._poses is None:
+            return None
+        pose = self._poses.pose_at(sweep.stamp_ns)
+        if pose is None:
+            self._findings.count(SWEEPS_WITHOUT_POSE)
+            return None
+        self._findings.count(FRAMES_DIFFER, int(pose.frame_id not in ("", sweep.frame_id)))
+        return pose.world_from_sensor
+
+    def _is_accepted(self, selected: SelectedSweep) -> bool:
+        arrival = self._buffer.push(selected.sweep, self._settings)
+        if arrival is not Arrival.ACCEPTED:
+            self._findings.count(f"sweeps: {arrival.value.replace('_', ' ')}")
+        if arrival in (Arrival.DUPLICATE, Arrival.OUT_OF_ORDER):
+            return False
+        if arrival is not Arrival.ACCEPTED:
+            self._recent.clear()
+        self._recent.append(selected)
+        return True
+
+    def _newest_example(self) -> Example | None:
+        triplet = self._buffer.triplet()
+        if triplet is None:
+            return None
+        *before, _, current, following = self._recent
+        if len(self._recent) < self._num_sweeps:
+            return None
+        motion = _motion(current, following)
+        earlier = tuple(selected.sweep for selected in reversed(before))
+        return Example(
+            recording=self._recording,
+            number=current.number,
+            triplet=replace(triplet, earlier=earlier, next_from_current=motion),
+            truth=current.truth,
+            next_from_current=motion,
+        )
+
+
+def _motion(current: SelectedSweep, following: SelectedSweep) -> NDArray[np.float64] | None:
+    if current.world_from_sensor is None or following.world_from_sensor is None:
+        return None
+    motion: NDArray[np.float64] = (
+        np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor
+    )
+    return motion
+
+
+def _rows_of(truth: FlowTruth, rows: NDArray[np.int64]) -> FlowTruth:
+    return FlowTruth(
+        stamp_ns=truth.stamp_ns,
+        flow=truth.flow[rows],
+        valid=truth.valid[rows],
+        dynamic=truth.dynamic[rows],
+        ground=truth.ground[rows],
+        class_id=truth.class_id[rows],
+    )

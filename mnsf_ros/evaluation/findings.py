@@ -1,0 +1,48 @@
+"""What was noticed while a recording was read: counts of events, and damage."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Final
+
+from mnsf_ros.recording.damage import Damage
+
+# A recording that is rubbish from end to end must not fill the memory with reports of it.
+_MAX_DAMAGES: Final = 100
+
+SWEEPS_READ = "sweeps read"
+SWEEPS_UNSTAMPED = "sweeps without a stamp, for which the time of reception was taken"
+SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
+SWEEPS_WITHOUT_POSE = "sweeps without odometry"
+TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
+FRAMES_DIFFER = "sweeps in another frame than the odometry's child frame"
+INTERRUPTIONS = "interruptions, after which a triplet begins anew"
+
+
+@dataclass
+class Findings:
+    """What was noticed in one pass over a recording.
+
+    Attributes:
+        counts: Event to how often it happened.
+        damages: What could not be read, each place once.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    damages: dict[Damage, None] = field(default_factory=dict)
+
+    def count(self, event: str, times: int = 1) -> None:
+        """Counts an event."""
+        if times:
+            self.counts[event] += times
+
+    def report(self, damage: Damage) -> None:
+        """Notes damage; several passes over a file find the same."""
+        if len(self.damages) < _MAX_DAMAGES:
+            self.damages.setdefault(damage)
+
+    @property
+    def warnings(self) -> dict[str, int]:
+        """The counts that somebody should know of."""
+        return {event: count for event, count in self.counts.items() if event != SWEEPS_READ}

@@ -1,0 +1,108 @@
+"""The estimated flow of a task as a recording: estimate, error and truth clouds."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.evaluation.metrics import end_point_errors
+from mnsf_ros.recording.bag_writer import BagWriter
+from msg_utils.point_cloud2 import encode_columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mnsf_ros.evaluation.example import Example
+
+FLOW_TOPIC: Final = "/flow"
+ERROR_TOPIC: Final = "/flow/error"
+TRUTH_TOPIC: Final = "/flow/truth"
+
+Columns = dict[str, NDArray[Any]]
+
+
+class FlowRecorder:
+    """Writes nothing; what a task without `--write-flow` has."""
+
+    def write(self, example: Example, flow: NDArray[np.float32]) -> None:
+        """Writes the flow (N, 3) of the current sweep, metres."""
+
+
+class BagFlowRecorder(FlowRecorder):
+    """Writes clouds into a recording."""
+
+    def __init__(self, writer: BagWriter) -> None:
+        """Takes an open recording to write to."""
+        self._writer = writer
+
+    def write(self, example: Example, flow: NDArray[np.float32]) -> None:
+        """Writes the flow, and where there is truth its error and the true flow.
+
+        Args:
+            example: What was estimated.
+            flow: (N, 3) metres until the next sweep.
+
+        Raises:
+            RecordingError: Writing fails.
+        """
+        sweep = example.triplet.current
+        points: Columns = {name: sweep.xyz[:, axis] for axis, name in enumerate("xyz")}
+        self._write(example, FLOW_TOPIC, {**points, **_flow_columns(flow)})
+        truth = example.truth
+        if truth is None:
+            return
+        true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
+        error_m = end_point_errors(flow, true_flow).astype(np.float32)
+        dynamic = truth.dynamic.astype(np.uint8)
+        self._write(example, ERROR_TOPIC, {**points, "error_m": error_m, "dynamic": dynamic})
+        columns = {**points, **_flow_columns(true_flow), "dynamic": dynamic}
+        self._write(example, TRUTH_TOPIC, columns)
+
+    def _write(self, example: Example, topic: str, columns: Columns) -> None:
+        sweep = example.triplet.current
+        is_dense = all(bool(np.isfinite(column).all()) for column in columns.values())
+        cloud = encode_columns(columns, 1, len(sweep))
+        self._writer.write_cloud(topic, cloud, sweep.stamp_ns, sweep.frame_id, is_dense=is_dense)
+
+
+def flow_recorder(
+    folder: Path | None, recording: str, method: str
+) -> AbstractContextManager[FlowRecorder]:
+    """Opens the recording of a task's flow; it appears when all is done.
+
+    Args:
+        folder: Where to make it; None for a recorder that writes nothing.
+        recording: Name of the recording that is evaluated.
+        method: Name of the method.
+
+    Raises:
+        RecordingError: It exists already, or cannot be written.
+    """
+    return _recorder(None if folder is None else folder / folder_name(recording, method))
+
+
+def folder_name(recording: str, method: str) -> str:
+    """Returns a name for the folder of a task that any file system can have."""
+    plain = f"{recording}.{method}"
+    safe = re.sub(r"[^\w.-]+", "_", plain).strip("._")[:100]
+    # What was lost must not make two tasks one.
+    return safe if safe == plain else f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
+
+
+@contextmanager
+def _recorder(path: Path | None) -> Iterator[FlowRecorder]:
+    if path is None:
+        yield FlowRecorder()
+        return
+    with BagWriter(path) as writer:
+        yield BagFlowRecorder(writer)
+
+
+def _flow_columns(flow: NDArray[np.float32]) -> Columns:
+    return {f"flow_{axis}": flow[:, number] for number, axis in enumerate("xyz")}

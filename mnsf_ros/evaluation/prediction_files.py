@@ -1,0 +1,144 @@
+"""Predictions that another program wrote, as a method among the others: `file:FOLDER`.
+
+Two layouts are read. Both have one file for each sweep, named by its stamp in nanoseconds, in the
+folder itself or in a subfolder named as the recording:
+
+* `STAMP.npz` with `flow` (N, 3) metres until the next sweep, in the axes of `docs/recordings.md`;
+* `STAMP.feather` with flow_tx_m, flow_ty_m, flow_tz_m, the submission layout of Argoverse 2.
+
+Row i belongs to row i of the recorded cloud, with all of its points, whatever part of them is
+evaluated. A submission to Argoverse 2 has rows only for the points of the challenge's mask: name
+the folder of the masks, too (`file:FOLDER::MASKS`). Only points that all have are scored then.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.recorded_sweeps import CloudRows
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+PREFIX: Final = "file:"
+_COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
+_NO_PYARROW: Final = "reading .feather files needs pyarrow: pip install pyarrow"
+
+
+class PredictionFiles:
+    """Looks flow up instead of estimating it."""
+
+    def __init__(self, method: str) -> None:
+        """Names the folder.
+
+        Args:
+            method: `file:FOLDER` or `file:FOLDER::MASKS`.
+
+        Raises:
+            EvaluationError: There is no such folder.
+        """
+        folder, _, masks = method.removeprefix(PREFIX).partition("::")
+        self._folder = _existing(folder)
+        self._masks = _existing(masks) if masks else None
+
+    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
+        """Returns the predicted flow of the current sweep, which must be a recorded one.
+
+        Raises:
+            EvaluationError: There is no prediction, or it does not fit the sweep.
+        """
+        current = triplet.current
+        cloud: CloudRows = current.source
+        file = _file_of(self._folder, current)
+        flow = _read_npz(file) if file.suffix == ".npz" else _read_feather(file, _COLUMNS)
+        if self._masks is None:
+            _check_rows(file, flow, cloud.num_points)
+            flow = flow[cloud.rows]
+            return FlowEstimate(flow, kept=np.ones(len(flow), dtype=bool))
+        mask = self._mask(current, cloud.num_points)
+        _check_rows(file, flow, int(np.count_nonzero(mask)))
+        everywhere = np.full((cloud.num_points, 3), np.nan, dtype=np.float32)
+        everywhere[mask] = flow
+        return FlowEstimate(everywhere[cloud.rows], kept=mask[cloud.rows])
+
+    def _mask(self, current: Sweep, num_points: int) -> NDArray[np.bool_]:
+        file = _file_of(self._masks or self._folder, current)
+        mask = _read_feather(file, ("mask",))[:, 0] != 0
+        _check_rows(file, mask, num_points)
+        return np.asarray(mask)
+
+
+def _existing(folder: str) -> Path:
+    path = Path(folder)
+    if not folder or not path.is_dir():
+        raise EvaluationError(f"{PREFIX}{folder}: there is no such folder of predictions")
+    return path
+
+
+def _file_of(folder: Path, sweep: Sweep) -> Path:
+    recording = Path(sweep.source.recording).name
+    places = [
+        parent / f"{sweep.stamp_ns}{suffix}"
+        for parent in (folder / recording, folder)
+        for suffix in (".npz", ".feather")
+    ]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise EvaluationError(
+            f"{folder}: no prediction for stamp {sweep.stamp_ns}; expected for example {places[0]}"
+        )
+    return found
+
+
+def _read_npz(file: Path) -> NDArray[np.float32]:
+    try:
+        # Opened here, because NumPy leaves a file open that is no archive.
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+            if "flow" not in arrays:
+                raise EvaluationError(
+                    f"{file}: has no array 'flow'; it has {', '.join(arrays) or 'none'}"
+                )
+            flow = arrays["flow"]
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, EvaluationError):
+            raise
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+    return _checked(file, flow)
+
+
+def _read_feather(file: Path, columns: tuple[str, ...]) -> NDArray[np.float32]:
+    try:
+        from pyarrow import ArrowException, feather
+    except ModuleNotFoundError as error:
+        raise EvaluationError(_NO_PYARROW) from error
+    try:
+        table = feather.read_table(file)
+        missing = [name for name in columns if name not in table.column_names]
+        if missing:
+            raise EvaluationError(
+                f"{file}: has no column {', '.join(missing)}; it has "
+                f"{', '.join(table.column_names)}"
+            )
+        arrays = [np.asarray(table[name].to_numpy()) for name in columns]
+    except (OSError, ArrowException) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+    return np.stack(arrays, axis=1).astype(np.float32)
+
+
+def _checked(file: Path, flow: NDArray[Any]) -> NDArray[np.float32]:
+    if flow.ndim != 2 or flow.shape[1] != 3 or flow.dtype.kind not in "fiu":
+        raise EvaluationError(
+            f"{file}: flow has shape {flow.shape} of {flow.dtype}, expected (N, 3) numbers"
+        )
+    with np.errstate(over="ignore"):
+        return flow.astype(np.float32)
+
+
+def _check_rows(file: Path, rows: NDArray[Any], expected: int) -> None:
+    if len(rows) != expected:
+        raise EvaluationError(f"{file}: has {len(rows)} rows, its cloud has {expected} points")

@@ -1,0 +1,124 @@
+"""What the figures of a run are figures of, in sentences: no table goes without them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.presets import PRESET_NAMES, preset
+
+# Set by the evaluator itself, and told apart from the settings.
+_OWN = ("compute.seed", "compute.num_threads", "ground.remove")
+
+
+def protocol_text(run: Mapping[str, Any], summaries: Sequence[MethodSummary]) -> list[str]:
+    """Returns sentences on what was evaluated and how.
+
+    Args:
+        run: The record of the run, see `run.json`.
+        summaries: What came out.
+    """
+    identity = run["identity"]
+    return [
+        _means_text(len(run["recordings"]), summaries),
+        _points_text(identity),
+        _settings_text(identity["settings"], identity["crop_and_ground"]),
+        _time_text(identity, summaries),
+    ]
+
+
+def notes_text(run: Mapping[str, Any], finished: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Returns one line for each thing about the recordings that makes figures less certain.
+
+    Args:
+        run: The record of the run.
+        finished: What was noticed in each finished task, see `tasks.jsonl`.
+    """
+    notes: dict[str, None] = {}
+    for recording in run["recordings"]:
+        notes.update(dict.fromkeys(f"Damage: {damage}" for damage in recording["damages"]))
+        if not recording["has_checksums"]:
+            notes[
+                f"{recording['name']}: has no checksums, so that flipped bits within a message "
+                "would have gone unnoticed."
+            ] = None
+        if recording["truth"] is None:
+            notes[f"{recording['name']}: has no truth, so there are no errors."] = None
+    for task in finished:
+        notes.update(dict.fromkeys(f"Damage: {damage}" for damage in task["damages"]))
+        for event, count in task["counts"].items():
+            if event != "sweeps read":
+                notes[f"{task['recording']}: {count} {event}."] = None
+    return list(notes)
+
+
+def _means_text(num_recordings: int, summaries: Sequence[MethodSummary]) -> str:
+    counts = sorted({summary.num_examples for summary in summaries})
+    examples = " to ".join(f"{count:,}" for count in dict.fromkeys(counts[:1] + counts[-1:]))
+    recordings = "1 recording" if num_recordings == 1 else f"{num_recordings} recordings"
+    text = (
+        f"Every value is the mean over {examples or 'no'} examples from {recordings} of the value "
+        "of each example, however many points it has; an example is a triplet of sweeps"
+    )
+    missing = sum(summary.num_failed + summary.num_dropped for summary in summaries)
+    if missing:
+        text += f". {missing:,} examples without a flow are in no mean"
+    if len(counts) > 1:
+        text += ". Methods differ in the number of examples: compare with care"
+    return f"{text}."
+
+
+def _points_text(identity: Mapping[str, Any]) -> str:
+    crop = identity["crop_and_ground"]
+    text = (
+        f"Points scored: {crop['crop.min_range_m']:g} to {crop['crop.max_range_m']:g} m away and "
+        f"{crop['crop.min_height_m']:g} to {crop['crop.max_height_m']:g} m high"
+    )
+    if crop["ground.remove"]:
+        by_truth = identity["ground"] == "truth"
+        source = "the truth's own flag where there is one" if by_truth else "a height map"
+        text += f", without ground (by {source})"
+    if identity["realtime_rate"] is not None:
+        text += "; the methods got all points and prepared them themselves, as the live node does"
+    number = identity["num_points"]
+    given = "all of them" if number == "all" else f"{number:,} random ones of each sweep"
+    return f"{text}; {given}, the same for all methods. Seed {identity['seed']}."
+
+
+def _settings_text(settings: Mapping[str, Any], crop_and_ground: Mapping[str, Any]) -> str:
+    asked = {**settings, **crop_and_ground}
+    differences = {
+        name: {
+            key: asked[key]
+            for key, value in preset(name).to_mapping().items()
+            if key in asked and asked[key] != value and (key not in _OWN or key in crop_and_ground)
+        }
+        for name in PRESET_NAMES
+    }
+    nearest = min(differences, key=lambda name: len(differences[name]))
+    changes = ", ".join(f"{key} = {value}" for key, value in differences[nearest].items())
+    warm = "on" if settings["warm_start.enabled"] else "off, every example from scratch"
+    return f"Settings: preset {nearest}{f', but {changes}' if changes else ''}. Warm start: {warm}."
+
+
+def _time_text(identity: Mapping[str, Any], summaries: Sequence[MethodSummary]) -> str:
+    devices = sorted({device for summary in summaries for device in summary.devices})
+    threads = identity["settings"]["compute.num_threads"]
+    text = "Time: wall time of one whole estimate, device synchronized"
+    if devices:
+        text += f", on {' and '.join(devices)}"
+    if "cpu" in devices:
+        text += f" with {threads} thread{'' if threads == 1 else 's'}"
+    if identity["realtime_rate"] is None:
+        text += "; crop and ground removal are not in it"
+    else:
+        text += (
+            f". Played at {identity['realtime_rate']:g} times real time: a triplet that a newer "
+            "one overtook was dropped, as in the live node"
+        )
+    limited = sum(summary.stop_reasons.get("time_budget", 0) for summary in summaries)
+    if limited:
+        text += f". {limited:,} optimizations were ended by their time budget, so that the errors "
+        text += "depend on the speed of the machine"
+    return f"{text}."

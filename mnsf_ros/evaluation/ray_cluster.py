@@ -1,0 +1,165 @@
+"""Tasks on a Ray cluster: one Ray task per recording and method.
+
+The recordings must be at the same path on all machines, and this package installed there. Ray
+itself is an extra: `pip install 'mnsf_ros[ray]'`.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.ray_mailbox import post_events, start_mailbox
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.task_runs import TaskEvent, TaskFailed, TaskRestarted, TaskRun
+
+LOCAL: Final = "local"
+MAX_ATTEMPTS: Final = 4
+_POLL_S: Final = 0.2
+_CONNECT_S: Final = 10.0
+_NO_RAY: Final = "--ray needs Ray: pip install 'mnsf_ros[ray]'"
+
+
+class RayCluster:
+    """Runs tasks on a Ray cluster; one whose worker or node is lost is tried again. An Executor."""
+
+    def __init__(self, address: str, *, num_gpus: float = 0.0) -> None:
+        """Names the cluster.
+
+        Args:
+            address: `local` to start one on this machine, `auto`, or the address of one.
+            num_gpus: GPUs that a task takes, which may be a part of one.
+
+        Raises:
+            EvaluationError: Ray is not installed, or the number of GPUs is below 0.
+        """
+        if num_gpus < 0:
+            raise EvaluationError(f"num_gpus: got {num_gpus}, expected 0 or more")
+        self._ray = _imported_ray()
+        self._address = address
+        self._num_gpus = num_gpus
+
+    def __call__(
+        self, runs: Sequence[TaskRun], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        """Runs all tasks and yields what they give, as it gets ready.
+
+        Raises:
+            EvaluationError: There is no such cluster, or no node of it can run a task.
+        """
+        with self._connected():
+            num_cpus = options.method_settings.compute.num_threads
+            self._check_nodes(num_cpus)
+            # Ray would try again by itself, but then nobody would know which rows are there.
+            needs = {"num_cpus": num_cpus, "num_gpus": self._num_gpus, "max_retries": 0}
+            work = self._ray.remote(**needs)(post_events)
+            dispatch = _Dispatch(self._ray, work, start_mailbox(self._ray), options)
+            yield from dispatch.run(runs)
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        if self._ray.is_initialized():
+            yield
+            return
+        # A cluster for this machine only need not be reached from others.
+        local = {"_node_ip_address": "127.0.0.1"} if self._address == LOCAL else {}
+        try:
+            _check_address(self._address)
+            self._ray.init(
+                address=self._address,
+                include_dashboard=False if local else None,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+                **local,
+            )
+        except (OSError, ValueError, RuntimeError) as error:
+            text = " ".join(str(error).split())[:200]
+            raise EvaluationError(f"no Ray cluster at {self._address!r}: {text}") from error
+        try:
+            yield
+        finally:
+            self._ray.shutdown()
+
+    def _check_nodes(self, num_cpus: float) -> None:
+        """Makes sure that tasks will not wait forever for what no node has."""
+        needs = {"CPU": num_cpus, "GPU": self._num_gpus}
+        nodes = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
+        if not any(all(node.get(key, 0.0) >= needs[key] for key in needs) for node in nodes):
+            listed = ", ".join(f"{value:g} {key}" for key, value in needs.items())
+            raise EvaluationError(f"no node of the Ray cluster has what a task needs: {listed}")
+
+
+class _Dispatch:
+    """Hands tasks to the cluster and takes their events from the mailbox."""
+
+    def __init__(self, ray: Any, work: Any, mailbox: Any, options: EvaluationOptions) -> None:  # noqa: ANN401
+        self._ray = ray
+        self._work = work
+        self._mailbox = mailbox
+        self._options = options
+        self._under_way: dict[Any, tuple[int, TaskRun]] = {}
+        self._done: dict[int, set[int]] = {}
+
+    def run(self, runs: Sequence[TaskRun]) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        """Runs all tasks and yields their events."""
+        for number, run in enumerate(runs):
+            self._start(number, run)
+        while self._under_way:
+            ready, _ = self._ray.wait(list(self._under_way), timeout=_POLL_S)
+            yield from self._posted()
+            for ended in ready:
+                event = self._end(ended)
+                if event is not None:
+                    yield event
+
+    def _start(self, number: int, run: TaskRun) -> None:
+        self._done[number] = set()
+        place = number, run.attempt
+        reference = self._work.remote(self._mailbox, place, run, self._options)
+        self._under_way[reference] = number, run
+
+    def _posted(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        current = {(number, run.attempt): run for number, run in self._under_way.values()}
+        for place, event in self._ray.get(self._mailbox.empty.remote()):
+            # A worker that was taken for lost may still be writing.
+            if place in current:
+                if isinstance(event, ResultRow):
+                    self._done[place[0]].add(event.number)
+                yield current[place].task, event
+
+    def _end(self, reference: Any) -> tuple[EvaluationTask, TaskEvent] | None:  # noqa: ANN401
+        number, run = self._under_way.pop(reference)
+        try:
+            self._ray.get(reference)
+        except self._ray.exceptions.RayError as error:
+            reason = f"{type(error).__name__}: {str(error).strip().splitlines()[0][:200]}"
+        else:
+            return None
+        if run.attempt + 1 >= MAX_ATTEMPTS:
+            return run.task, TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
+        self._start(number, run.again(frozenset(self._done[number]), self._options))
+        return run.task, TaskRestarted(reason)
+
+
+def _check_address(address: str) -> None:
+    """Raises OSError if nobody listens there: Ray itself would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
+
+
+def _imported_ray() -> Any:  # noqa: ANN401 - Ray is optional, so its types are
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        if error.name != "ray":
+            raise
+        raise EvaluationError(_NO_RAY) from error
+    return ray

@@ -1,0 +1,161 @@
+"""The folder of a run: what it was, its rows as they get ready, and which tasks are done.
+
+`run.json` says what was run. `rows.jsonl` has one row per line, in the order in which they got
+ready; `tasks.jsonl` one line per finished task, with what was noticed. Both only ever grow while
+a run lasts, so that an interruption costs nothing but the line being written.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
+
+RUN_FILE: Final = "run.json"
+ROWS_FILE: Final = "rows.jsonl"
+TASKS_FILE: Final = "tasks.jsonl"
+_LOCK_FILE: Final = ".lock"
+
+TaskKey = tuple[str, str]
+Parsed = TypeVar("Parsed")
+
+
+class RunFolder:
+    """Reads and writes the files of a run; `start_or_resume` opens one for writing."""
+
+    def __init__(self, path: Path) -> None:
+        """Names the folder."""
+        self.path = path
+
+    def read_run(self) -> dict[str, Any]:
+        """Returns what was run.
+
+        Raises:
+            EvaluationError: There is no such file, or it is damaged.
+        """
+        file = self.path / RUN_FILE
+        try:
+            run = json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing") from error
+        except (OSError, ValueError) as error:
+            raise EvaluationError(f"{file}: cannot be read: {error}") from error
+        if not isinstance(run, dict):
+            raise EvaluationError(f"{file}: is not the record of a run")
+        return run
+
+    def write_run(self, run: dict[str, Any]) -> None:
+        """Writes what is run."""
+        _replace(self.path / RUN_FILE, json.dumps(run, indent=2, ensure_ascii=False) + "\n")
+
+    def read_rows(self) -> list[ResultRow]:
+        """Returns all rows, in the order in which they got ready.
+
+        Raises:
+            EvaluationError: A line is no row.
+        """
+        return list(_parsed(self.path / ROWS_FILE, row_from_json))
+
+    def read_finished(self) -> dict[TaskKey, dict[str, Any]]:
+        """Returns recording and method of each finished task, and what was noticed.
+
+        Raises:
+            EvaluationError: A line is damaged.
+        """
+        tasks = _parsed(self.path / TASKS_FILE, _task_from_json)
+        return {(task["recording"], task["method"]): task for task in tasks}
+
+    def append_row(self, row: ResultRow) -> None:
+        """Adds a row."""
+        _append(self.path / ROWS_FILE, row_to_json(row))
+
+    def append_finished(self, key: TaskKey, findings: Findings, num_examples: int) -> None:
+        """Adds a finished task."""
+        task = {
+            "recording": key[0],
+            "method": key[1],
+            "num_examples": num_examples,
+            "counts": dict(findings.counts),
+            "damages": [str(damage) for damage in findings.damages],
+        }
+        _append(self.path / TASKS_FILE, json.dumps(task, ensure_ascii=False))
+
+    def drop_rows_of(self, keys: Iterable[TaskKey]) -> None:
+        """Takes the rows of some tasks away."""
+        dropped = set(keys)
+        rows = [row for row in self.read_rows() if (row.recording, row.method) not in dropped]
+        _replace(self.path / ROWS_FILE, "".join(f"{row_to_json(row)}\n" for row in rows))
+
+    def cut_off_unfinished_lines(self) -> None:
+        """Takes away what was being written when a run was killed."""
+        for name in (ROWS_FILE, TASKS_FILE):
+            _replace(self.path / name, "".join(f"{line}\n" for line in _lines(self.path / name)))
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keeps other processes from writing to the same folder.
+
+        Raises:
+            EvaluationError: Another one is at it.
+        """
+        with (self.path / _LOCK_FILE).open("a", encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise EvaluationError(f"{self.path}: another process is writing to it") from error
+            yield
+
+
+def _task_from_json(line: str) -> dict[str, Any]:
+    try:
+        task = json.loads(line)
+    except ValueError as error:
+        raise EvaluationError(f"is no JSON: {line[:80]!r}") from error
+    if not isinstance(task, dict) or not {"recording", "method"} <= task.keys():
+        raise EvaluationError(f"is no finished task: {line[:80]!r}")
+    return task
+
+
+def _parsed(file: Path, parse: Callable[[str], Parsed]) -> Iterator[Parsed]:
+    number = 0
+    try:
+        for line in _lines(file):
+            number += 1
+            yield parse(line)
+    except EvaluationError as error:
+        raise EvaluationError(f"{file}, line {number}: {error}") from error
+
+
+def _lines(file: Path) -> list[str]:
+    """The complete lines of a file; a last one without an end was being written and is lost."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+    return text.split("\n")[:-1]
+
+
+def _append(file: Path, line: str) -> None:
+    with file.open("a", encoding="utf-8") as stream:
+        stream.write(f"{line}\n")
+
+
+def _replace(file: Path, text: str) -> None:
+    """Writes a file so that it is there as a whole, the old or the new one, at any time."""
+    draft = file.with_name(f".{file.name}.new")
+    with draft.open("w", encoding="utf-8") as stream:
+        stream.write(text)
+        stream.flush()
+        os.fsync(stream.fileno())
+    draft.replace(file)

@@ -1,0 +1,102 @@
+"""Starting a run in a new folder, or going on in one that is there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import identity, recording_record, session_record
+
+# What may be different when a run goes on: paths move, and damage may be mended.
+_SAME = ("points", "truth", "odometry", "num_sweeps")
+
+
+def start_or_resume(
+    out: Path,
+    recordings: Sequence[EvaluatedRecording],
+    methods: Sequence[str],
+    options: EvaluationOptions,
+    *,
+    resume: bool,
+    arguments: Sequence[str] = (),
+) -> RunFolder:
+    """Makes the folder of a run, or takes the one that is there if its rows fit.
+
+    Args:
+        out: The folder.
+        recordings: What is evaluated; a resumed run may have more of them.
+        methods: With what; likewise.
+        options: How.
+        resume: Whether to go on with a run that is there.
+        arguments: The command line, to be remembered.
+
+    Raises:
+        EvaluationError: The folder holds something and `resume` is not set; or it holds a run
+            with other settings, which `resume` must not mix with this one.
+    """
+    check_folder(out, resume=resume)
+    folder = RunFolder(out)
+    run: dict[str, Any] = {"identity": identity(options), "methods": [], "recordings": []}
+    if _holds_something(out):
+        run = folder.read_run()
+        _check_identity(out, run.get("identity", {}), identity(options))
+        folder.cut_off_unfinished_lines()
+    out.mkdir(parents=True, exist_ok=True)
+    _add_recordings(out, run, recordings)
+    run["methods"] += [method for method in methods if method not in run["methods"]]
+    run.setdefault("sessions", []).append(session_record(arguments))
+    folder.write_run(run)
+    return folder
+
+
+def check_folder(out: Path, *, resume: bool) -> None:
+    """Makes sure that nothing would be overwritten.
+
+    Raises:
+        EvaluationError: The folder holds something and `resume` is not set, or is none.
+    """
+    if out.exists() and not out.is_dir():
+        raise EvaluationError(f"{out}: is not a folder")
+    if _holds_something(out) and not resume:
+        raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
+
+
+def _holds_something(out: Path) -> bool:
+    return out.is_dir() and any(out.iterdir())
+
+
+def _check_identity(out: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    before, now = _flat(old), _flat(new)
+    names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
+    if names:
+        listed = "; ".join(f"{name} was {before.get(name)}, is {now.get(name)}" for name in names)
+        raise EvaluationError(f"{out}: holds a run with other settings: {listed}")
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}: ")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _add_recordings(
+    out: Path, run: dict[str, Any], recordings: Sequence[EvaluatedRecording]
+) -> None:
+    known = {recording["name"]: recording for recording in run["recordings"]}
+    for record in map(recording_record, recordings):
+        before = known.get(record["name"])
+        if before is None:
+            run["recordings"].append(record)
+            continue
+        changed = [name for name in _SAME if before[name] != record[name]]
+        if changed:
+            listed = "; ".join(f"{name} was {before[name]}, is {record[name]}" for name in changed)
+            raise EvaluationError(f"{out}: holds another recording {record['name']!r}: {listed}")

@@ -1,0 +1,120 @@
+"""Running all tasks of an evaluation and writing down what they give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluatedRecording,
+    EvaluationOptions,
+    EvaluationTask,
+)
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder, TaskKey
+from mnsf_ros.evaluation.task_runs import (
+    Executor,
+    TaskEvent,
+    TaskFailed,
+    TaskRestarted,
+    TaskRun,
+    run_serially,
+)
+
+EventWatcher = Callable[[EvaluationTask, TaskEvent], None]
+
+
+@dataclass
+class RunOutcome:
+    """How a run went.
+
+    Attributes:
+        failed: Recording and method of each task that gave up, and why.
+        restarted: Recording and method of each task that began anew, and why.
+        num_new_rows: Rows that were written.
+    """
+
+    failed: dict[TaskKey, str] = field(default_factory=dict)
+    restarted: dict[TaskKey, str] = field(default_factory=dict)
+    num_new_rows: int = 0
+
+
+def plan_runs(
+    recordings: Sequence[EvaluatedRecording],
+    methods: Sequence[str],
+    options: EvaluationOptions,
+    folder: RunFolder,
+) -> list[TaskRun]:
+    """Returns the tasks that are left to do.
+
+    Rows of a task that was interrupted and cannot go on in the middle are taken away.
+
+    Raises:
+        EvaluationError: The files of the run are damaged.
+    """
+    finished = folder.read_finished()
+    numbers: dict[TaskKey, set[int]] = {}
+    for row in folder.read_rows():
+        numbers.setdefault((row.recording, row.method), set()).add(row.number)
+    tasks = [EvaluationTask(recording, method) for recording in recordings for method in methods]
+    left = [task for task in tasks if task.key not in finished]
+    if options.has_memory:
+        folder.drop_rows_of(task.key for task in left if task.key in numbers)
+        numbers = {}
+    return [TaskRun(task, frozenset(numbers.get(task.key, ()))) for task in left]
+
+
+def run_evaluation(
+    runs: Sequence[TaskRun],
+    options: EvaluationOptions,
+    folder: RunFolder,
+    *,
+    execute: Executor = run_serially,
+    watch: EventWatcher = lambda task, event: None,
+) -> RunOutcome:
+    """Runs tasks and writes each row as soon as it is there.
+
+    Args:
+        runs: See `plan_runs`.
+        options: How to evaluate.
+        folder: Where to write.
+        execute: What runs the tasks.
+        watch: Gets every event, after it was written down.
+
+    Raises:
+        EvaluationError: Another process is writing to the same folder.
+        OSError: Writing fails.
+    """
+    outcome = RunOutcome()
+    done = {run.task.key: set(run.skipped) for run in runs}
+    with folder.locked():
+        for task, event in execute(runs, options):
+            _write(task, event, options, folder, done[task.key], outcome)
+            watch(task, event)
+    return outcome
+
+
+def _write(
+    task: EvaluationTask,
+    event: TaskEvent,
+    options: EvaluationOptions,
+    folder: RunFolder,
+    done: set[int],
+    outcome: RunOutcome,
+) -> None:
+    if isinstance(event, ResultRow):
+        # A second attempt may give a row again that the first one got ready before it was lost.
+        if event.number not in done:
+            folder.append_row(event)
+            done.add(event.number)
+            outcome.num_new_rows += 1
+    elif isinstance(event, Findings):
+        folder.append_finished(task.key, event, len(done))
+    elif isinstance(event, TaskRestarted):
+        outcome.restarted[task.key] = event.reason
+        if options.has_memory and done:
+            folder.drop_rows_of([task.key])
+            done.clear()
+    elif isinstance(event, TaskFailed):
+        outcome.failed[task.key] = event.reason

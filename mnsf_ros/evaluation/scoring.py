@@ -1,0 +1,158 @@
+"""From an example and the estimate of its flow to a result row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.evaluation.argoverse_metrics import (
+    bucket_sums,
+    bucketed_errors,
+    three_way_epe_m,
+    three_way_sums,
+)
+from mnsf_ros.evaluation.error_bands import RANGE_LIMITS_M, SPEED_LIMITS_M_S, errors_by_band
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.metrics import by_motion, end_point_errors
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.self_consistency import landing_distances
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, rigid_flow
+
+# Argoverse 2 counts motion per sweep of this length.
+_USUAL_INTERVAL_S = 0.1
+
+
+def empty_row(example: Example, method: str) -> ResultRow:
+    """Returns a row that says nothing but what it is about."""
+    current = example.triplet.current
+    return ResultRow(example.recording, example.number, current.stamp_ns, method, len(current))
+
+
+def failed_row(example: Example, method: str, failure: str) -> ResultRow:
+    """Returns the row of an example for which there is no flow."""
+    return replace(empty_row(example, method), failure=failure)
+
+
+def scored_row(
+    example: Example, method: str, estimate: FlowEstimate, time_ms: float = float("nan")
+) -> ResultRow:
+    """Scores an estimate.
+
+    Args:
+        example: What was estimated.
+        method: Name of the method.
+        estimate: Its flow.
+        time_ms: Wall time of the estimate.
+
+    Raises:
+        EvaluationError: The flow has not one row for each point, or is not finite where it has
+            to be: a row may be left open only if it is not among the kept ones either.
+    """
+    row = replace(
+        empty_row(example, method),
+        time_ms=time_ms,
+        stage_times_ms=dict(estimate.times_ms),
+        stop_reasons=estimate.stop_reasons,
+        iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
+        start=estimate.start.value if estimate.fits else "",
+        device=estimate.device,
+    )
+    answered = _answered(example, estimate)
+    consistency = landing_distances(example.triplet, estimate.flow, answered & estimate.kept)
+    row = replace(row, consistency=consistency)
+    if example.truth is None:
+        return row
+    return _with_errors(row, _Comparison.of(example, example.truth, estimate.flow, answered))
+
+
+def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
+    """The points (N,) that have a flow; all of the kept ones must."""
+    num_points = len(example.triplet.current)
+    if estimate.flow.shape != (num_points, 3) or estimate.kept.shape != (num_points,):
+        raise EvaluationError(
+            f"the estimate has flow of shape {estimate.flow.shape} and kept of shape "
+            f"{estimate.kept.shape}, expected ({num_points}, 3) and ({num_points},)"
+        )
+    answered = np.asarray(np.isfinite(estimate.flow).all(axis=1))
+    num_open = int(np.count_nonzero(~answered & estimate.kept))
+    if num_open:
+        raise EvaluationError(f"the flow of {num_open} of {num_points} points is not finite")
+    return answered
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """Estimate and truth of the points to score.
+
+    Attributes:
+        estimate: (M, 3) metres per sweep.
+        truth: (M, 3) metres per sweep.
+        dynamic: (M,) bool.
+        class_id: (M,) kind of surface.
+        range_m: (M,) horizontal distance from the sensor.
+        motion_m: (M,) length of the true motion without that of the sensor.
+        interval_s: Time between the two sweeps.
+    """
+
+    estimate: NDArray[np.float32]
+    truth: NDArray[np.float32]
+    dynamic: NDArray[np.bool_]
+    class_id: NDArray[np.uint8]
+    range_m: NDArray[np.float64]
+    motion_m: NDArray[np.float64]
+    interval_s: float
+
+    @classmethod
+    def of(
+        cls,
+        example: Example,
+        truth: FlowTruth,
+        flow: NDArray[np.float32],
+        answered: NDArray[np.bool_],
+    ) -> _Comparison:
+        scored = truth.valid & answered
+        xyz, true_flow = example.triplet.current.xyz[scored], truth.flow[scored]
+        dynamic = truth.dynamic[scored]
+        motion = example.next_from_current
+        if motion is None:
+            # Without odometry, from the truth of what stands still.
+            motion = fit_rigid_motion(xyz[~dynamic], true_flow[~dynamic])
+        own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
+        return cls(
+            estimate=flow[scored],
+            truth=true_flow,
+            dynamic=dynamic,
+            class_id=truth.class_id[scored],
+            range_m=np.linalg.norm(xyz[:, :2].astype(np.float64), axis=1),
+            motion_m=np.linalg.norm(own, axis=1),
+            interval_s=example.triplet.interval_s or _USUAL_INTERVAL_S,
+        )
+
+
+def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:
+    estimate, truth = compared.estimate, compared.truth
+    every = np.ones(len(truth), dtype=bool)
+    errors_m = end_point_errors(estimate, truth)
+    per_usual_interval = _USUAL_INTERVAL_S / compared.interval_s
+    groups = three_way_sums(errors_m, compared.dynamic, compared.class_id)
+    buckets = bucket_sums(
+        errors_m * per_usual_interval,
+        compared.motion_m * per_usual_interval,
+        compared.range_m,
+        compared.class_id,
+    )
+    speed_m_s = compared.motion_m / compared.interval_s
+    return replace(
+        row,
+        errors=by_motion(estimate, truth, compared.dynamic),
+        by_range=errors_by_band(estimate, truth, every, compared.range_m, RANGE_LIMITS_M),
+        by_speed=errors_by_band(estimate, truth, every, speed_m_s, SPEED_LIMITS_M_S),
+        three_way_epe_m=three_way_epe_m(groups),
+        bucketed=bucketed_errors(buckets),
+        sums={**groups, **buckets},
+    )

@@ -1,0 +1,186 @@
+"""One task: one method on one recording. Tasks know nothing of each other, so any may run them."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TypeVar
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluatedRecording,
+    EvaluationOptions,
+    EvaluationTask,
+)
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.examples import ExampleBuilder
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
+from mnsf_ros.evaluation.pose_track import PoseTrack, recorded_poses
+from mnsf_ros.evaluation.prediction_files import PREFIX, PredictionFiles
+from mnsf_ros.evaluation.realtime import played_in_real_time
+from mnsf_ros.evaluation.recorded_sweeps import recorded_sweeps
+from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.self_consistency import cycle_distance, reversed_pair
+from mnsf_ros.evaluation.stamp_order import in_stamp_order
+from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
+from mnsf_ros.evaluation.warm_up import warm_up
+from mnsf_ros.methods import make_method
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.settings import Settings
+
+_LOG = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
+
+
+def run_task(
+    task: EvaluationTask, options: EvaluationOptions, skipped: frozenset[int] = frozenset()
+) -> Iterator[ResultRow | Findings]:
+    """Evaluates one method on one recording.
+
+    Args:
+        task: What.
+        options: How.
+        skipped: Numbers of sweeps whose rows are there already.
+
+    Yields:
+        A row for each example as it gets ready, and at the very end what was noticed.
+
+    Raises:
+        MnsfError: The recording cannot be opened, or there is no such method.
+    """
+    findings = Findings()
+    recording = task.recording
+    scorer = _Scorer(task.method, options)
+    with (
+        recording.inspection.open() as reader,
+        flow_recorder(options.flow_folder, *task.key) as recorder,
+    ):
+        examples = read_examples(reader, recording, options, findings)
+        wanted = (example for example in examples if example.number not in skipped)
+        yield from scorer.rows(wanted, options.realtime_rate, recorder)
+    yield findings
+
+
+def read_examples(
+    reader: BagReader,
+    recording: EvaluatedRecording,
+    options: EvaluationOptions,
+    findings: Findings,
+) -> Iterator[Example]:
+    """Yields the examples of an open recording in stamp order.
+
+    Args:
+        reader: The recording.
+        recording: Which of its topics to use.
+        options: Which points and triplets to use.
+        findings: Gets what is noticed on the way.
+    """
+    truth = poses = None
+    if recording.truth is not None:
+        clouds = truth_clouds(reader, recording.truth, findings)
+        truth = TruthTrack(clouds, findings, str(reader.path))
+    if recording.odometry is not None:
+        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings))
+    builder = ExampleBuilder(
+        recording.name,
+        options.selection,
+        options.settings.buffer,
+        findings,
+        truth=truth,
+        poses=poses,
+        num_sweeps=options.num_sweeps,
+    )
+    sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
+    return builder.examples(in_stamp_order(sweeps))
+
+
+def make_estimator(method: str, settings: Settings) -> SceneFlowEstimator:
+    """Makes the estimator of a method.
+
+    Raises:
+        MnsfError: There is no such method, or the settings do not suit it.
+    """
+    return PredictionFiles(method) if method.startswith(PREFIX) else make_method(method, settings)
+
+
+class _Scorer:
+    """Estimates and scores examples with one method."""
+
+    def __init__(self, method: str, options: EvaluationOptions) -> None:
+        self._method = method
+        self._estimator = make_estimator(method, options.method_settings)
+        self._is_measured = not method.startswith(PREFIX)
+        if self._is_measured:
+            warm_up(method, options.method_settings)
+        # The way back has an estimator of its own: it must not disturb what the other carries on.
+        self._backward = (
+            make_estimator(method, options.method_settings)
+            if options.check_cycle and self._is_measured
+            else None
+        )
+
+    def rows(
+        self, examples: Iterator[Example], rate: float | None, recorder: FlowRecorder
+    ) -> Iterator[ResultRow]:
+        """Yields a row for each example."""
+        if rate is None:
+            for example in examples:
+                yield self._row(example, *self._estimate(example), recorder)
+            return
+        for outcome in played_in_real_time(examples, rate, self._estimate):
+            if outcome.result is None:
+                yield failed_row(outcome.example, self._method, DROPPED)
+                continue
+            row = self._row(outcome.example, outcome.result, outcome.time_ms, recorder)
+            yield replace(row, latency_ms=outcome.latency_ms)
+
+    def _estimate(self, example: Example) -> tuple[FlowEstimate | str, float]:
+        """The estimate, or why there is none, and how long that took, milliseconds."""
+        start = time.perf_counter()
+        result = _attempted(lambda: self._estimator.estimate(example.triplet))
+        return result, (time.perf_counter() - start) * 1e3
+
+    def _row(
+        self, example: Example, result: FlowEstimate | str, time_ms: float, recorder: FlowRecorder
+    ) -> ResultRow:
+        if isinstance(result, str):
+            return failed_row(example, self._method, result)
+        if not self._is_measured:
+            time_ms = float("nan")
+        elif result.times_ms:
+            # A program that runs a network knows better what it took than who waits for its end.
+            time_ms = result.time_ms
+        row = _attempted(lambda: scored_row(example, self._method, result, time_ms))
+        if isinstance(row, str):
+            return failed_row(example, self._method, row)
+        recorder.write(example, result.flow)
+        return self._with_cycle(row, example, result)
+
+    def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
+        backward = self._backward
+        if backward is None:
+            return row
+        triplet = example.triplet
+        way_back = _attempted(lambda: backward.estimate(reversed_pair(triplet)))
+        if isinstance(way_back, str):
+            return row
+        cycle = cycle_distance(triplet, result.flow, way_back.flow, result.kept)
+        return replace(row, consistency={**row.consistency, **cycle})
+
+
+def _attempted(work: Callable[[], Result]) -> Result | str:
+    """What the work returns, or in one line why it failed: one bad example must not end a run."""
+    try:
+        return work()
+    except MnsfError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - methods are other people's code, too
+        _LOG.exception("an example failed")
+        return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"

@@ -1,0 +1,115 @@
+"""What is in a recording and what is wrong with it, found out by reading all of it once."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_files import SUFFIXES
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.mcap_content import McapContent, read_content
+from mnsf_ros.recording.sequential_mcap_reader import SequentialMcapReader
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from mnsf_ros.recording.bag_topics import TopicSummary
+
+_MCAP: Final = ".mcap"
+_OTHER_PROFILE: Final = "Profile is not ros2"
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What reading a recording once has shown; small, and may be sent to other processes.
+
+    Attributes:
+        path: The recording.
+        topics: Topic -> type and number of messages that can be read.
+        damages: What cannot be read. Of recordings other than mcap only what opening them shows;
+            `readable_messages` finds the rest.
+        has_checksums: Whether flipped bits in messages would have been noticed.
+        mcap_files: The files in the order of time, if all are mcap; else empty.
+    """
+
+    path: Path
+    topics: dict[str, TopicSummary]
+    damages: tuple[Damage, ...] = ()
+    has_checksums: bool = False
+    mcap_files: tuple[Path, ...] = ()
+
+    @contextmanager
+    def open(self) -> Iterator[BagReader]:
+        """Opens the recording.
+
+        Raises:
+            RecordingError: It has changed since it was inspected.
+        """
+        reader = BagReader(self.path)
+        if self.mcap_files:
+            reader = SequentialMcapReader(self.path, self.mcap_files, self.topics)
+        with reader:
+            yield reader
+
+
+def inspect_recording(path: Path | str) -> Inspection:
+    """Reads a recording once and says what can be used of it.
+
+    Args:
+        path: A rosbag2 folder, or a .mcap, .db3 or .bag file.
+
+    Raises:
+        RecordingError: There is none, or no message of it can be read.
+    """
+    path = Path(path)
+    files = _mcap_files(path)
+    problem: RecordingError | None = None
+    topics: dict[str, TopicSummary] = {}
+    try:
+        with BagReader(path) as reader:
+            topics = reader.topics
+    except RecordingError as error:
+        if not files:
+            raise
+        problem = error
+    if not files:
+        return Inspection(path, topics)
+    inspection = _of_content(path, [read_content(file) for file in files], problem)
+    if problem is None and not inspection.damages and inspection.topics != topics:
+        # Its metadata.yaml knows better which of the files belong to the recording.
+        return Inspection(path, topics)
+    return inspection
+
+
+def _of_content(
+    path: Path, contents: Sequence[McapContent], problem: RecordingError | None
+) -> Inspection:
+    contents = sorted(contents, key=lambda content: content.first_ns)
+    topics = McapContent.merged_topics(contents)
+    if not any(summary.count for summary in topics.values()):
+        raise problem or RecordingError(f"{path}: holds no messages that can be read")
+    damages = [damage for content in contents for damage in content.damages]
+    if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
+        damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
+    return Inspection(
+        path=path,
+        topics=topics,
+        damages=tuple(damages),
+        has_checksums=all(content.has_checksums for content in contents),
+        mcap_files=tuple(content.file for content in contents),
+    )
+
+
+def _mcap_files(path: Path) -> list[Path]:
+    """The files of the recording if all of them are plain mcap."""
+    if path.is_file():
+        return [path] if path.suffix == _MCAP else []
+    if not path.is_dir():
+        return []
+    stored = [file for file in sorted(path.iterdir()) if file.suffix in (*SUFFIXES, ".zstd")]
+    is_plain = all(file.suffix == _MCAP and file.is_file() for file in stored)
+    return stored if is_plain else []

@@ -1,0 +1,129 @@
+"""The loss landscape of FNSF against that of MNSF: is the optimum of fused flow a flatter one?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
+
+from mnsf_ros.evaluation.run_start import check_folder
+from mnsf_ros.evaluation.tables import TextTable, format_number
+from mnsf_ros.studies.fitted_optima import fitted_losses
+from mnsf_ros.studies.loss_landscape import Landscape, landscape
+from mnsf_ros.studies.study_examples import first_example
+from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.studies.study_output import StudyResult, new_figure
+
+_TITLE: Final = "Loss landscape around the optimum"
+_TEXT: Final = (
+    "Mean distance D of the moved points to the next sweep, around the weights that each method "
+    "ends with. Directions are random and filter-normalized: a step of 1 is as long as the weights "
+    "themselves, layer by layer and row by row. FNSF varies the forward field; MNSF (all weights) "
+    "both fields and the fusion; MNSF (fusion) the fusion alone, which is what is optimized at "
+    "last, while forward and backward flow are fixed. The rise is the mean of a step forth and "
+    "back, over all directions, with the standard deviation between directions."
+)
+_LEVELS: Final = 16
+
+
+@dataclass(frozen=True)
+class LandscapeOptions:
+    """How to look at a landscape.
+
+    Attributes:
+        radius: The picture reaches so far to each side.
+        num_steps: Steps from one side to the other.
+        num_directions: Random directions for the sharpness.
+    """
+
+    radius: float = 0.5
+    num_steps: int = 21
+    num_directions: int = 10
+
+
+def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = None) -> StudyResult:
+    """Fits both methods to the first example and looks around their optima.
+
+    Raises:
+        MnsfError: A recording, a setting or the folder cannot be used, or a fit fails.
+    """
+    how = how or LandscapeOptions()
+    check_folder(options.out, resume=options.resume)
+    example = first_example(options)
+    options.say("fitting FNSF and MNSF")
+    optima = fitted_losses(example.triplet, options.evaluation().method_settings)
+    found = {}
+    for name, (network, loss_of) in optima.items():
+        options.say(f"looking around {name}")
+        found[name] = landscape(
+            network,
+            loss_of,
+            seed=options.seed,
+            radius=how.radius,
+            num_steps=how.num_steps,
+            num_directions=how.num_directions,
+        )
+    where = (
+        f"Sweep {example.number} of {example.recording}, {len(example.triplet.current):,} points."
+    )
+    return landscape_result(found, [_TEXT, where])
+
+
+def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
+    """Puts landscapes into a table, rows and a picture."""
+    radii = next(iter(found.values())).radii
+    header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
+    cells = [
+        [
+            name,
+            format_number(item.loss_m, 4),
+            *(
+                f"{mean:.4f} ± {deviation:.4f}"
+                for mean, deviation in zip(item.sharpness, item.rises_m.std(axis=0), strict=True)
+            ),
+        ]
+        for name, item in found.items()
+    ]
+    rows = [
+        (name, "square", x, y, item.losses_m[row, column])
+        for name, item in found.items()
+        for row, y in enumerate(item.axis)
+        for column, x in enumerate(item.axis)
+    ]
+    rows += [
+        (name, f"direction {number}", radius, 0.0, item.loss_m + item.rises_m[number, column])
+        for name, item in found.items()
+        for number in range(len(item.rises_m))
+        for column, radius in enumerate(item.radii)
+    ]
+    return StudyResult(
+        name="landscape",
+        title=_TITLE,
+        texts=texts,
+        tables=[TextTable(header, cells, "Sharpness: how much the loss rises")],
+        header=("method", "kind", "first_step", "second_step", "loss_m"),
+        rows=rows,
+        figure=_figure(found),
+    )
+
+
+def _figure(found: dict[str, Landscape]) -> Figure:
+    figure = new_figure(4.6 * len(found) + 0.8, 5.8)
+    panels = np.atleast_1d(figure.subplots(1, len(found)))
+    rises = [np.maximum(item.losses_m - item.loss_m, 0.0) for item in found.values()]
+    highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
+    # Denser near the optimum; the same levels for all, or the eye would compare nothing.
+    levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
+    norm = BoundaryNorm(levels, 256, extend="max")
+    for axes, (name, item), rise in zip(panels, found.items(), rises, strict=True):
+        drawn = axes.contourf(item.axis, item.axis, rise, levels, norm=norm, extend="max")
+        axes.contour(item.axis, item.axis, rise, levels, colors="white", linewidths=0.4)
+        axes.plot(0.0, 0.0, "r+", markersize=10)
+        axes.set(title=f"{name}\nloss {item.loss_m:.4f} m", aspect="equal")
+        axes.set_xlabel("step along a random direction")
+    figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", shrink=0.85)
+    figure.suptitle(_TITLE)
+    return figure

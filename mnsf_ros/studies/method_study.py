@@ -1,0 +1,196 @@
+"""The paper's ablation tables: variants of the method, scored on the same examples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.protocol_text import protocol_text
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import MethodSummary, summarize
+from mnsf_ros.evaluation.results_files import read_results, write_results
+from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.tables import errors_table
+from mnsf_ros.evaluation.task_runs import Executor, TaskEvent, TaskRun, task_events
+from mnsf_ros.studies.study_examples import study_recordings
+from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.studies.study_output import StudyResult, new_figure
+
+_HEADER: Final = (
+    *("variant", "method", "points", "epe_m", "acc5", "acc10", "outliers"),
+    *("angle_error_rad", "num_points", "time_ms"),
+)
+GROUPS: Final = {"all": "all points", "dynamic": "moving points", "static": "standing points"}
+
+
+@dataclass(frozen=True)
+class MethodStudy:
+    """A table of the paper.
+
+    Attributes:
+        name: Name of the study.
+        title: What is compared.
+        variants: What a row is called, to the method of it.
+        num_sweeps: Sweeps that the variant with the largest appetite needs.
+    """
+
+    name: str
+    title: str
+    variants: dict[str, str]
+    num_sweeps: int = 3
+
+
+METHOD_STUDIES: Final = (
+    MethodStudy(
+        "ablation",
+        "Ablation: what each part of the method is worth",
+        {
+            "FNSF": "fnsf",
+            "(a) without the backward flow": "mnsf-no-backward",
+            "(b) inversion and mean, no fusion network": "mnsf-mean",
+            "(c) without inversion": "mnsf-no-inversion",
+            "(d) MNSF": "mnsf",
+        },
+    ),
+    MethodStudy(
+        "fusion",
+        "Fusion operation",
+        {
+            "FNSF": "fnsf",
+            "mean": "mnsf-mean",
+            "weighted sum": "mnsf-weighted-sum",
+            "MLP": "mnsf-mlp",
+        },
+    ),
+    MethodStudy(
+        "depth",
+        "Depth of the fusion network",
+        {f"{depth} layers": f"mnsf-depth{depth}" for depth in (2, 3, 5, 7)},
+    ),
+    MethodStudy(
+        "frames",
+        "Number of sweeps",
+        {f"{number} sweeps": f"mnsf-frames{number}" for number in (2, 3, 4, 5)},
+        num_sweeps=MAX_SWEEPS,
+    ),
+)
+
+
+def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
+    """Evaluates the variants; `evaluation` in the folder is an evaluation like any other.
+
+    Raises:
+        MnsfError: A recording, a setting or the folder cannot be used.
+        OSError: Writing fails.
+    """
+    check_folder(options.out, resume=options.resume)
+    evaluation = options.evaluation(study.num_sweeps)
+    methods = list(study.variants.values())
+    # The evaluation has a folder of its own beside the simulated street.
+    recordings = study_recordings(options, study.num_sweeps)
+    folder = start_or_resume(
+        options.out / "evaluation",
+        recordings,
+        methods,
+        evaluation,
+        resume=options.resume,
+        arguments=options.command,
+    )
+    runs = plan_runs(recordings, methods, evaluation, folder)
+    watch = _Watch(options, len(runs) * options.num_examples)
+    execute = first_examples(options.num_examples)
+    run_evaluation(runs, evaluation, folder, execute=execute, watch=watch)
+    results = read_results(folder)
+    write_results(folder, results)
+    summaries = summarize(results.rows, methods)
+    texts = protocol_text(results.run, summaries)
+    return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in results.notes)])
+
+
+def study_result(
+    study: MethodStudy, summaries: Sequence[MethodSummary], texts: Sequence[str]
+) -> StudyResult:
+    """Puts the summaries of the variants into tables and a picture."""
+    by_method = {summary.method: summary for summary in summaries}
+    named = {name: by_method[m] for name, m in study.variants.items() if m in by_method}
+    tables, rows = [], []
+    for group, words in GROUPS.items():
+        errors = {n: s.errors[group] for n, s in named.items() if group in s.errors}
+        if not any(item.num_points for item in errors.values()):
+            continue
+        times_ms = {n: s.time_ms for n, s in named.items()} if group == "all" else None
+        title = f"{study.title}, {words}"
+        tables.append(errors_table(errors, title=title, row_title="variant", times_ms=times_ms))
+        for name, item in errors.items():
+            shares = (item.acc5, item.acc10, item.outliers)
+            values = (item.epe_m, *shares, item.angle_error_rad, item.num_points)
+            rows.append((name, study.variants[name], group, *values, named[name].time_ms))
+    figure = _figure(study, named)
+    return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, figure)
+
+
+def first_examples(number: int) -> Executor:
+    """Returns an Executor that runs tasks one after the other, each only to so many examples."""
+
+    def execute(
+        runs: Sequence[TaskRun], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        for run in runs:
+            num_left = number - len(run.skipped)
+            events = task_events(run, options) if num_left > 0 else iter([Findings()])
+            for event in events:
+                yield run.task, event
+                num_left -= isinstance(event, ResultRow)
+                if isinstance(event, ResultRow) and num_left == 0:
+                    yield run.task, Findings()
+                    break
+
+    return execute
+
+
+class _Watch:
+    """Says how far a study is."""
+
+    def __init__(self, options: StudyOptions, total: int) -> None:
+        self._options = options
+        self._total = total
+        self._done = 0
+
+    def __call__(self, task: EvaluationTask, event: TaskEvent) -> None:
+        if isinstance(event, ResultRow):
+            self._done += 1
+            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else event.failure
+            where = f"{task.method}, {event.recording} sweep {event.number}"
+            self._options.say(f"{self._done} of {self._total}: {where}: {said}")
+
+
+def _figure(study: MethodStudy, named: dict[str, MethodSummary]) -> Figure:
+    figure = new_figure(9.0, 1.2 + 0.5 * len(named))
+    panels = figure.subplots(1, 2, sharey=True)
+    parts = (("EPE (m), less is better", "epe_m", 1.0), ("Acc5 (%), more is better", "acc5", 100.0))
+    for axes, (title, name, factor) in zip(panels, parts, strict=True):
+        for place, group in enumerate(GROUPS):
+            values = [
+                getattr(s.errors[group], name) * factor if group in s.errors else math.nan
+                for s in named.values()
+            ]
+            heights = [row + 0.26 * (place - 1) for row in range(len(named))]
+            axes.barh(heights, values, height=0.24, label=GROUPS[group], color=_COLORS[place])
+        axes.set_yticks(range(len(named)), list(named))
+        axes.set_title(title, fontsize=10)
+        axes.grid(axis="x", alpha=0.3)
+    panels[0].invert_yaxis()
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.suptitle(study.title)
+    return figure
+
+
+_COLORS: Final = ("#0b62c4", "#e2703a", "#8a94a3")

@@ -1,0 +1,151 @@
+"""The theorem's 1/N: single points are replaced, and the change of the result is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from mnsf_ros.evaluation.run_start import check_folder
+from mnsf_ros.evaluation.tables import TextTable, format_number
+from mnsf_ros.methods import make_method
+from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.studies.point_stability import (
+    SWEEPS,
+    Change,
+    changes,
+    fitted_slope,
+    mean_changes,
+)
+from mnsf_ros.studies.study_examples import first_example
+from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.studies.study_output import StudyResult, new_figure
+
+METHODS: Final = ("nsfp", "fnsf", "mnsf")
+_TITLE: Final = "Stability: one point replaced"
+_PARTS: Final = {"flow_m": "change of flow (m)", "loss_m": "change of loss (m)"}
+_COLORS: Final = dict(zip(METHODS, ("#0b62c4", "#c4450a", "#14804a"), strict=True))
+_LOOKS: Final = {"current": ("o", "-"), "next": ("s", "--"), "previous": ("^", ":")}
+# The theorem speaks of the optimum, not of when a noisy loss happens to look converged: a step
+# more or less changes the flow far more than a point does. So all fits get the same steps.
+STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
+    "distance.kind": "tree",
+    "optimization.max_iterations": 60,
+    "optimization.decay": True,
+    "optimization.batch_points": 0,
+    "fusion.max_iterations": 60,
+    "early_stopping.patience": 0,
+    "fusion.patience": 0,
+    "nsfp.patience": 0,
+    "warm_start.enabled": False,
+}
+
+
+@dataclass(frozen=True)
+class StabilityOptions:
+    """How to measure stability.
+
+    Attributes:
+        sizes: Numbers of points, ascending.
+        num_repeats: Draws of points for each of them.
+        methods: Names of the methods.
+    """
+
+    sizes: tuple[int, ...] = (128, 256, 512, 1024, 2048)
+    num_repeats: int = 5
+    methods: tuple[str, ...] = METHODS
+
+
+def stability_settings(settings: Settings, asked: Sequence[str] = ()) -> Settings:
+    """Returns settings that suit the study.
+
+    Args:
+        settings: What the user has.
+        asked: Names of the settings that the user asked for, which stay.
+    """
+    return settings.changed({k: v for k, v in STABILITY_SETTINGS.items() if k not in asked})
+
+
+def run_stability_study(options: StudyOptions, how: StabilityOptions | None = None) -> StudyResult:
+    """Replaces points of the first example. Settings are taken as they are.
+
+    Raises:
+        MnsfError: A recording, a setting or the folder cannot be used, or an estimate fails.
+    """
+    how = how or StabilityOptions()
+    check_folder(options.out, resume=options.resume)
+    triplet = first_example(options).triplet
+    found: list[Change] = []
+    for method in how.methods:
+        options.say(f"replacing points for {method}")
+        estimator = make_method(method, options.evaluation().method_settings)
+        found += changes(method, estimator, triplet, how.sizes, how.num_repeats, options.seed)
+    return stability_result(found, how)
+
+
+def stability_result(found: Sequence[Change], how: StabilityOptions) -> StudyResult:
+    """Puts changes into tables, rows and a picture."""
+    text = (
+        f"Mean change over {how.num_repeats} draws when one of N points of one sweep is replaced "
+        "by another, all else equal: start weights, and all other points. The slope is that of "
+        "the logarithm of the change over the logarithm of N, with its standard error: -1 is one "
+        "over N, as the theorem's bound falls. Methods that do not look at the previous sweep "
+        "do not change with it."
+    )
+    rows = [(c.method, c.num_points, c.sweep, c.repeat, c.flow_m, c.loss_m) for c in found]
+    return StudyResult(
+        name="stability",
+        title=_TITLE,
+        texts=[text],
+        tables=[_table(found, how, part, words) for part, words in _PARTS.items()],
+        header=("method", "num_points", "sweep", "repeat", "flow_m", "loss_m"),
+        rows=rows,
+        figure=_figure(found, how),
+    )
+
+
+def _table(found: Sequence[Change], how: StabilityOptions, part: str, words: str) -> TextTable:
+    rows = []
+    for method in how.methods:
+        for sweep in SWEEPS:
+            means = mean_changes(found, method, sweep, part)
+            line = fitted_slope(means)
+            cells = [f"{means[size]:.2e}" for size in how.sizes]
+            slope = f"{format_number(line.slope, 2)} ± {format_number(line.deviation, 2)}"
+            rows.append([f"{method}, {sweep} sweep", *cells, slope])
+    header = ["replaced in", *(f"N = {size:,}" for size in how.sizes), "slope"]
+    return TextTable(header, rows, words[0].upper() + words[1:])
+
+
+def _figure(found: Sequence[Change], how: StabilityOptions) -> Figure:
+    figure = new_figure(11.0, 5.0)
+    panels = figure.subplots(1, 2)
+    for axes, (part, words) in zip(panels, _PARTS.items(), strict=True):
+        tops = []
+        for number, method in enumerate(how.methods):
+            for sweep, (mark, line) in _LOOKS.items():
+                means = mean_changes(found, method, sweep, part)
+                known = {size: value for size, value in means.items() if value > 0}
+                if not known:
+                    continue
+                color = _COLORS.get(method, f"C{number}")
+                label = f"{method}, {sweep}"
+                axes.loglog(
+                    list(known),
+                    list(known.values()),
+                    color=color,
+                    marker=mark,
+                    ls=line,
+                    label=label,
+                )
+                tops.append(max(known.values()))
+        guide = [max(tops, default=1.0) * how.sizes[0] / size for size in how.sizes]
+        axes.loglog(how.sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
+        axes.set_xlabel("points N of each sweep")
+        axes.set_title(words)
+        axes.grid(which="major", alpha=0.3)
+    panels[1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.suptitle(_TITLE)
+    return figure

@@ -1,0 +1,81 @@
+"""The examples of a study: of recordings, or of a street that is simulated for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluatedRecording,
+    choose_topics,
+    recording_names,
+)
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.tasks import read_examples
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.studies.study_options import StudyOptions
+
+# A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
+_BEAMS, _COLUMNS = 32, 1024
+
+
+def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[EvaluatedRecording]:
+    """Returns the recordings of a study; without any, writes a simulated one into its folder.
+
+    Args:
+        options: Which.
+        num_sweeps: Sweeps that an example needs.
+
+    Raises:
+        RecordingError: A recording cannot be used, or the simulated one cannot be written.
+    """
+    paths = options.recordings
+    if not paths:
+        street = options.out / "street"
+        if not street.exists():
+            options.say("simulating a street")
+            write_recording(_simulation(options, num_sweeps), street)
+        paths = (street,)
+    return [
+        choose_topics(inspect_recording(path), name)
+        for path, name in zip(paths, recording_names(paths), strict=True)
+    ]
+
+
+def study_examples(options: StudyOptions, num_sweeps: int = 3) -> Iterator[Example]:
+    """Yields the examples of a study.
+
+    Raises:
+        RecordingError: A recording cannot be used.
+    """
+    for recording in study_recordings(options, num_sweeps):
+        with recording.inspection.open() as reader:
+            evaluation = options.evaluation(num_sweeps)
+            examples = read_examples(reader, recording, evaluation, Findings())
+            yield from islice(examples, options.num_examples)
+
+
+def first_example(options: StudyOptions) -> Example:
+    """Returns the first example of a study.
+
+    Raises:
+        RecordingError: There is none.
+    """
+    for example in study_examples(options):
+        return example
+    raise RecordingError("the recordings hold no three sweeps in a row")
+
+
+def _simulation(options: StudyOptions, num_sweeps: int) -> SimulationSettings:
+    usual = SimulationSettings()
+    return SimulationSettings(
+        seed=options.seed,
+        # An example lies between the sweeps before it and the one after.
+        duration_s=(options.num_examples + num_sweeps - 1) * usual.interval_s,
+        num_beams=_BEAMS,
+        num_columns=_COLUMNS,
+    )

@@ -1,0 +1,200 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mnsf_ros.evaluation.argoverse_metrics import (
+    added,
+    bucket_sums,
+    bucketed_errors,
+    space_time_angles,
+    three_way_epe_m,
+    three_way_sums,
+)
+from mnsf_ros.evaluation.metrics import end_point_errors, flow_errors
+
+ROAD, CAR, PERSON, CYCLIST = 1, 6, 7, 8
+
+
+def array(*values):
+    return np.array(values, dtype=np.float64)
+
+
+def classes(*values):
+    return np.array(values, dtype=np.uint8)
+
+
+def test_three_way_groups_by_class_and_motion():
+    errors = array(0.1, 0.3, 0.5, 0.02, 0.04, 9.0)
+    dynamic = np.array([True, True, False, False, False, True])
+    # The last point is background that moves: it is in none of the groups.
+    sums = three_way_sums(errors, dynamic, classes(CAR, PERSON, CYCLIST, ROAD, 0, 3))
+    assert sums == {
+        "foreground dynamic": [2.0, pytest.approx(0.4), 0.0],
+        "foreground static": [1.0, 0.5, 0.0],
+        "background static": [2.0, pytest.approx(0.06), 0.0],
+    }
+    assert three_way_epe_m(sums) == {
+        "foreground dynamic": pytest.approx(0.2),
+        "foreground static": 0.5,
+        "background static": pytest.approx(0.03),
+    }
+
+
+def test_three_way_epe_of_groups_without_points_is_nan():
+    sums = three_way_sums(array(0.2), np.array([False]), classes(ROAD))
+    epe = three_way_epe_m(sums)
+    assert epe["background static"] == 0.2
+    assert math.isnan(epe["foreground dynamic"])
+
+
+def test_buckets_are_4_cm_wide_and_a_limit_belongs_to_the_bucket_above():
+    motion = array(0.0, 0.0399, 0.04, 0.0799, 0.08, 1.9999, 2.0, 5.0)
+    sums = bucket_sums(np.ones(8), motion, np.zeros(8), np.full(8, CAR, np.uint8))
+    assert {name: values[0] for name, values in sums.items()} == {
+        "CAR/0": 2,
+        "CAR/1": 2,
+        "CAR/2": 1,
+        "CAR/49": 1,
+        "CAR/50": 2,
+    }
+
+
+def test_only_points_within_35_m_count():
+    ranges = array(0.0, 35.0, 35.001)
+    sums = bucket_sums(np.ones(3), np.zeros(3), ranges, classes(CAR, CAR, CAR))
+    assert sums == {"CAR/0": [2.0, 2.0, 0.0]}
+
+
+def test_classes_of_the_challenge():
+    numbers = classes(0, ROAD, 9, CAR, PERSON, CYCLIST)
+    sums = bucket_sums(np.ones(6), np.zeros(6), np.zeros(6), numbers)
+    assert {name: values[0] for name, values in sums.items()} == {
+        "BACKGROUND/0": 3,
+        "CAR/0": 1,
+        "PEDESTRIAN/0": 1,
+        "WHEELED_VRU/0": 1,
+    }
+
+
+def test_dynamic_error_is_the_mean_over_buckets_of_error_over_motion():
+    # Bucket 2 (0.08 to 0.12): errors 0.02 and 0.04, motion 0.1 and 0.1: 0.03 / 0.1 = 0.3.
+    # Bucket 25 (1.00 to 1.04): error 0.51, motion 1.02: 0.5. Mean 0.4; static 0.01.
+    errors = array(0.02, 0.04, 0.51, 0.01)
+    motion = array(0.1, 0.1, 1.02, 0.0)
+    sums = bucket_sums(errors, motion, np.zeros(4), np.full(4, CAR, np.uint8))
+    assert bucketed_errors(sums) == {
+        "CAR": {"dynamic": pytest.approx(0.4), "static": pytest.approx(0.01)}
+    }
+
+
+def test_saying_that_nothing_moves_has_dynamic_error_1():
+    motion = np.random.default_rng(0).uniform(0.05, 3.0, 500)
+    sums = bucket_sums(motion, motion, np.zeros(500), np.full(500, PERSON, np.uint8))
+    errors = bucketed_errors(sums)["PEDESTRIAN"]
+    assert errors["dynamic"] == pytest.approx(1.0)
+    assert math.isnan(errors["static"])
+
+
+def test_sums_of_examples_add_up_to_those_of_all_points():
+    random = np.random.default_rng(1)
+    errors, motion = random.uniform(0, 1, 300), random.uniform(0, 2.5, 300)
+    kinds = random.choice([0, CAR, PERSON], 300).astype(np.uint8)
+
+    def sums(part):
+        return bucket_sums(errors[part], motion[part], np.zeros(300)[part], kinds[part])
+
+    parts = added([sums(slice(0, 100)), sums(slice(100, 180)), sums(slice(180, 300))])
+    whole = sums(slice(None))
+    assert parts.keys() == whole.keys()
+    for name, values in whole.items():
+        assert parts[name] == pytest.approx(values)
+
+
+def test_nothing_gives_nothing():
+    assert added([]) == {}
+    assert bucketed_errors({}) == {}
+    assert bucket_sums(*[np.empty(0)] * 3, classes()) == {}
+
+
+def test_bucketed_errors_leave_three_way_groups_alone():
+    assert bucketed_errors({"foreground static": [1.0, 0.5, 0.0]}) == {}
+
+
+@pytest.mark.parametrize(
+    ("estimate", "truth", "angle"),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0),
+        ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0), math.pi / 4),
+        ((0.01, 0.0, 0.0), (0.0, 0.0, 0.0), math.atan(0.1)),
+        ((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0), math.pi / 2),
+        ((3.0, 0.0, 0.0), (3.0, 0.0, 0.0), 0.0),
+    ],
+)
+def test_space_time_angle(estimate, truth, angle):
+    found = space_time_angles(np.array([estimate]), np.array([truth]))
+    assert found[0] == pytest.approx(angle, abs=1e-7)
+
+
+@pytest.fixture
+def av2():
+    with np.errstate(all="ignore"):
+        return pytest.importorskip("av2.evaluation.scene_flow.eval", exc_type=ImportError)
+
+
+def random_flows(num_points=400):
+    random = np.random.default_rng(5)
+    truth = random.normal(0, 0.5, (num_points, 3))
+    estimate = truth + random.normal(0, 0.1, (num_points, 3))
+    estimate[:20], truth[:10] = 0.0, 0.0
+    return estimate, truth
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_point_errors_agree_with_av2(av2):
+    estimate, truth = random_flows()
+    assert np.allclose(
+        end_point_errors(estimate, truth), av2.compute_end_point_error(estimate, truth)
+    )
+    angles = space_time_angles(estimate, truth)
+    assert np.allclose(angles, av2.compute_angle_error(estimate, truth), atol=1e-7)
+    # av2 adds 1e-10 m to the length of the truth, the paper 1e-20: the same unless both are 0.
+    errors = flow_errors(estimate, truth)
+    assert errors.acc5 == av2.compute_accuracy_strict(estimate, truth).mean()
+    assert errors.acc10 == av2.compute_accuracy_relax(estimate, truth).mean()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_three_way_epe_agrees_with_av2(av2):
+    from av2.evaluation.scene_flow import constants
+
+    examples, frames = [], []
+    for seed, num_points in ((0, 200), (1, 350)):
+        random = np.random.default_rng(seed)
+        truth = random.normal(0, 0.5, (num_points, 3))
+        estimate = truth + random.normal(0, 0.2, (num_points, 3))
+        dynamic = random.random(num_points) < 0.4
+        foreground = random.random(num_points) < 0.5
+        kinds = np.where(foreground, CAR, ROAD).astype(np.uint8)
+        examples.append(three_way_sums(end_point_errors(estimate, truth), dynamic, kinds))
+        frame = av2.compute_metrics(
+            estimate,
+            dynamic,
+            truth,
+            np.where(foreground, 19, 0),
+            dynamic,
+            np.ones(num_points, bool),
+            np.ones(num_points, bool),
+            constants.FOREGROUND_BACKGROUND_BREAKDOWN,
+        )
+        frame["Example"] = [str(seed)] * len(frame["Class"])
+        frames.append(av2.pd.DataFrame(frame))
+    theirs = av2.results_to_dict(av2.pd.concat(frames))
+    ours = three_way_epe_m(added(examples))
+    assert ours["foreground dynamic"] == pytest.approx(theirs["EPE/Foreground/Dynamic"])
+    assert ours["foreground static"] == pytest.approx(theirs["EPE/Foreground/Static"])
+    assert ours["background static"] == pytest.approx(theirs["EPE/Background/Static"])
+    mean = math.fsum(ours.values()) / 3
+    assert mean == pytest.approx(theirs["EPE 3-Way Average"])

@@ -1,0 +1,186 @@
+"""`mnsf evaluate` as users run it, on recordings that take a second."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.cli import evaluate
+from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.task_runs import run_serially
+
+SETTINGS = [f"--set={name}={value}" for name, value in small.TINY.items()]
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
+
+
+def mnsf(*arguments):
+    parser = argparse.ArgumentParser()
+    evaluate.add_to(parser.add_subparsers())
+    options = parser.parse_args(["evaluate", *map(str, arguments), *SETTINGS])
+    return options.run(options)
+
+
+def cut(bag, copy, share=0.6):
+    copy.mkdir()
+    for file in bag.iterdir():
+        data = file.read_bytes()
+        keeps_all = file.suffix != ".mcap"
+        (copy / file.name).write_bytes(data if keeps_all else data[: int(len(data) * share)])
+    return copy
+
+
+def test_bag_in_table_out(bag, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert mnsf(bag, "--methods", "zero,ego,fnsf", "--num-points", 30, "--out", out) == 0
+    printed = capsys.readouterr().out
+    for method in ("zero", "ego", "fnsf"):
+        assert method in printed
+    assert "EPE (m)" in printed
+    assert "the mean over 4 examples" in " ".join(printed.split())
+    for name in ("run.json", "rows.jsonl", "tasks.jsonl", "results.md", "results.csv"):
+        assert (out / name).stat().st_size > 0
+    assert len((out / "rows.jsonl").read_text().splitlines()) == 12
+    assert json.loads((out / "results.json").read_text())["methods"][1]["method"] == "ego"
+
+
+def test_several_recordings_at_once(bag, tmp_path):
+    other = small.write_recording(tmp_path / "other", 4)
+    assert mnsf(bag, other, "--methods", "ego", "--out", tmp_path / "out") == 0
+    rows = [json.loads(line) for line in (tmp_path / "out" / "rows.jsonl").read_text().splitlines()]
+    assert [row["recording"] for row in rows] == ["drive"] * 4 + ["other"] * 2
+
+
+def test_workers_and_written_flow(bag, tmp_path):
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=zero,ego", "--workers=2", "--write-flow", "--out", out]
+    assert mnsf(*arguments) == 0
+    assert sorted(path.name for path in (out / "flow").iterdir()) == ["drive.ego", "drive.zero"]
+
+
+def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path):
+    out = tmp_path / "out"
+    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
+    with pytest.raises(EvaluationError, match="exists already"):
+        mnsf(bag, "--methods", "zero", "--out", out)
+    with pytest.raises(EvaluationError, match="other settings"):
+        mnsf(bag, "--methods", "zero", "--out", out, "--resume", "--seed", "3")
+    assert mnsf(bag, "--methods", "zero,ego", "--out", out, "--resume") == 0
+    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+
+
+def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, monkeypatch):
+    def run_until_interrupted(runs, options):
+        events = run_serially(runs, options)
+        for _ in range(6):
+            yield next(events)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mnsf_ros.cli.evaluation_run.run_serially", run_until_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        mnsf(bag, "--methods", "zero,ego", "--out", tmp_path / "out")
+    assert "ego" in capsys.readouterr().out
+    assert "over 1 to 4 examples" in (tmp_path / "out" / "results.md").read_text()
+
+
+def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, capsys):
+    damaged = cut(bag, tmp_path / "cut")
+    status = mnsf(damaged, "--methods", "ego", "--out", tmp_path / "out")
+    assert status == evaluate.EXIT_DAMAGED
+    rows = (tmp_path / "out" / "rows.jsonl").read_text().splitlines()
+    assert 0 < len(rows) < 4
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Damage: " in printed
+    assert "byte" in printed
+    assert "cut short" in printed
+
+
+def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
+    rubbish = tmp_path / "rubbish.mcap"
+    rubbish.write_bytes(b"rubbish")
+    status = mnsf(bag, rubbish, "--methods", "ego", "--out", tmp_path / "out")
+    assert status == evaluate.EXIT_DAMAGED
+    assert "rubbish.mcap" in "".join(capsys.readouterr().out.split())
+    with pytest.raises(RecordingError, match="rubbish"):
+        mnsf(rubbish, "--methods", "ego", "--out", tmp_path / "other")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--methods", "mnfs"], "unknown method 'mnfs'; did you mean"),
+        (["--methods", ","], "methods: got none"),
+        (["--methods", "file:/nowhere"], "no such folder of predictions"),
+        (["--set", "crop.max_range=3"], "unknown setting 'crop.max_range'"),
+        (["--set", "crop.max_range_m"], "expected NAME=VALUE"),
+        (["--points", "/lidar"], "no topic '/lidar'"),
+        (["--num-points", "0"], "num_points: got 0"),
+        (["--realtime", "-1"], "realtime rate: got -1.0"),
+        (["--workers", "0"], "workers: got 0"),
+    ],
+)
+def test_what_cannot_be_used_is_said_before_anything_is_written(bag, tmp_path, arguments, text):
+    with pytest.raises(MnsfError) as caught:
+        mnsf(bag, *arguments, "--out", tmp_path / "out")
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_methods_with_more_frames_make_all_begin_later(bag, tmp_path):
+    out = tmp_path / "out"
+    assert mnsf(bag, "--methods", "zero,mnsf-frames5", "--out", out) == 0
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    assert [(row["method"], row["number"], row["failure"]) for row in rows] == [
+        ("zero", 3, ""),
+        ("zero", 4, ""),
+        ("mnsf-frames5", 3, ""),
+        ("mnsf-frames5", 4, ""),
+    ]
+
+
+def test_real_time_is_told_in_the_results(bag, tmp_path):
+    assert mnsf(bag, "--methods", "zero", "--realtime", "0.5", "--out", tmp_path / "out") == 0
+    text = (tmp_path / "out" / "results.md").read_text()
+    assert "Played at 0.5 times real time" in text
+    assert "by a height map" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("ground.remove=false", False),
+        ("ground.remove=True", True),
+        ("crop.max_range_m=35", 35.0),
+        ("crop.max_range_m=3.5e1", 35.0),
+        ("optimization.max_iterations=20", 20),
+        ("distance.kind=tree", "tree"),
+        (" distance.kind = grid ", "grid"),
+    ],
+)
+def test_assignment_has_the_type_of_its_setting(text, value):
+    (found,) = parse_assignments([text]).values()
+    assert found == value
+    assert type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ground.remove=1",
+        "crop.max_range_m=far",
+        "optimization.max_iterations=2.5",
+        "distance.kind=",
+    ],
+)
+def test_value_of_another_type_is_refused(text):
+    with pytest.raises(SettingsError, match=text.split("=")[0]):
+        parse_assignments([text])

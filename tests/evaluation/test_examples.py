@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.evaluation import findings as noticed
+from mnsf_ros.evaluation.examples import ExampleBuilder
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.point_selection import PointSelection
+from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose
+from mnsf_ros.evaluation.tasks import read_examples
+from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.settings import BufferSettings
+
+
+def truth_cloud(index):
+    encoded = small.truth(index).encode(small.xyz(index))
+    message = cloud_message(encoded, small.stamp(index), "lidar", is_dense=False)
+    return TruthCloud(small.stamp(index), message)
+
+
+def examples_of(sweeps, *, truth_of=None, selection=None, findings=None, **options):
+    findings = findings or Findings()
+    truth = None
+    if truth_of is not None:
+        truth = TruthTrack(map(truth_cloud, truth_of), findings, "drive")
+    builder = ExampleBuilder(
+        "drive", selection or PointSelection(), BufferSettings(), findings, truth=truth, **options
+    )
+    return builder.examples(sweeps)
+
+
+def triplets_of(examples):
+    """Indices of the sweeps of each example."""
+
+    def index(sweep):
+        return (sweep.stamp_ns - small.FIRST_NS) // small.STEP_NS
+
+    return [
+        tuple(map(index, (e.triplet.previous, e.triplet.current, e.triplet.next))) for e in examples
+    ]
+
+
+def test_each_inner_sweep_makes_an_example():
+    examples = list(examples_of(map(small.sweep, range(5))))
+    assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (2, 3, 4)]
+    assert [example.number for example in examples] == [1, 2, 3]
+    assert {example.recording for example in examples} == {"drive"}
+    assert [example.truth for example in examples] == [None] * 3
+
+
+def test_earlier_sweeps_come_nearest_first_and_no_more_than_two():
+    examples = list(examples_of(map(small.sweep, range(7))))
+    earlier = [[sweep.stamp_ns for sweep in e.triplet.earlier] for e in examples]
+    stamps = [[small.stamp(i) for i in indices] for indices in ([], [0], [1, 0], [2, 1], [3, 2])]
+    assert earlier == stamps
+
+
+def test_all_methods_begin_where_the_hungriest_can():
+    examples = examples_of(map(small.sweep, range(6)), num_sweeps=5)
+    assert triplets_of(examples) == [(2, 3, 4), (3, 4, 5)]
+
+
+def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
+    findings = Findings()
+    sweeps = [*map(small.sweep, range(4)), None, *map(small.sweep, range(4, 8))]
+    examples = list(examples_of(sweeps, findings=findings))
+    assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (4, 5, 6), (5, 6, 7)]
+    assert all(not example.triplet.earlier for example in examples[2:3])
+    assert findings.warnings == {noticed.INTERRUPTIONS: 1}
+
+
+def test_gap_in_time_duplicate_and_other_frame_are_counted():
+    findings = Findings()
+    sweeps = [*map(small.sweep, range(3)), small.sweep(2), *map(small.sweep, range(20, 23))]
+    sweeps += [small.sweep(index, frame_id="roof") for index in range(23, 26)]
+    examples = list(examples_of(sweeps, findings=findings))
+    assert triplets_of(examples) == [(0, 1, 2), (20, 21, 22), (23, 24, 25)]
+    assert findings.warnings == {
+        "sweeps: duplicate": 1,
+        "sweeps: gap": 1,
+        "sweeps: frame changed": 1,
+    }
+
+
+def test_truth_is_of_the_same_rows_as_the_points():
+    keep_all = PointSelection(num_points=20, seed=1)
+    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), selection=keep_all):
+        rows = example.triplet.current.source.rows
+        assert len(rows) == 20
+        index = example.number
+        assert np.array_equal(example.triplet.current.xyz, small.xyz(index)[rows])
+        assert np.array_equal(example.truth.flow, small.truth(index).flow[rows])
+        assert np.array_equal(example.truth.class_id, small.truth(index).class_id[rows])
+        assert not example.truth.ground.any()
+        assert example.truth.valid.all()
+
+
+def test_rows_count_in_the_cloud_also_where_points_were_not_finite():
+    sweep = small.sweep(1, 60)
+    finite = np.delete(np.arange(60), [0, 7])
+    source = type(sweep.source)(finite, 60, "drive")
+    holed = type(sweep)(sweep.xyz[finite], sweep.stamp_ns, sweep.frame_id, source)
+    sweeps = [small.sweep(0), holed, small.sweep(2)]
+    (example,) = examples_of(sweeps, truth_of=range(3))
+    rows = example.triplet.current.source.rows
+    assert set(rows) <= set(finite)
+    assert np.array_equal(example.truth.flow, small.truth(1).flow[rows])
+
+
+def test_live_node_gets_all_points_but_is_scored_on_the_same():
+    given_all = PointSelection(gives_all=True)
+    (example,) = examples_of(map(small.sweep, range(3)), truth_of=range(3), selection=given_all)
+    assert len(example.triplet.current) == 60
+    assert np.array_equal(example.truth.valid, ~small.truth(1).ground)
+
+
+def test_truth_is_not_used_across_a_sweep_that_is_missing():
+    # Truth of sweep 3 leads to sweep 4, which is lost: no triplet may take 5 for it.
+    findings = Findings()
+    sweeps = [small.sweep(index) for index in range(9) if index != 4]
+    examples = list(examples_of(sweeps, truth_of=range(9), findings=findings))
+    assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (5, 6, 7), (6, 7, 8)]
+    assert findings.warnings == {noticed.TRUTH_WITHOUT_SWEEP: 1, noticed.INTERRUPTIONS: 1}
+
+
+def test_motion_from_odometry():
+    poses = PoseTrack(
+        StampedPose(small.stamp(index), small.pose(index), "lidar") for index in range(3)
+    )
+    (example,) = examples_of(map(small.sweep, range(3)), poses=poses)
+    expected = np.eye(4)
+    expected[0, 3] = -0.5
+    assert np.allclose(example.next_from_current, expected)
+    assert example.triplet.next_from_current is example.next_from_current
+
+
+def test_odometry_that_is_missing_or_of_another_frame_is_counted():
+    findings = Findings()
+    poses = PoseTrack([StampedPose(small.stamp(1), small.pose(1), "base_link")])
+    (example,) = examples_of(map(small.sweep, range(3)), poses=poses, findings=findings)
+    assert example.next_from_current is None
+    assert findings.warnings == {noticed.SWEEPS_WITHOUT_POSE: 2, noticed.FRAMES_DIFFER: 1}
+
+
+def test_nothing_is_kept_of_a_recording_of_any_length():
+    alive = weakref.WeakSet()
+    most = 0
+
+    def sweeps():
+        nonlocal most
+        for index in range(400):
+            sweep = small.sweep(index)
+            alive.add(sweep)
+            yield sweep
+            del sweep
+            most = max(most, len(alive))
+
+    count = 0
+    for example in examples_of(sweeps(), truth_of=range(400)):
+        count += 1
+        alive.add(example)
+        alive.add(example.triplet.current)
+        del example
+    gc.collect()
+    assert count == 398
+    # Five sweeps as they were selected, the newest as it was read, and a few on their way.
+    assert most < 15
+
+
+@pytest.mark.parametrize("num_points", [None, 10])
+def test_examples_of_a_recording(tmp_path, num_points):
+    path = small.write_recording(tmp_path / "drive", 5)
+    recording = small.recording_at(path)
+    findings = Findings()
+    with recording.inspection.open() as reader:
+        options = small.options(num_points=num_points)
+        examples = list(read_examples(reader, recording, options, findings))
+    assert [example.number for example in examples] == [1, 2, 3]
+    assert all(example.truth is not None for example in examples)
+    assert all(example.next_from_current is not None for example in examples)
+    assert {len(example.triplet.current) for example in examples} == {num_points or 54}
+    assert not findings.warnings

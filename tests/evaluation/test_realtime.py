@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.realtime import played_in_real_time
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+EMPTY = np.empty((0, 3), np.float32)
+
+
+def example(number, next_ms):
+    def sweep(milliseconds):
+        return Sweep(EMPTY, round(milliseconds * 1e6))
+
+    triplet = SweepTriplet(sweep(next_ms - 200), sweep(next_ms - 100), sweep(next_ms))
+    return Example("drive", number, triplet)
+
+
+def played(arrivals_ms, times_ms, rate=1.0):
+    """Number, whether it was dropped, and latency of each outcome, in their order."""
+    times = iter(times_ms)
+
+    def estimate(example):
+        return f"flow {example.number}", next(times)
+
+    examples = [example(number, next_ms) for number, next_ms in enumerate(arrivals_ms)]
+    outcomes = list(played_in_real_time(examples, rate, estimate))
+    for outcome in outcomes:
+        assert outcome.result in (None, f"flow {outcome.example.number}")
+    return [
+        (o.example.number, None if o.result is None else round(o.latency_ms, 3)) for o in outcomes
+    ]
+
+
+def test_fast_method_gets_everything_at_once():
+    assert played([1000, 1100, 1200], [60, 60, 60]) == [(0, 60), (1, 60), (2, 60)]
+
+
+def test_slow_method_gets_the_newest_when_it_is_done():
+    # 0 runs 1000 to 1250. 1 waits at 1100, 2 takes its place at 1200 and runs 1250 to 1500.
+    # 3 waits at 1300, 4 takes its place at 1400; it runs at 1500, just before 5 arrives,
+    # to 1750; 5 waits, 6 and 7 take its place in turn; 7 runs 1750 to 2000.
+    arrivals = range(1000, 1800, 100)
+    assert played(arrivals, [250] * 8) == [
+        (0, 250),
+        (1, None),
+        (2, 300),
+        (3, None),
+        (4, 350),
+        (5, None),
+        (6, None),
+        (7, 300),
+    ]
+
+
+def test_what_still_waits_at_the_end_is_estimated():
+    assert played([1000, 1100], [150, 30]) == [(0, 150), (1, 80)]
+
+
+def test_times_decide_so_equal_times_give_equal_drops():
+    times = [130, 40, 250, 90, 20, 170, 110]
+    arrivals = range(0, 1500, 100)
+    assert played(arrivals, times * 3) == played(arrivals, times * 3)
+
+
+def test_rate_makes_sweeps_come_faster():
+    # At double speed sweeps come every 50 ms.
+    assert played([1000, 1100, 1200, 1300], [60] * 4, rate=2.0) == [
+        (0, 60),
+        (1, 70),
+        (2, 80),
+        (3, 90),
+    ]
+    assert played([1000, 1100, 1200, 1300], [90] * 4, rate=2.0)[1] == (1, 130)
+    assert (1, None) in played([1000, 1100, 1200, 1300], [110] * 4, rate=2.0)
+
+
+def test_every_example_has_one_outcome():
+    random = np.random.default_rng(0)
+    arrivals = np.cumsum(random.uniform(50, 150, 200))
+    outcomes = played(arrivals, random.uniform(20, 400, 200))
+    assert sorted(number for number, _ in outcomes) == list(range(200))
+    dropped = sum(latency is None for _, latency in outcomes)
+    assert 0 < dropped < 200
+
+
+def test_never_more_than_one_waits():
+    # With times far longer than the interval the age at the start is below one interval.
+    outcomes = played(range(0, 10_000, 100), [730] * 100)
+    waits = [latency - 730 for _, latency in outcomes if latency is not None]
+    assert max(waits[:-1]) <= 100
+
+
+def test_a_recording_that_jumps_back_goes_on():
+    outcomes = played([1000, 1100, 100, 200], [10] * 4)
+    assert [number for number, latency in outcomes if latency is not None] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, math.inf, math.nan])
+def test_rate_must_be_above_0(rate):
+    with pytest.raises(EvaluationError, match="expected a number above 0"):
+        played([1000], [10], rate=rate)

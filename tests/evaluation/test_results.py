@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from dataclasses import replace
+
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.results import mean, summarize
+from mnsf_ros.evaluation.results_files import (
+    read_results,
+    results_csv,
+    results_markdown,
+    write_results,
+)
+from mnsf_ros.evaluation.results_tables import further_tables, main_tables
+from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+
+NAN = math.nan
+
+
+def errors(epe_m, num_points=10):
+    return FlowErrors(epe_m, 0.5, 0.6, 0.4, 0.3, num_points)
+
+
+def row(number, epe_m, method="mnsf", **changes):
+    base = ResultRow(
+        "drive",
+        number,
+        number,
+        method,
+        10,
+        time_ms=100.0 * number,
+        errors={"all": errors(epe_m), "dynamic": errors(NAN, 0), "static": errors(epe_m)},
+        device="cpu",
+    )
+    return replace(base, **changes)
+
+
+def test_value_is_the_mean_over_examples_not_over_points():
+    rows = [row(1, 0.1), row(2, 0.4, errors={"all": errors(0.4, num_points=10_000)})]
+    (summary,) = summarize(rows)
+    assert summary.errors["all"].epe_m == pytest.approx(0.25)
+    assert summary.errors["all"].num_points == 10_010
+    assert summary.time_ms == 150.0
+    assert summary.num_examples == 2
+
+
+def test_order_of_rows_does_not_matter_to_the_last_digit():
+    rows = [row(number, 1 / number) for number in range(1, 40)]
+    assert summarize(rows)[0].errors["all"] == summarize(rows[::-1])[0].errors["all"]
+
+
+def test_failed_and_dropped_examples_are_counted_and_in_no_mean():
+    failed = ResultRow("drive", 3, 3, "mnsf", 10, failure="no points")
+    dropped = ResultRow("drive", 4, 4, "mnsf", 10, failure=DROPPED)
+    (summary,) = summarize([row(1, 0.2), failed, dropped])
+    assert (summary.num_examples, summary.num_failed, summary.num_dropped) == (1, 1, 1)
+    assert summary.errors["all"].epe_m == 0.2
+    assert summary.time_ms == 100.0
+
+
+def test_methods_come_in_the_order_asked_for():
+    rows = [row(1, 0.1, method) for method in ("b", "c", "a", "d")]
+    assert [summary.method for summary in summarize(rows, ["c", "x", "b"])] == ["c", "b", "a", "d"]
+    assert summarize([]) == []
+
+
+def test_argoverse_values_are_over_all_points():
+    rows = [
+        row(1, 0.1, sums={"foreground dynamic": [1.0, 0.9, 0.0], "CAR/2": [1.0, 0.09, 0.1]}),
+        row(2, 0.1, sums={"foreground dynamic": [9.0, 0.9, 0.0], "CAR/2": [9.0, 0.09, 0.9]}),
+    ]
+    (summary,) = summarize(rows)
+    assert summary.three_way_epe_m["foreground dynamic"] == pytest.approx(0.18)
+    assert summary.bucketed["CAR"]["dynamic"] == pytest.approx(0.18)
+    assert summary.bucketed["mean"]["dynamic"] == pytest.approx(0.18)
+    # Without points of all three groups there is no mean of them.
+    assert math.isnan(summary.three_way_epe_m["mean"])
+
+
+def test_mean_leaves_out_what_is_no_number():
+    assert mean([1.0, NAN, 3.0]) == 2.0
+    assert math.isnan(mean([]))
+
+
+def test_tables_have_the_columns_of_the_paper():
+    table, *_ = main_tables(summarize([row(1, 0.1)]))
+    assert list(table.header) == [
+        "method",
+        "EPE (m)",
+        "Acc5 (%)",
+        "Acc10 (%)",
+        "Outliers (%)",
+        "angle (rad)",
+        "time (ms)",
+    ]
+    assert list(table.rows[0]) == ["mnsf", "0.100", "50.0", "60.0", "40.0", "0.300", "100"]
+    assert "10 points" in table.title
+
+
+def test_tables_without_content_are_left_out():
+    titles = [table.title for table in main_tables(summarize([row(1, 0.1)]))]
+    assert len(titles) == 2
+    assert not any("move by themselves" in title for title in titles)
+    no_truth = replace(row(1, 0.1), errors={}, consistency={"nearest_m": 0.1})
+    (only,) = main_tables(summarize([no_truth]))
+    assert "needs no truth" in only.title
+    (work,) = further_tables(summarize([no_truth]))
+    assert "Examples" in work.title
+
+
+def test_bands_are_in_order():
+    bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
+    tables = further_tables(summarize([row(1, 0.1, **bands)]))
+    (table,) = [table for table in tables if "by range" in table.title]
+    assert list(table.header) == ["method", "10 m", "80 m", "farther"]
+    assert list(table.rows[0]) == ["mnsf", "0.100", "0.400", "0.500"]
+
+
+def test_csv_can_be_read_by_any_program():
+    summaries = summarize([row(1, 0.1), row(1, 0.3, "zero", errors={})])
+    lines = list(csv.DictReader(io.StringIO(results_csv(summaries))))
+    assert [(line["method"], line["points"]) for line in lines] == [
+        ("mnsf", "all"),
+        ("mnsf", "dynamic"),
+        ("mnsf", "static"),
+        ("zero", ""),
+    ]
+    assert float(lines[0]["epe_m"]) == 0.1
+    assert lines[1]["epe_m"] == ""
+    assert lines[0]["num_examples"] == "1"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Results of a small run, and where they are."""
+    place = tmp_path_factory.mktemp("run")
+    recording = small.recording_at(small.write_recording(place / "drive", 5))
+    options = small.options({"crop.max_range_m": 35.0}, num_points=20)
+    methods = ["zero", "ego", "mnsf"]
+    folder = start_or_resume(place / "out", [recording], methods, options, resume=False)
+    run_evaluation(plan_runs([recording], methods, options, folder), options, folder)
+    found = read_results(folder)
+    write_results(folder, found)
+    return found, folder.path
+
+
+def test_files_of_results(results):
+    found, path = results
+    assert (path / "results.md").read_text() == results_markdown(found)
+    document = json.loads((path / "results.json").read_text(), parse_constant=pytest.fail)
+    assert [method["method"] for method in document["methods"]] == ["zero", "ego", "mnsf"]
+    assert document["methods"][1]["errors"]["static"]["epe_m"] == pytest.approx(0, abs=1e-6)
+    assert document["by_recording"].keys() == {"drive"}
+    assert document["run"]["identity"]["num_points"] == 20
+    lines = (path / "results.csv").read_text().splitlines()
+    assert lines[0].startswith("method,points,num_examples")
+
+
+def test_markdown_says_what_the_figures_are_of(results):
+    found, _ = results
+    text = results_markdown(found)
+    for part in (
+        "mean over 3 examples from 1 recording",
+        "20 random ones of each sweep, the same for all methods",
+        "without ground (by the truth's own flag",
+        "preset paper, but crop.max_range_m = 35.0",
+        "Warm start: off",
+        "on cpu with 1 thread",
+        "has no checksums",
+        "git commit",
+        "machine:",
+        "| method | EPE (m) | Acc5 (%) |",
+    ):
+        assert part in text
+
+
+def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
+    found, _ = results
+    from mnsf_ros.evaluation.protocol_text import protocol_text
+
+    summaries = [
+        replace(found.summaries[0], num_examples=2, num_failed=1),
+        replace(found.summaries[1], stop_reasons={"time_budget": 4}),
+    ]
+    text = " ".join(protocol_text(found.run, summaries))
+    assert "over 2 to 3 examples" in text
+    assert "1 examples without a flow are in no mean" in text
+    assert "Methods differ in the number of examples" in text
+    assert "4 optimizations were ended by their time budget" in text
+
+
+def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
+    from mnsf_ros.evaluation.protocol_text import notes_text
+
+    found, _ = results
+    run = json.loads(json.dumps(found.run))
+    run["recordings"][0] |= {"damages": ["a.mcap, byte 7: cut"], "truth": None}
+    tasks = [
+        {"recording": "drive", "counts": {"sweeps read": 5, "sweeps: gap": 2}, "damages": ["b: c"]}
+    ]
+    notes = notes_text(run, tasks * 2)
+    assert "Damage: a.mcap, byte 7: cut" in notes
+    assert "Damage: b: c" in notes
+    assert "drive: 2 sweeps: gap." in notes
+    assert any("has no truth" in note for note in notes)
+    assert len(notes) == len(set(notes))

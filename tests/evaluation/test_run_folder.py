@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+
+NAN = math.nan
+ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
+NO_ERRORS = FlowErrors(NAN, NAN, NAN, NAN, NAN, 0)
+
+
+def full_row(number=3, method="mnsf", recording="drive"):
+    return ResultRow(
+        recording=recording,
+        number=number,
+        stamp_ns=1_700_000_000_123_456_789,
+        method=method,
+        num_points=8192,
+        time_ms=0.1 + 0.2,
+        stage_times_ms={"forward": 1 / 3},
+        stop_reasons={"forward": "converged"},
+        iterations={"forward": 31},
+        errors={"all": ERRORS, "dynamic": NO_ERRORS},
+        by_range={"10": ERRORS},
+        by_speed={"inf": ERRORS},
+        three_way_epe_m={"foreground dynamic": NAN, "background static": 0.5},
+        bucketed={"CAR": {"dynamic": NAN, "static": 0.1}},
+        sums={"CAR/0": [3.0, 0.3, 0.0]},
+        consistency={"nearest_m": 0.25},
+        start="warm",
+        device="cpu",
+    )
+
+
+def test_row_comes_back_to_the_last_digit():
+    row = full_row()
+    line = row_to_json(row)
+    assert "\n" not in line
+    again = row_from_json(line)
+    # NaN is not equal to itself, so texts are compared.
+    assert row_to_json(again) == line
+    assert again.errors["all"] == ERRORS
+    assert again.time_ms == row.time_ms
+    assert again.stamp_ns == row.stamp_ns
+    assert math.isnan(again.latency_ms)
+    assert math.isnan(again.errors["dynamic"].epe_m)
+    assert again.sums == row.sums
+
+
+def test_row_is_json_for_every_program():
+    values = json.loads(row_to_json(full_row()), parse_constant=pytest.fail)
+    assert values["latency_ms"] is None
+    assert values["errors"]["dynamic"]["epe_m"] is None
+
+
+def test_failed_row_comes_back():
+    row = ResultRow("drive", 1, 2, "mnsf", 0, failure="no points: «ä»")
+    assert row_from_json(row_to_json(row)).failure == row.failure
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "x", "[]", "1", "{}", '{"recording": "a"}', '{"colour": 1}', '{"errors": 3}', "\x00\x00"],
+)
+def test_what_is_no_row_is_refused(line):
+    with pytest.raises(EvaluationError, match="is no result row"):
+        row_from_json(line)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return RunFolder(tmp_path)
+
+
+def test_rows_are_there_as_soon_as_they_are_written(folder):
+    for number in range(3):
+        folder.append_row(full_row(number))
+        assert [row.number for row in folder.read_rows()] == list(range(number + 1))
+
+
+def test_line_that_was_being_written_is_lost_but_no_other(folder):
+    for number in range(3):
+        folder.append_row(full_row(number))
+    file = folder.path / "rows.jsonl"
+    file.write_text(file.read_text()[:-40])
+    assert [row.number for row in folder.read_rows()] == [0, 1]
+    folder.cut_off_unfinished_lines()
+    folder.append_row(full_row(2))
+    assert [row.number for row in folder.read_rows()] == [0, 1, 2]
+
+
+def test_damaged_line_is_named(folder):
+    folder.append_row(full_row())
+    with (folder.path / "rows.jsonl").open("a") as file:
+        file.write("rubbish\n")
+    with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is no result row"):
+        folder.read_rows()
+
+
+def test_rows_of_a_task_can_be_dropped(folder):
+    for method in ("mnsf", "fnsf"):
+        for number in range(2):
+            folder.append_row(full_row(number, method))
+    folder.drop_rows_of([("drive", "mnsf"), ("other", "fnsf")])
+    assert [(row.method, row.number) for row in folder.read_rows()] == [("fnsf", 0), ("fnsf", 1)]
+
+
+def test_finished_tasks_come_back(folder):
+    assert folder.read_finished() == {}
+    findings = Findings()
+    findings.count("sweeps read", 6)
+    folder.append_finished(("drive", "mnsf"), findings, 4)
+    task = folder.read_finished()["drive", "mnsf"]
+    assert task["num_examples"] == 4
+    assert task["counts"] == {"sweeps read": 6}
+    (folder.path / "tasks.jsonl").write_text("{}\n")
+    with pytest.raises(EvaluationError, match="line 1: is no finished task"):
+        folder.read_finished()
+
+
+def test_two_processes_cannot_write_to_the_same_folder(folder):
+    other = RunFolder(folder.path)
+    refused = pytest.raises(EvaluationError, match="another process")
+    with folder.locked(), refused, other.locked():
+        pass
+    with other.locked():
+        pass
+
+
+@pytest.fixture
+def recording(tmp_path):
+    return small.recording_at(small.write_recording(tmp_path / "bags" / "drive", 3))
+
+
+def start(out, recording, options=None, *, resume=False, methods=("ego",)):
+    return start_or_resume(
+        out, [recording], methods, options or small.options(), resume=resume, arguments=["mnsf"]
+    )
+
+
+def test_run_tells_what_it_was(tmp_path, recording):
+    run = start(
+        tmp_path / "new" / "out", recording, small.options(num_points=10, seed=4)
+    ).read_run()
+    identity = run["identity"]
+    assert identity["seed"] == identity["settings"]["compute.seed"] == 4
+    assert identity["num_points"] == 10
+    assert identity["settings"]["field.hidden_width"] == 4
+    assert run["methods"] == ["ego"]
+    assert run["recordings"][0]["name"] == "drive"
+    (session,) = run["sessions"]
+    assert session["command"] == ["mnsf"]
+    assert {"torch", "numpy", "mnsf_ros", "python"} <= session["versions"].keys()
+    assert session["machine"]["cores"] >= 1
+    assert "git_commit" in session
+
+
+def test_existing_folder_is_not_overwritten(tmp_path, recording):
+    out = tmp_path / "out"
+    start(out, recording)
+    before = (out / "run.json").read_text()
+    with pytest.raises(EvaluationError, match="exists already; name another folder, or add"):
+        start(out, recording)
+    assert (out / "run.json").read_text() == before
+    # Not even one that never was a run.
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "text.txt").write_text("mine")
+    with pytest.raises(EvaluationError, match="exists already"):
+        start(tmp_path / "notes", recording)
+    with pytest.raises(EvaluationError, match="holds no run"):
+        start(tmp_path / "notes", recording, resume=True)
+
+
+def test_file_in_the_place_of_the_folder(tmp_path):
+    (tmp_path / "out").write_text("x")
+    for resume in (False, True):
+        with pytest.raises(EvaluationError, match="is not a folder"):
+            check_folder(tmp_path / "out", resume=resume)
+
+
+def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
+    (tmp_path / "out").mkdir()
+    start(tmp_path / "out", recording)
+    start(tmp_path / "other", recording, resume=True)
+    assert (tmp_path / "other" / "run.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"options": small.options(num_points=9)}, "num_points was all, is 9"),
+        ({"options": small.options(seed=1)}, "seed was 0, is 1"),
+        (
+            {"options": small.options({"crop.max_range_m": 30.0})},
+            "crop_and_ground: crop.max_range_m was 80.0, is 30.0",
+        ),
+        ({"options": small.options(realtime_rate=1.0)}, "realtime_rate was None, is 1.0"),
+    ],
+)
+def test_other_settings_are_not_mixed(tmp_path, recording, changes, text):
+    out = tmp_path / "out"
+    start(out, recording)
+    with pytest.raises(EvaluationError, match="with other settings") as caught:
+        start(out, recording, resume=True, **changes)
+    assert text in str(caught.value)
+
+
+def test_resumed_run_may_have_more_methods_and_recordings(tmp_path, recording):
+    out = tmp_path / "out"
+    start(out, recording)
+    start(out, replace(recording, name="other"), resume=True, methods=["zero", "ego"])
+    run = RunFolder(out).read_run()
+    assert run["methods"] == ["ego", "zero"]
+    assert [item["name"] for item in run["recordings"]] == ["drive", "other"]
+    assert len(run["sessions"]) == 2
+
+
+def test_another_recording_of_the_same_name_is_refused(tmp_path, recording):
+    start(tmp_path / "out", recording)
+    with pytest.raises(EvaluationError, match=r"another recording 'drive': truth was .*is None"):
+        start(tmp_path / "out", replace(recording, truth=None), resume=True)

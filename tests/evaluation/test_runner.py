@@ -1,0 +1,346 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.evaluation import findings as noticed
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.evaluation_options import (
+    EvaluationOptions,
+    choose_topics,
+    recording_names,
+)
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, run_serially
+from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.settings import Settings
+
+WARM = {"warm_start.enabled": True, "warm_start.max_iterations": 2}
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 7)
+
+
+def rows_of(task, options, skipped=frozenset()):
+    *rows, findings = run_task(task, options, skipped)
+    assert isinstance(findings, Findings)
+    return rows
+
+
+def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_serially, watch=None):
+    """Runs what is left to do and returns the outcome and the folder."""
+    options = options or small.options()
+    recordings = [small.recording_at(bag)]
+    folder = start_or_resume(out, recordings, methods, options, resume=resume)
+    runs = plan_runs(recordings, methods, options, folder)
+    watched = watch or (lambda task, event: None)
+    outcome = run_evaluation(runs, options, folder, execute=execute, watch=watched)
+    return outcome, folder
+
+
+def test_odometry_is_right_about_all_that_stands_still(bag):
+    rows = rows_of(small.task_at(bag, "ego"), small.options())
+    assert [row.number for row in rows] == [1, 2, 3, 4, 5]
+    for row in rows:
+        assert row.failure == ""
+        assert row.errors["static"].epe_m == pytest.approx(0, abs=1e-6)
+        # Movers go 0.1 m to the left.
+        assert row.errors["dynamic"].epe_m == pytest.approx(0.1, rel=1e-5)
+        assert row.bucketed["CAR"]["dynamic"] == pytest.approx(1.0, rel=1e-5)
+        assert list(row.by_speed) == ["0.5", "2"]
+        assert row.time_ms >= 0
+
+
+def test_ground_of_the_truth_is_left_out(bag):
+    (row, *_) = rows_of(small.task_at(bag, "zero"), small.options())
+    assert row.num_points == 54
+    kept = small.options({"ground.remove": False})
+    (row, *_) = rows_of(small.task_at(bag, "zero"), kept)
+    assert row.num_points == 60
+
+
+@pytest.mark.parametrize("method", ["fnsf", "mnsf"])
+def test_same_task_gives_the_same_rows(bag, method):
+    options = small.options(num_points=30)
+    first, second = (rows_of(small.task_at(bag, method), options) for _ in range(2))
+    assert list(map(small.without_times, first)) == list(map(small.without_times, second))
+    other = rows_of(small.task_at(bag, method), small.options(num_points=30, seed=1))
+    assert small.without_times(first[0]) != small.without_times(other[0])
+    assert first[0].stop_reasons
+    assert first[0].iterations["forward"] == 3
+
+
+def test_skipped_sweeps_do_not_change_the_others(bag):
+    task, options = small.task_at(bag, "fnsf"), small.options()
+    whole = rows_of(task, options)
+    part = rows_of(task, options, skipped=frozenset([1, 3]))
+    assert [row.number for row in part] == [2, 4, 5]
+    assert [small.without_times(row) for row in part] == [
+        small.without_times(row) for row in whole if row.number in (2, 4, 5)
+    ]
+
+
+def test_recording_without_truth_gives_consistency_and_time(tmp_path):
+    path = small.write_recording(tmp_path / "plain", with_truth=False, with_odometry=False)
+    rows = rows_of(small.task_at(path, "zero"), small.options())
+    assert len(rows) == 4
+    for row in rows:
+        assert row.errors == {}
+        assert row.consistency["nearest_m"] == row.consistency["zero_nearest_m"] > 0
+    (row, *_) = rows_of(small.task_at(path, "ego"), small.options())
+    assert "does the recording have odometry" in row.failure
+
+
+def test_method_that_fails_on_an_example_goes_on_with_the_next(bag):
+    # Nothing is left of any sweep.
+    far = small.options({"crop.min_range_m": 70.0, "crop.max_range_m": 71.0})
+    rows = rows_of(small.task_at(bag, "mnsf"), far)
+    assert len(rows) == 5
+    assert all("points are left" in row.failure for row in rows)
+
+
+def test_cycle_is_checked_when_asked(bag):
+    (row, *_) = rows_of(small.task_at(bag, "ego"), small.options(check_cycle=True))
+    assert row.consistency["cycle_m"] == pytest.approx(0, abs=1e-6)
+    (row, *_) = rows_of(small.task_at(bag, "ego"), small.options())
+    assert "cycle_m" not in row.consistency
+
+
+def test_real_time_drops_what_comes_too_fast(bag):
+    # A thousand times faster than the recording: no estimate takes less than 0.1 ms.
+    rows = rows_of(small.task_at(bag, "mnsf"), small.options(realtime_rate=1e6))
+    assert sorted(row.number for row in rows) == [1, 2, 3, 4, 5]
+    dropped = [row for row in rows if row.failure == DROPPED]
+    assert [row.number for row in dropped] == [2, 3, 4]
+    assert all(row.latency_ms >= row.time_ms for row in rows if not row.failure)
+    # Sweeps were given whole, ground and all.
+    assert {row.num_points for row in rows} == {60}
+
+
+def test_real_time_keeps_all_that_comes_slowly(bag):
+    rows = rows_of(small.task_at(bag, "zero"), small.options(realtime_rate=0.001))
+    assert [row.failure for row in rows] == [""] * 5
+    assert {row.errors["all"].num_points for row in rows} == {54}
+
+
+def test_flow_is_written_as_a_recording(bag, tmp_path):
+    options = small.options(flow_folder=tmp_path)
+    rows_of(small.task_at(bag, "ego"), options)
+    with BagReader(tmp_path / "drive.ego") as reader:
+        counts = {topic: summary.count for topic, summary in reader.topics.items()}
+        assert counts == {"/flow": 5, "/flow/error": 5, "/flow/truth": 5}
+        first = next(reader.messages("/flow"))
+        assert [field.name for field in first.fields][-1] == "flow_z"
+        assert first.header.frame_id == "lidar"
+    with pytest.raises(RecordingError, match="exists already"):
+        rows_of(small.task_at(bag, "ego"), options)
+
+
+def test_predictions_of_another_program_are_scored(bag, tmp_path):
+    for index in range(7):
+        np.savez(tmp_path / f"{small.stamp(index)}.npz", flow=small.truth(index).flow)
+    rows = rows_of(small.task_at(bag, f"file:{tmp_path}"), small.options(num_points=20))
+    assert [row.errors["all"].epe_m for row in rows] == [0.0] * 5
+    assert all(np.isnan(row.time_ms) for row in rows)
+    (tmp_path / f"{small.stamp(2)}.npz").unlink()
+    rows = rows_of(small.task_at(bag, f"file:{tmp_path}"), small.options(num_points=20))
+    assert [bool(row.failure) for row in rows] == [False, True, False, False, False]
+
+
+def test_run_writes_rows_and_tasks(bag, tmp_path):
+    outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"])
+    assert outcome.num_new_rows == 10
+    assert not outcome.failed
+    rows = folder.read_rows()
+    assert [(row.method, row.number) for row in rows] == [
+        (method, number) for method in ("zero", "ego") for number in range(1, 6)
+    ]
+    assert set(folder.read_finished()) == {("drive", "zero"), ("drive", "ego")}
+
+
+def test_resume_of_a_finished_run_does_nothing(bag, tmp_path):
+    evaluate(tmp_path / "out", bag, ["ego"])
+    before = (tmp_path / "out" / "rows.jsonl").read_bytes()
+    outcome, _ = evaluate(tmp_path / "out", bag, ["ego"], resume=True)
+    assert outcome.num_new_rows == 0
+    assert (tmp_path / "out" / "rows.jsonl").read_bytes() == before
+
+
+class Stop(KeyboardInterrupt):
+    """Ctrl-C in the middle of a run."""
+
+
+def interrupted_after(num_rows):
+    seen = []
+
+    def watch(task, event):
+        seen.append(event)
+        if len(seen) == num_rows:
+            raise Stop
+
+    return watch
+
+
+@pytest.mark.parametrize("changes", [{}, WARM], ids=["cold", "warm"])
+@pytest.mark.parametrize("num_rows", [1, 3, 5, 6, 8])
+def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, changes, num_rows):
+    options = small.options(changes)
+    methods = ["mnsf", "fnsf"]
+    _, whole = evaluate(tmp_path / "whole", bag, methods, options)
+    with pytest.raises(Stop):
+        evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(num_rows))
+    kept = {(r.method, r.number): r.time_ms for r in _folder(tmp_path / "out").read_rows()}
+    assert len(kept) == num_rows - (num_rows > 5)
+    _, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
+    assert by_key(resumed) == by_key(whole)
+    assert len(resumed.read_rows()) == 10
+    if not changes:
+        # What was there was not computed again.
+        times = {(row.method, row.number): row.time_ms for row in resumed.read_rows()}
+        assert kept.items() <= times.items()
+
+
+def _folder(path):
+    from mnsf_ros.evaluation.run_folder import RunFolder
+
+    return RunFolder(path)
+
+
+def by_key(folder):
+    return {
+        (row.recording, row.method, row.number): small.without_times(row)
+        for row in folder.read_rows()
+    }
+
+
+def test_method_added_to_a_run_is_all_that_is_computed(bag, tmp_path):
+    evaluate(tmp_path / "out", bag, ["zero"])
+    outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"], resume=True)
+    assert outcome.num_new_rows == 5
+    assert len(folder.read_rows()) == 10
+
+
+def scripted(events):
+    """An executor that gives the events of a script, whatever it is asked for."""
+
+    def execute(runs, options):
+        for event in events:
+            yield runs[0].task, event
+
+    return execute
+
+
+def row(number, method="ego"):
+    return ResultRow("drive", number, number, method, 10)
+
+
+def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
+    events = [row(1), row(2), TaskRestarted("lost"), row(2), row(3), Findings()]
+    outcome, folder = evaluate(tmp_path / "out", bag, ["ego"], execute=scripted(events))
+    assert [item.number for item in folder.read_rows()] == [1, 2, 3]
+    assert outcome.restarted == {("drive", "ego"): "lost"}
+
+
+def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(bag, tmp_path):
+    events = [row(1), row(2), TaskRestarted("lost"), row(1)]
+    execute = scripted([*events, TaskFailed("lost again")])
+    outcome, folder = evaluate(tmp_path / "out", bag, ["ego"], small.options(WARM), execute=execute)
+    assert [item.number for item in folder.read_rows()] == [1]
+    assert outcome.failed == {("drive", "ego"): "lost again"}
+    assert folder.read_finished() == {}
+
+
+def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
+    outcome, folder = evaluate(tmp_path / "out", bag, ["mnfs", "ego"])
+    assert "unknown method 'mnfs'" in outcome.failed["drive", "mnfs"]
+    assert len(folder.read_rows()) == 5
+
+
+def test_sweeps_are_the_usual_ones_where_there_is_truth(bag):
+    inspection = inspect_recording(bag)
+    recording = choose_topics(inspection, "drive")
+    assert (recording.points, recording.truth, recording.odometry) == (
+        "/points",
+        "/truth/flow",
+        "/truth/odometry",
+    )
+    assert recording.num_sweeps == 7
+    with pytest.raises(RecordingError, match="no topic '/lidar'"):
+        choose_topics(inspection, "drive", points="/lidar")
+    with pytest.raises(RecordingError, match="is of type nav_msgs"):
+        choose_topics(inspection, "drive", truth="/truth/odometry")
+    with pytest.raises(RecordingError, match="cannot be both"):
+        choose_topics(inspection, "drive", points="/truth/flow")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"num_points": 0}, "num_points: got 0"),
+        ({"seed": -1}, "seed: got -1"),
+        ({"realtime_rate": 0.0}, "realtime rate: got 0.0"),
+        ({"realtime_rate": float("nan")}, "realtime rate: got nan"),
+    ],
+)
+def test_options_out_of_range_are_refused(values, text):
+    with pytest.raises(EvaluationError, match=text):
+        EvaluationOptions(Settings(), **values)
+
+
+def test_methods_get_prepared_sweeps_and_a_fixed_number_of_threads():
+    settings = EvaluationOptions(preset("paper"), seed=5).method_settings
+    assert not settings.ground.remove
+    assert settings.compute.num_threads == 1
+    assert settings.compute.seed == 5
+    live = EvaluationOptions(preset("online"), realtime_rate=1.0).method_settings
+    assert live.ground.remove
+    chosen = preset("paper").changed({"compute.num_threads": 3})
+    assert EvaluationOptions(chosen).method_settings.compute.num_threads == 3
+
+
+def test_recordings_are_named_by_their_last_part_if_that_is_enough(tmp_path):
+    for name in ("a/drive", "b/drive", "b/street"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "log.mcap").touch()
+    paths = [tmp_path / name for name in ("a/drive", "b/street", "log.mcap")]
+    assert recording_names(paths) == ["drive", "street", "log"]
+    paths = [tmp_path / "a" / "drive", tmp_path / "b" / "drive"]
+    assert recording_names(paths) == [str(path) for path in paths]
+    with pytest.raises(EvaluationError, match="is named 2 times"):
+        recording_names([paths[0], paths[0]])
+
+
+def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
+    from rosbags.typesys import Stores, get_typestore
+
+    from mnsf_ros.recording.bag_messages import cloud_message
+    from mnsf_ros.recording.bag_writer import BagWriter
+    from msg_utils.point_cloud2 import encode_columns
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/PointCloud2"
+    with BagWriter(tmp_path / "bag") as writer:
+        for index in range(3):
+            points = small.xyz(index)
+            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
+            message = cloud_message(encode_columns(columns, 1, 60), 0, "lidar", is_dense=True)
+            raw = store.serialize_cdr(message, kind)
+            writer.write_raw("/points", kind, small.stamp(index), raw)
+    *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
+    assert [row.stamp_ns for row in rows] == [small.stamp(1)]
+    assert findings.warnings == {noticed.SWEEPS_UNSTAMPED: 3}
+
+
+def test_settings_error_before_anything_is_written(bag):
+    with pytest.raises(SettingsError, match="unknown method"):
+        list(run_task(small.task_at(bag, "nothing"), small.options()))

@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.evaluation.error_bands import errors_by_band
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.self_consistency import (
+    cycle_distance,
+    landing_distances,
+    reversed_pair,
+)
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+# The sensor moves 1 m forward; one point moves 0.2 m to the left by itself.
+XYZ = np.array([[5, 0, 0], [15, 0, 0], [30, 0, 0], [9, 0, 0]], np.float32)
+FLOW = np.array([[-1, 0, 0], [-1, 0, 0], [-1, 0, 0], [-1, 0.2, 0]], np.float32)
+DYNAMIC = np.array([False, False, False, True])
+MOTION = np.eye(4)
+MOTION[0, 3] = -1.0
+
+
+def make_truth(**changes):
+    truth = FlowTruth(
+        stamp_ns=100_000_000,
+        flow=FLOW,
+        valid=np.ones(4, bool),
+        dynamic=DYNAMIC,
+        ground=np.zeros(4, bool),
+        class_id=np.array([3, 3, 6, 6], np.uint8),
+    )
+    return replace(truth, **changes)
+
+
+def make_example(interval_ms=100, **changes):
+    next_ns = 100_000_000 + interval_ms * 1_000_000
+    triplet = SweepTriplet(Sweep(XYZ, 0), Sweep(XYZ, 100_000_000), Sweep(XYZ + FLOW, next_ns))
+    example = Example("drive", 1, triplet, make_truth(), MOTION)
+    return replace(example, **changes)
+
+
+def estimate(flow, kept=None):
+    flow = np.asarray(flow, dtype=np.float32)
+    return FlowEstimate(flow, np.ones(len(flow), bool) if kept is None else kept)
+
+
+def test_perfect_flow():
+    row = scored_row(make_example(), "mnsf", estimate(FLOW), 12.0)
+    assert (row.recording, row.number, row.stamp_ns) == ("drive", 1, 100_000_000)
+    assert (row.method, row.num_points, row.time_ms, row.failure) == ("mnsf", 4, 12.0, "")
+    assert {name: errors.num_points for name, errors in row.errors.items()} == {
+        "all": 4,
+        "dynamic": 1,
+        "static": 3,
+    }
+    assert all(errors.epe_m == 0 for errors in row.errors.values())
+    assert row.consistency == {"nearest_m": 0.0, "zero_nearest_m": pytest.approx(1.005, abs=0.01)}
+
+
+def test_errors_fall_into_bands_and_classes():
+    flow = FLOW + np.array([[0.1, 0, 0], [0.2, 0, 0], [0.4, 0, 0], [0, -0.2, 0]], np.float32)
+    row = scored_row(make_example(), "ego", estimate(flow))
+    epe = {limit: errors.epe_m for limit, errors in row.by_range.items()}
+    assert epe == pytest.approx({"10": 0.15, "20": 0.2, "35": 0.4}, rel=1e-5)
+    # The mover has 0.2 m in 0.1 s: 2 m/s, which is the lower limit of the next band.
+    epe = {limit: errors.epe_m for limit, errors in row.by_speed.items()}
+    assert list(epe) == ["0.5", "5"]
+    assert epe["5"] == pytest.approx(0.2)
+    assert row.three_way_epe_m == pytest.approx(
+        {"foreground dynamic": 0.2, "foreground static": 0.4, "background static": 0.15},
+        rel=1e-5,
+    )
+    assert row.bucketed["CAR"] == pytest.approx({"dynamic": 1.0, "static": 0.4}, rel=1e-5)
+    assert row.bucketed["BACKGROUND"]["static"] == pytest.approx(0.15, rel=1e-5)
+
+
+def test_motion_counts_per_100_ms_whatever_the_interval():
+    # The same flow within 50 ms: 4 m/s, 0.4 m and an error of 0.4 m in 100 ms.
+    flow = FLOW.copy()
+    flow[3, 1] = 0.0
+    row = scored_row(make_example(interval_ms=50), "ego", estimate(flow))
+    assert row.sums["CAR/10"] == pytest.approx([1.0, 0.4, 0.4], rel=1e-5) or row.sums[
+        "CAR/9"
+    ] == pytest.approx([1.0, 0.4, 0.4], rel=1e-5)
+    assert list(row.by_speed) == ["0.5", "5"]
+
+
+def test_without_odometry_the_standing_points_tell_the_motion():
+    with_odometry = scored_row(make_example(), "x", estimate(FLOW * 0.5))
+    without = scored_row(make_example(next_from_current=None), "x", estimate(FLOW * 0.5))
+    assert without.by_speed.keys() == with_odometry.by_speed.keys()
+    assert without.errors == with_odometry.errors
+
+
+def test_points_that_are_not_valid_are_not_scored():
+    flow = FLOW.copy()
+    flow[3] = 9.0
+    truth = make_truth(valid=np.array([True, True, True, False]))
+    row = scored_row(make_example(truth=truth), "x", estimate(flow))
+    assert row.errors["all"].epe_m == 0
+    assert row.errors["all"].num_points == 3
+    assert math.isnan(row.errors["dynamic"].epe_m)
+
+
+def test_truth_without_any_valid_point():
+    truth = make_truth(valid=np.zeros(4, bool))
+    row = scored_row(make_example(truth=truth, next_from_current=None), "x", estimate(FLOW))
+    assert row.errors["all"].num_points == 0
+    assert not row.by_range
+    assert not row.sums
+
+
+def test_without_truth_there_is_consistency_only():
+    row = scored_row(make_example(truth=None), "x", estimate(FLOW))
+    assert row.errors == {}
+    assert row.consistency["nearest_m"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("flow", "text"),
+    [
+        (FLOW[:3], "flow of shape"),
+        (FLOW[:, :2], "flow of shape"),
+        (np.where(DYNAMIC[:, None], np.nan, FLOW), "flow of 1 of 4 points is not finite"),
+    ],
+)
+def test_estimate_that_does_not_fit_is_refused(flow, text):
+    with pytest.raises(EvaluationError, match=text):
+        scored_row(make_example(), "x", estimate(flow))
+
+
+def test_points_that_were_never_asked_for_may_stay_open():
+    flow = np.where(DYNAMIC[:, None], np.nan, FLOW)
+    row = scored_row(make_example(), "file:x", estimate(flow, kept=~DYNAMIC))
+    assert row.errors["all"].num_points == 3
+    assert row.consistency["nearest_m"] == 0.0
+
+
+def test_failed_row_says_why_and_nothing_else():
+    row = failed_row(make_example(), "x", "no points")
+    assert row.failure == "no points"
+    assert math.isnan(row.time_ms)
+    assert row.errors == {}
+
+
+def test_band_limits_belong_to_the_band_above():
+    values = np.array([0.0, 9.999, 10.0, 25.0])
+    flow = np.zeros((4, 3))
+    bands = errors_by_band(flow, flow, np.ones(4, bool), values, (10.0, 20.0, np.inf))
+    assert {limit: errors.num_points for limit, errors in bands.items()} == {
+        "10": 2,
+        "20": 1,
+        "inf": 1,
+    }
+
+
+def test_landing_distance_by_hand():
+    triplet = SweepTriplet(
+        None,
+        Sweep(np.array([[0, 0, 0], [10, 0, 0]], np.float32)),
+        Sweep(np.array([[1, 0, 0], [10, 3, 0]], np.float32)),
+    )
+    flow = np.array([[0.5, 0, 0], [0, 1, 0]], np.float32)
+    both = np.ones(2, bool)
+    assert landing_distances(triplet, flow, both) == {
+        "nearest_m": pytest.approx((0.5 + 2.0) / 2),
+        "zero_nearest_m": pytest.approx((1.0 + 3.0) / 2),
+    }
+    assert landing_distances(triplet, flow, ~both) == {}
+
+
+def test_way_there_and_back_by_hand():
+    triplet = SweepTriplet(
+        None,
+        Sweep(np.array([[0, 0, 0], [10, 0, 0]], np.float32)),
+        Sweep(np.array([[10, 3, 0], [1, 0, 0]], np.float32)),
+    )
+    flow = np.array([[1, 0, 0], [0, 3, 0]], np.float32)
+    back = np.array([[0, -2, 0], [-1, 0, 0]], np.float32)
+    # The first point comes home, the second ends 1 m off.
+    both = np.ones(2, bool)
+    assert cycle_distance(triplet, flow, back, both) == {"cycle_m": pytest.approx(0.5)}
+
+
+def test_reversed_pair_swaps_sweeps_and_motion():
+    example = make_example()
+    triplet = replace(example.triplet, next_from_current=MOTION)
+    back = reversed_pair(triplet)
+    assert back.current is triplet.next
+    assert back.next is triplet.current
+    assert back.previous is None
+    assert np.allclose(back.next_from_current @ MOTION, np.eye(4))

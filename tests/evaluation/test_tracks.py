@@ -1,0 +1,123 @@
+"""Truth and poses that are read along with the sweeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose, recorded_poses
+from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.inspection import inspect_recording
+
+
+def cloud(index, num_points=60):
+    encoded = small.truth(index, num_points).encode(small.xyz(index, num_points))
+    return cloud_message(encoded, small.stamp(index), "lidar", is_dense=False)
+
+
+def truth_track(indices, findings=None):
+    clouds = (TruthCloud(small.stamp(index), cloud(index)) for index in indices)
+    return TruthTrack(clouds, findings or Findings(), "drive")
+
+
+def take(track, index, num_points=60):
+    truth, passed_over = track.take(small.stamp(index), num_points)
+    return None if truth is None else truth.stamp_ns, passed_over
+
+
+def test_each_sweep_gets_its_own_truth():
+    track = truth_track(range(5))
+    assert [take(track, index) for index in range(5)] == [(small.stamp(i), 0) for i in range(5)]
+
+
+def test_sweeps_without_truth_go_without():
+    track = truth_track([2, 3])
+    assert [take(track, i) for i in (0, 1)] == [(None, 0)] * 2
+    assert [take(track, i) for i in (2, 3)] == [(small.stamp(i), 0) for i in (2, 3)]
+    assert take(track, 4) == (None, 0)
+
+
+def test_truth_of_a_sweep_that_is_missing_is_counted():
+    track = truth_track(range(6))
+    assert take(track, 0) == (small.stamp(0), 0)
+    assert take(track, 3) == (small.stamp(3), 2)
+
+
+def test_truth_in_the_second_round_of_a_loop_is_found():
+    track = truth_track([10, 11, 12, 13, 14, 15, 16, 0, 1, 2])
+    for index in range(10, 16):
+        take(track, index)
+    # Sweep 16 is lost; its truth is still at the head when time jumps back.
+    assert [take(track, i) for i in range(3)] == [(small.stamp(i), 0) for i in range(3)]
+
+
+def test_truth_of_another_number_of_rows_is_reported_and_not_used():
+    findings = Findings()
+    track = truth_track([0, 1], findings)
+    assert take(track, 0, num_points=61) == (None, 0)
+    assert "60 rows, its sweep has 61 points" in str(next(iter(findings.damages)))
+    assert take(track, 1) == (small.stamp(1), 0)
+
+
+def pose(seconds, x, yaw=0.0):
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    matrix[0, 3] = x
+    return StampedPose(round(seconds * 1e9), matrix, "lidar")
+
+
+def pose_at(track, seconds):
+    found = track.pose_at(round(seconds * 1e9))
+    return None if found is None else found.world_from_sensor
+
+
+def test_pose_of_the_same_stamp_is_taken_as_it_is():
+    poses = [pose(0.1 * number, number) for number in range(4)]
+    track = PoseTrack(poses)
+    for expected in poses:
+        assert track.pose_at(expected.stamp_ns) is expected
+
+
+def test_pose_between_two_is_between_them():
+    track = PoseTrack([pose(0.0, 1.0, yaw=0.0), pose(0.2, 3.0, yaw=0.4)])
+    found = pose_at(track, 0.05)
+    assert found[0, 3] == pytest.approx(1.5)
+    assert np.arctan2(found[1, 0], found[0, 0]) == pytest.approx(0.1)
+    assert found[3].tolist() == [0, 0, 0, 1]
+
+
+def test_no_pose_outside_and_in_long_gaps():
+    track = PoseTrack([pose(1.0, 0.0), pose(1.1, 1.0), pose(2.0, 2.0)])
+    assert pose_at(track, 0.9) is None
+    assert pose_at(track, 1.05)[0, 3] == pytest.approx(0.5)
+    assert pose_at(track, 1.5) is None
+    assert pose_at(track, 2.0)[0, 3] == 2.0
+    assert pose_at(track, 2.1) is None
+
+
+def test_no_pose_where_damage_took_some():
+    track = PoseTrack([pose(1.0, 0.0), pose(1.1, 1.0), None, pose(1.3, 3.0), pose(1.4, 4.0)])
+    assert pose_at(track, 1.05)[0, 3] == pytest.approx(0.5)
+    assert pose_at(track, 1.2) is None
+    assert pose_at(track, 1.3)[0, 3] == 3.0
+    assert pose_at(track, 1.35)[0, 3] == pytest.approx(3.5)
+
+
+def test_poses_of_the_second_round_of_a_loop():
+    times = [10.0, 10.1, 10.2, 10.3, 10.4, 10.5, 1.0, 1.1, 1.2]
+    track = PoseTrack([pose(time, time) for time in times])
+    assert [pose_at(track, time)[0, 3] for time in times] == times
+
+
+def test_poses_of_a_recording(tmp_path):
+    path = small.write_recording(tmp_path / "drive", 4)
+    with inspect_recording(path).open() as reader:
+        found = list(recorded_poses(reader, "/truth/odometry", Findings()))
+    assert [item.stamp_ns for item in found] == [small.stamp(i) for i in range(4)]
+    assert np.allclose(
+        [item.world_from_sensor for item in found], [small.pose(i) for i in range(4)]
+    )
+    assert {item.frame_id for item in found} == {"lidar"}

@@ -1,0 +1,117 @@
+"""Tasks in processes of their own give what they give in this one, to the last digit."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, TaskRun, run_serially
+from mnsf_ros.evaluation.worker_processes import MAX_ATTEMPTS, WorkerProcesses
+
+METHODS = ("fnsf", "mnsf")
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
+
+
+def events_by_task(execute, runs, options):
+    events = {}
+    for task, event in execute(runs, options):
+        events.setdefault(task.key, []).append(event)
+    return events
+
+
+def comparable(events):
+    return [
+        small.without_times(event) if isinstance(event, ResultRow) else event for event in events
+    ]
+
+
+def test_workers_give_the_same_as_one_process(bag):
+    options = small.options(num_points=40)
+    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    runs.append(TaskRun(replace(runs[0].task, method="zero"), frozenset([2])))
+    serial = events_by_task(run_serially, runs, options)
+    parallel = events_by_task(WorkerProcesses(2), runs, options)
+    assert parallel.keys() == serial.keys()
+    for key, events in serial.items():
+        assert comparable(parallel[key]) == comparable(events)
+        assert isinstance(events[-1], Findings)
+
+
+def test_task_that_cannot_be_done_does_not_stop_the_others(bag):
+    runs = [TaskRun(small.task_at(bag, method)) for method in ("nothing", "zero")]
+    events = events_by_task(WorkerProcesses(1), runs, small.options())
+    assert [type(event) for event in events["drive", "nothing"]] == [TaskFailed]
+    assert "unknown method" in events["drive", "nothing"][0].reason
+    assert isinstance(events["drive", "zero"][-1], Findings)
+
+
+class KillFirst(WorkerProcesses):
+    """Kills processes at their first row, as the kernel does that has no memory left."""
+
+    def __init__(self, times):
+        super().__init__(1)
+        self.times = times
+
+    def __call__(self, runs, options):
+        import multiprocessing
+
+        for task, event in super().__call__(runs, options):
+            if isinstance(event, ResultRow) and self.times:
+                self.times -= 1
+                for child in multiprocessing.active_children():
+                    os.kill(child.pid, signal.SIGKILL)
+                    child.join()
+            yield task, event
+
+
+# Slow enough to be caught at it: the zero method would be done before it is killed.
+SLOW = {"optimization.max_iterations": 600, "field.hidden_width": 64}
+
+
+def test_process_that_dies_is_replaced_and_nothing_is_lost(bag):
+    options = small.options(SLOW)
+    runs = [TaskRun(small.task_at(bag, "fnsf"))]
+    events = events_by_task(KillFirst(1), runs, options)["drive", "fnsf"]
+    kinds = [type(event) for event in events]
+    assert kinds.count(TaskRestarted) == 1
+    assert isinstance(events[-1], Findings)
+    assert "ended with status -9" in next(e for e in events if isinstance(e, TaskRestarted)).reason
+    rows = {event.number: event for event in events if isinstance(event, ResultRow)}
+    serial = events_by_task(run_serially, runs, options)["drive", "fnsf"]
+    expected = {event.number: event for event in serial if isinstance(event, ResultRow)}
+    assert {number: small.without_times(row) for number, row in rows.items()} == {
+        number: small.without_times(row) for number, row in expected.items()
+    }
+    # What had arrived was not computed again.
+    assert len([event for event in events if isinstance(event, ResultRow)]) == len(expected)
+
+
+def test_task_that_always_dies_is_given_up(bag):
+    runs = [TaskRun(small.task_at(bag, "fnsf"))]
+    options = small.options({**SLOW, "warm_start.enabled": True, "warm_start.max_iterations": 600})
+    events = events_by_task(KillFirst(MAX_ATTEMPTS), runs, options)["drive", "fnsf"]
+    kinds = [type(event) for event in events]
+    assert kinds.count(TaskRestarted) == MAX_ATTEMPTS - 1
+    assert kinds[-1] is TaskFailed
+    assert f"{MAX_ATTEMPTS} times" in events[-1].reason
+
+
+def test_processes_are_gone_when_nobody_wants_more(bag):
+    import multiprocessing
+
+    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    events = WorkerProcesses(2)(runs, small.options(SLOW))
+    next(events)
+    assert multiprocessing.active_children()
+    events.close()
+    assert not multiprocessing.active_children()

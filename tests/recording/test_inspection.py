@@ -1,0 +1,288 @@
+"""What can still be read of damaged recordings, and what is said about the rest."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import tiny_bags
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import CompressionMode
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.recording.mcap_summary import read_summary
+from mnsf_ros.recording.readable_messages import readable_messages
+from mnsf_ros.recording.sequential_mcap_reader import SequentialMcapReader
+from msg_utils.stamps import decode_stamp
+
+ALL = list(range(tiny_bags.NUM_CLOUDS))
+# A cloud of so many points fills a chunk of its own.
+LARGE = 90_000
+LOST = "lost"
+
+
+def write_checked_mcap(path, compression=CompressionType.ZSTD, size=200, chunk_size=1):
+    """An mcap file as rosbag2 writes it: chunks with checksums."""
+    definition, _ = tiny_bags.JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=chunk_size, compression=compression)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel("/points", "cdr", schema)
+        for index in ALL:
+            time = tiny_bags.stamp(index) + 5_000_000
+            writer.add_message(channel, time, bytes(tiny_bags.cdr(index, size)), time)
+        writer.finish()
+    return path
+
+
+def read(path):
+    """Index of each cloud, and LOST wherever some may be missing."""
+    inspection = inspect_recording(path)
+    with inspection.open() as reader:
+        return [_index(item) for item in readable_messages(reader, "/points")], inspection
+
+
+def _index(item):
+    if isinstance(item, Damage):
+        return LOST
+    received_ns, message = item
+    stamp_ns = decode_stamp(message.header.stamp)
+    assert received_ns == stamp_ns + 5_000_000
+    return (stamp_ns - tiny_bags.FIRST_NS) // tiny_bags.STEP_NS
+
+
+def flip(path, position):
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0xFF
+    path.write_bytes(data)
+
+
+def cut(path, share):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        tiny_bags.write_mcap,
+        tiny_bags.write_sqlite,
+        lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.STORAGE),
+        lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.FILE),
+        lambda path: tiny_bags.write_ros1(path.with_suffix(".bag")),
+        lambda path: tiny_bags.write_unindexed_mcap(path.with_suffix(".mcap")),
+        lambda path: write_checked_mcap(path.with_suffix(".mcap")),
+        lambda path: write_checked_mcap(path.with_suffix(".mcap"), CompressionType.LZ4),
+        lambda path: write_checked_mcap(path.with_suffix(".mcap"), CompressionType.NONE, 50, 2000),
+    ],
+)
+def test_whole_recordings_are_read_whole(tmp_path, write):
+    found, inspection = read(write(tmp_path / "bag"))
+    assert found == ALL
+    assert inspection.damages == ()
+    assert inspection.topics == {"/points": TopicSummary(CLOUD_TYPE, 10)}
+
+
+def test_only_chunks_with_checksums_are_safe_from_flipped_bits(tmp_path):
+    assert inspect_recording(write_checked_mcap(tmp_path / "a.mcap")).has_checksums
+    assert not inspect_recording(tiny_bags.write_mcap(tmp_path / "b")).has_checksums
+    assert not inspect_recording(tiny_bags.write_sqlite(tmp_path / "c")).has_checksums
+    assert not inspect_recording(tiny_bags.write_unindexed_mcap(tmp_path / "d.mcap")).has_checksums
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.999])
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_mcap_that_was_cut_short_is_read_up_to_the_cut(tmp_path, share, mode):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", size=LARGE, mode=mode)
+    file = bag / "bag.mcap"
+    cut(file, share)
+    found, inspection = read(bag)
+    whole = [index for index in found if index != LOST]
+    assert whole == ALL[: len(whole)]
+    assert abs(len(whole) - 10 * share) <= 1
+    assert inspection.topics["/points"].count == len(whole)
+    (damage,) = inspection.damages
+    assert damage.position.startswith("byte ") or share > 0.9
+    assert "cut short" in str(damage)
+    # The same without its folder.
+    assert read(file)[0] == found
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_whole_messages_of_a_chunk_that_is_cut_are_read(tmp_path, mode):
+    # Ten clouds make one chunk.
+    bag = tiny_bags.write_mcap(tmp_path / "bag", mode=mode, size=5000)
+    cut(bag / "bag.mcap", 0.5)
+    found, _ = read(bag)
+    assert found[-1] == LOST
+    whole = found[:-1]
+    assert whole == ALL[: len(whole)]
+    assert len(whole) >= 3
+
+
+def test_damaged_chunk_is_left_out_and_its_place_told(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    chunk = read_summary(file).chunk_offsets[4]
+    flip(file, chunk + 300)
+    found, inspection = read(file)
+    assert found == [0, 1, 2, 3, LOST, 5, 6, 7, 8, 9]
+    (damage,) = inspection.damages
+    assert damage.position == f"byte {chunk}"
+    assert "damaged chunk" in damage.text
+
+
+def test_reader_finds_its_way_back_after_a_damaged_length(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    chunk = read_summary(file).chunk_offsets[3]
+    # The length of the record: its highest byte makes it longer than any file.
+    flip(file, chunk + 8)
+    found, inspection = read(file)
+    assert found == [0, 1, 2, LOST, 4, 5, 6, 7, 8, 9]
+    assert inspection.damages[0].position == f"byte {chunk}"
+
+
+def test_chunk_that_turned_into_something_else_is_missed(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    chunk = read_summary(file).chunk_offsets[3]
+    data = bytearray(file.read_bytes())
+    data[chunk] = 0x0C  # metadata: without the index it would just be skipped
+    file.write_bytes(data)
+    assert read(file)[0] == [0, 1, 2, LOST, 4, 5, 6, 7, 8, 9]
+
+
+def test_lost_first_chunk_does_not_cost_the_others(tmp_path):
+    # Only the first chunk tells what the channel is; the index has a copy.
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    flip(file, read_summary(file).chunk_offsets[0] + 150)
+    assert read(file)[0] == [LOST, 1, 2, 3, 4, 5, 6, 7, 8, 9]
+
+
+def test_damaged_index_costs_nothing(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    flip(file, len(file.read_bytes()) - 200)
+    found, inspection = read(file)
+    assert found == ALL
+    assert len(inspection.damages) <= 1
+
+
+def test_metadata_that_cannot_be_read_costs_nothing(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    (bag / "metadata.yaml").write_text("relative_file_paths: [")
+    found, inspection = read(bag)
+    assert found == ALL
+    assert "YAML" in str(inspection.damages[0])
+
+
+def test_missing_file_of_a_split_recording_is_told(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text()
+    metadata.write_text(text.replace("- bag.mcap", "- bag.mcap\n  - bag_1.mcap"))
+    found, inspection = read(bag)
+    assert found == ALL
+    assert "bag_1.mcap" in str(inspection.damages[0])
+
+
+def test_split_files_are_read_in_the_order_of_time(tmp_path):
+    for name, indices in (("z", range(5)), ("a", range(5, 10))):
+        tiny_bags.write_mcap(tmp_path / name, indices=indices)
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    for name in ("z", "a"):
+        shutil.copy(tmp_path / name / f"{name}.mcap", bag)
+    assert read(bag)[0] == ALL
+
+
+def test_files_that_do_not_belong_to_the_recording_are_left_alone(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    shutil.copy(bag / "bag.mcap", bag / "bag_copy.mcap")
+    found, inspection = read(bag)
+    assert found == ALL
+    assert not inspection.damages
+
+
+def test_mcap_of_another_recorder_is_no_damage(tmp_path):
+    file = tmp_path / "log.mcap"
+    definition, _ = tiny_bags.JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
+    with file.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start("", "some other recorder")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel("/points", "cdr", schema)
+        other = writer.register_channel("/notes", "json", 0)
+        writer.add_message(other, 1, b"{}", 1)
+        for index in ALL:
+            time = tiny_bags.stamp(index) + 5_000_000
+            writer.add_message(channel, time, bytes(tiny_bags.cdr(index)), time)
+        writer.finish()
+    found, inspection = read(file)
+    assert found == ALL
+    assert not inspection.damages
+    assert list(inspection.topics) == ["/points"]
+
+
+def test_other_formats_are_read_up_to_the_damage(tmp_path):
+    path = tiny_bags.write_sqlite(tmp_path / "bag", mode=CompressionMode.MESSAGE, size=400)
+    file = path / "bag.db3"
+    data = file.read_bytes()
+    start_of_compressed = b"\x28\xb5\x2f\xfd"
+    assert data.count(start_of_compressed) == 10
+    file.write_bytes(data.replace(start_of_compressed, b"rubb", 1))
+    found, inspection = read(path)
+    # SQLite puts messages where there is room: the one that is damaged may be any.
+    assert found[:-1] == ALL[: len(found) - 1]
+    assert found[-1] == LOST
+    assert inspection.damages == ()
+
+
+@pytest.mark.parametrize("content", [b"", b"x", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + b"\x00" * 500])
+def test_nothing_to_read_is_an_error_in_one_line(tmp_path, content):
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError) as caught:
+        inspect_recording(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["nowhere", "nowhere.mcap", "empty"])
+def test_missing_recordings(tmp_path, name):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match=name):
+        inspect_recording(tmp_path / name)
+
+
+def test_file_that_vanishes_is_damage(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    inspection = inspect_recording(file)
+    file.unlink()
+    with inspection.open() as reader:
+        (damage,) = readable_messages(reader, "/points")
+    assert "No such file" in str(damage)
+
+
+def test_sequential_reader_is_a_reader(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    with inspect_recording(file).open() as reader:
+        assert isinstance(reader, SequentialMcapReader)
+        assert reader.find_topic(None, CLOUD_TYPE) == "/points"
+        raw = list(
+            reader.raw_messages("/points", start_ns=tiny_bags.stamp(2), stop_ns=tiny_bags.stamp(4))
+        )
+        assert [received for received, _ in raw] == [tiny_bags.stamp(i) + 5_000_000 for i in (2, 3)]
+        assert raw[0][1] == bytes(tiny_bags.cdr(2, 200))
+        assert len(list(reader.messages("/points", start_ns=tiny_bags.stamp(8)))) == 2
+        with pytest.raises(RecordingError, match="no topic '/lidar'"):
+            reader.raw_messages("/lidar")
+
+
+def test_damage_is_one_line():
+    assert str(Damage("a.mcap", "byte 7", "cut")) == "a.mcap, byte 7: cut"
+    assert str(Damage(str(Path("a")), "", "cut")) == "a: cut"

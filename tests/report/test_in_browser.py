@@ -1,0 +1,67 @@
+"""The report in a real browser: it renders, complains about nothing, and fetches nothing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import pytest
+from small_runs import pictured, rows, run_record
+
+from mnsf_ros.report.write_report import write_report
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
+
+
+def browse(tmp_path, page, *options):
+    """What the browser says on both outputs."""
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    flags += ["--disable-component-update", "--no-first-run", "--enable-logging=stderr", "--v=0"]
+    flags += [f"--user-data-dir={tmp_path / 'profile'}", *options, page.as_uri()]
+    return subprocess.run(
+        [BROWSER, *flags], capture_output=True, text=True, timeout=120, check=True
+    )
+
+
+@pytest.fixture
+def page(tmp_path):
+    path = tmp_path / "report.html"
+    write_report(rows(), run_record(), path, pictured=[pictured()])
+    return path
+
+
+def requested(net_log):
+    """Addresses that pages asked for, from Chromium's own log of its network."""
+    log = json.loads(net_log.read_text())
+    urls = {event.get("params", {}).get("url", "") for event in log["events"]}
+    return {url for url in urls if url.startswith(("http:", "https:", "ws:"))}
+
+
+def test_page_renders_without_complaints_and_requests(tmp_path, page):
+    net_log = tmp_path / "net.json"
+    shown = browse(tmp_path, page, "--dump-dom", f"--log-net-log={net_log}")
+    assert "CONSOLE" not in shown.stderr
+    assert "Scene flow of street" in shown.stdout
+    assert shown.stdout.rstrip().endswith("</html>")
+    # The browser's own business (updates, accounts) is none of the page's.
+    own = ("google", "gstatic", "googleapis", "gvt1")
+    assert [url for url in requested(net_log) if not any(name in url for name in own)] == []
+
+
+def test_a_broken_page_would_be_noticed(tmp_path, page):
+    text = page.read_text().replace("</main>", '<img src="http://127.0.0.1:9/x.png"></main>')
+    page.write_text(text)
+    assert "CONSOLE" in browse(tmp_path, page, "--dump-dom").stderr
+
+
+def test_screenshot_is_not_blank(tmp_path, page):
+    from matplotlib.image import imread
+
+    picture = tmp_path / "page.png"
+    browse(tmp_path, page, "--hide-scrollbars", "--window-size=900,1200", f"--screenshot={picture}")
+    pixels = imread(picture)[..., :3]
+    assert pixels.shape[:2] == (1200, 900)
+    assert len(set(map(tuple, (pixels[::7, ::7].reshape(-1, 3) * 255).astype(int)))) > 10

@@ -1,0 +1,124 @@
+"""The report of a run's folder: where its pictures come from, and what it says without any."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli import report
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.report.flow_source import estimated_examples, options_of, recorded_examples
+from mnsf_ros.report.run_report import report_run
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+
+METHODS = ["ego", "zero"]
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "street"
+    write_recording(SimulationSettings(seed=1, duration_s=0.5, num_beams=16, num_columns=256), path)
+    return path
+
+
+def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
+    settings = preset("paper").changed({"crop.max_range_m": 30.0, "warm_start.enabled": warm})
+    folder = out / "flow" if write_flow else None
+    options = EvaluationOptions(settings, num_points=80, seed=3, flow_folder=folder)
+    recording = choose_topics(inspect_recording(street), "street")
+    run_folder = start_or_resume(out, [recording], methods, options, resume=False)
+    run_evaluation(plan_runs([recording], methods, options, run_folder), options, run_folder)
+    return out
+
+
+def report_of(folder, **options):
+    said = []
+    path = report_run(folder, say=said.append, **options)
+    assert path == folder / "report.html"
+    return path.read_text(), said
+
+
+def test_flows_that_were_written_are_drawn(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", write_flow=True)
+    text, said = report_of(folder, num_pictured=2)
+    assert said == []
+    assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
+
+
+def test_other_flows_are_estimated_once_more(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    text, said = report_of(folder, num_pictured=2)
+    assert said[0].startswith("estimating the 2 worst examples once more for pictures")
+    assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
+    assert "The picture shows another flow" not in text
+
+
+def test_both_sources_give_the_same_pictures(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", write_flow=True)
+    run, rows = RunFolder(folder).read_run(), RunFolder(folder).read_rows()
+    rows = [row for row in rows if row.method == "ego"][:1]
+    (recorded,) = recorded_examples(folder, rows, METHODS)
+    (estimated,) = estimated_examples(run, rows, METHODS)
+    assert recorded.key == estimated.key
+    np.testing.assert_array_equal(recorded.xyz, estimated.xyz)
+    np.testing.assert_array_equal(recorded.truth, estimated.truth)
+    for one, other in zip(recorded.flows, estimated.flows, strict=True):
+        assert one.method == other.method
+        np.testing.assert_array_equal(one.flow, other.flow)
+        np.testing.assert_allclose(one.error_m, other.error_m, atol=1e-6)
+
+
+def test_options_come_back_from_the_record(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    options = options_of(RunFolder(folder).read_run())
+    assert options.method_settings.crop.max_range_m == 30.0
+    assert options.settings.ground.remove
+    assert not options.method_settings.ground.remove
+    assert dataclasses.astuple(options.selection)[3:5] == (80, 3)
+
+
+@pytest.mark.parametrize(("options", "num_said"), [({"estimate_again": False}, 0), ({}, 1)])
+def test_report_without_pictures(street, tmp_path, options, num_said):
+    folder = evaluate(street, tmp_path / "run", warm=True)
+    text, said = report_of(folder, **options)
+    assert "data:image/png" not in text
+    assert len(said) == num_said
+    assert "The worst 3 of 3 examples of ego" in text
+
+
+def test_recording_that_is_gone_costs_only_the_pictures(street, tmp_path):
+    moved = tmp_path / "street"
+    shutil.copytree(street, moved)
+    folder = evaluate(moved, tmp_path / "run")
+    shutil.rmtree(moved)
+    text, said = report_of(folder)
+    assert "data:image/png" not in text
+    assert said[-1].startswith("no pictures: ")
+
+
+def test_folder_without_a_run_is_refused(tmp_path):
+    with pytest.raises(MnsfError, match=r"holds no run, run\.json is missing"):
+        report_run(tmp_path)
+
+
+def test_command_line(street, tmp_path, capsys):
+    folder = evaluate(street, tmp_path / "run")
+    parser = argparse.ArgumentParser()
+    report.add_to(parser.add_subparsers())
+    options = parser.parse_args(["report", str(folder), "--pictures", "1", "--method", "zero"])
+    options.run(options)
+    assert "report.html" in capsys.readouterr().out.replace("\n", "")
+    text = (folder / "report.html").read_text()
+    assert "Worst examples of zero" in text
+    assert text.count("data:image/png") == 3

@@ -1,0 +1,152 @@
+"""The report says what was run and found, is a page by itself, and lets nothing in or out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html.parser import HTMLParser
+
+import pytest
+from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
+
+from mnsf_ros.report.write_report import write_report
+
+WITHOUT_END = {"meta", "link", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Checks that elements are nested, and collects what a test wants to see."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements, self.words = [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in WITHOUT_END:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, text):
+        self.words.append(text)
+
+    @property
+    def text(self):
+        return " ".join(self.words)
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def report(tmp_path, rows, run, **options):
+    path = tmp_path / "report.html"
+    write_report(rows, run, path, **options)
+    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+    return Page(path.read_text(encoding="utf-8"))
+
+
+def test_what_was_run_is_there(tmp_path):
+    text = report(tmp_path, rows(), run_record()).text
+    for fact in ("mnsf evaluate street", "abc123", "torch 2.0", "box, fast, 2 cores", "Seed 7"):
+        assert fact in text
+    assert "distance.cell_size_m" in text
+
+
+def test_means_are_over_examples_of_each_method(tmp_path):
+    text = report(tmp_path, rows(), run_record()).text
+    assert "0.200 m" in text  # mnsf: 0.1, 0.2, 0.3
+    assert "0.210" in text
+    assert "0.220" in text
+    assert "a newer triplet took its place" in text
+
+
+def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
+    page = report(
+        tmp_path, [row(1, "mnsf", 0.2), row(1, "fnsf", 0.3), row(1, "zero", 0.1)], run_record()
+    )
+    text = (tmp_path / "report.html").read_text()
+    assert '<td class="best">0.200</td>' in text
+    assert '<td class="best">0.100</td>' not in text
+    assert page.all("table")
+
+
+def test_nothing_is_loaded_from_anywhere(tmp_path):
+    page = report(tmp_path, rows(), run_record(), pictured=[pictured()])
+    assert page.all("script") == []
+    for _, attributes in page.elements:
+        assert attributes.get("src", "data:").startswith("data:")
+        assert re.match(r"data:|#", attributes.get("href", "#"))
+    policies = [m["content"] for m in page.all("meta") if "http-equiv" in m]
+    assert policies[0].startswith("default-src 'none'")
+    assert "url(" not in (tmp_path / "report.html").read_text()
+
+
+def test_every_picture_says_what_it_shows(tmp_path):
+    page = report(tmp_path, rows(), run_record(), pictured=[pictured(3), pictured(2)])
+    images = page.all("img")
+    assert len(images) == 2 * 3  # truth and two methods
+    assert all(len(image["alt"]) > 20 for image in images)
+    drawings = [svg for svg in page.all("svg") if svg.get("aria-hidden") != "true"]
+    assert drawings
+    assert all(svg["role"] == "img" and svg["aria-label"] for svg in drawings)
+    assert {link["href"] for link in page.all("a")} <= {
+        f"#{section['id']}" for section in page.all("section") if "id" in section
+    }
+
+
+def test_worst_examples_come_first(tmp_path):
+    text = report(tmp_path, rows(), run_record()).text
+    text = text[text.index("The worst 3 of 3 examples of mnsf") :]
+    places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
+    assert places == sorted(places)
+
+
+def test_picture_of_another_flow_says_so(tmp_path):
+    found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(pictured().flows[1].error_m.mean()))]
+    text = report(tmp_path, found, run_record(), pictured=[pictured()]).text
+    assert text.count("The picture shows another flow than that of the run") == 1
+
+
+def test_without_truth_there_is_still_a_report(tmp_path):
+    example = dataclasses.replace(pictured(with_truth=False), error_name="distance to next sweep")
+    run = run_record(["mnsf"], truth=None)
+    page = report(tmp_path, rows_without_truth(), run, pictured=[example])
+    assert "0.200 m" in page.text  # mean of the distances to the next sweep
+    assert "Where the errors are" not in page.text
+    assert "Where the time goes" in page.text
+    assert "EPE" not in page.text
+    assert "has no truth" in page.text
+    assert len(page.all("img")) == 2
+
+
+def test_without_rows_there_is_still_a_report(tmp_path):
+    page = report(tmp_path, [], run_record())
+    assert "There are no results yet." in page.text
+
+
+def test_text_of_others_is_no_markup(tmp_path):
+    bad = "<script>alert(1)</script>\"'&"
+    run = run_record([bad])
+    run["recordings"][0]["name"] = bad
+    found = [dataclasses.replace(row(1, bad, 0.1), recording=bad), row(2, bad, 0.1, failure=bad)]
+    page = report(tmp_path, found, run)
+    assert page.all("script") == []
+    assert bad in page.text
+
+
+@pytest.mark.parametrize("number", [1, 9, 30])
+def test_any_number_of_methods(tmp_path, number):
+    methods = [f"method {k}" for k in range(number)]
+    page = report(tmp_path, [row(1, m, 0.1) for m in methods], run_record(methods))
+    assert all(method in page.text for method in methods)
+
+
+def test_same_rows_give_the_same_file_in_any_order(tmp_path):
+    report(tmp_path, rows(), run_record())
+    first = (tmp_path / "report.html").read_bytes()
+    report(tmp_path, rows()[::-1], run_record(METHODS))
+    assert (tmp_path / "report.html").read_bytes() == first

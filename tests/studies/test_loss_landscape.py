@@ -1,0 +1,102 @@
+"""The loss around an optimum: known bowls have known rises, and weights stay as they were."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from mnsf_ros.studies.loss_landscape import landscape, losses_along, random_direction
+
+
+@pytest.fixture
+def network():
+    torch.manual_seed(0)
+    return nn.Sequential(nn.Linear(3, 8), nn.ReLU(), nn.Linear(8, 3))
+
+
+def bowl(network):
+    """A loss whose lowest place are the network's weights: squared distance from them."""
+    optimum = [item.detach().clone() for item in network.parameters()]
+
+    def loss_of():
+        pairs = zip(network.parameters(), optimum, strict=True)
+        return 1.0 + sum((item - best).square().sum() for item, best in pairs)
+
+    return loss_of
+
+
+def drawn(network, seed):
+    return random_direction(network, torch.Generator().manual_seed(seed))
+
+
+def test_rows_of_a_direction_are_as_long_as_those_of_the_weights(network):
+    for weights, part in zip(network.parameters(), drawn(network, 1), strict=True):
+        if weights.ndim == 1:
+            assert not part.any()
+        else:
+            torch.testing.assert_close(part.norm(dim=1), weights.detach().norm(dim=1))
+
+
+def test_direction_scales_with_the_weights(network):
+    before = drawn(network, 2)
+    with torch.no_grad():
+        network[0].weight.mul_(3.0)
+    after = drawn(network, 2)
+    torch.testing.assert_close(after[0], 3.0 * before[0])
+    torch.testing.assert_close(after[2], before[2])
+
+
+def test_losses_of_a_bowl(network):
+    direction = drawn(network, 3)
+    length = sum(float(part.square().sum()) for part in direction)
+    losses = losses_along(network, bowl(network), [direction], [(-0.5,), (0.0,), (0.5,), (1.0,)])
+    expected = 1.0 + np.array([0.25, 0.0, 0.25, 1.0]) * length
+    np.testing.assert_allclose(losses, expected, rtol=1e-4)
+
+
+def test_weights_are_put_back_even_after_an_error(network):
+    before = [item.clone() for item in network.parameters()]
+
+    def fails():
+        raise ValueError("no loss")
+
+    with pytest.raises(ValueError, match="no loss"):
+        losses_along(network, fails, [drawn(network, 4)], [(1.0,)])
+    for item, old in zip(network.parameters(), before, strict=True):
+        assert torch.equal(item, old)
+
+
+def look(network, seed=5, factor=1.0):
+    loss_of = bowl(network)
+    return landscape(
+        network,
+        lambda: 1.0 + factor * (loss_of() - 1.0),
+        seed=seed,
+        radius=0.5,
+        num_steps=5,
+        num_directions=3,
+    )
+
+
+def test_landscape_of_a_bowl_is_lowest_in_the_middle(network):
+    found = look(network)
+    assert found.losses_m.shape == (5, 5)
+    assert found.losses_m.argmin() == 12
+    assert found.losses_m[2, 2] == pytest.approx(found.loss_m)
+    np.testing.assert_allclose(found.losses_m[2], found.losses_m[2, ::-1], rtol=1e-4)
+    assert found.rises_m.shape == (3, 4)
+    # A bowl rises with the square of the step.
+    np.testing.assert_allclose(found.sharpness[3], 100 * found.sharpness[0], rtol=1e-2)
+
+
+def test_steeper_bowl_is_sharper_by_as_much(network):
+    np.testing.assert_allclose(
+        look(network, factor=4.0).sharpness, 4.0 * look(network).sharpness, rtol=1e-3
+    )
+
+
+def test_seed_decides(network):
+    np.testing.assert_array_equal(look(network, 1).losses_m, look(network, 1).losses_m)
+    assert (look(network, 1).losses_m != look(network, 2).losses_m).any()

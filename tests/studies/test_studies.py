@@ -1,0 +1,150 @@
+"""Every study from its name to its files, on a tiny street and with few steps."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import pytest
+
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.methods import method_names
+from mnsf_ros.presets import preset
+from mnsf_ros.report.run_report import report_run
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.studies.method_study import METHOD_STUDIES
+from mnsf_ros.studies.run_study import STUDY_NAMES, run_study
+from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
+from mnsf_ros.studies.study_options import StudyOptions
+
+FEW_STEPS = {
+    "crop.max_range_m": 20.0,
+    "distance.kind": "tree",
+    "field.num_hidden_layers": 2,
+    "field.hidden_width": 8,
+    "fusion.hidden_width": 8,
+    "optimization.max_iterations": 3,
+    "fusion.max_iterations": 3,
+}
+SMALL = {
+    "radius": 0.5,
+    "num_steps": 3,
+    "num_directions": 2,
+    "sizes": (16, 32),
+    "num_repeats": 1,
+    "methods": ("fnsf", "mnsf"),
+}
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "street"
+    settings = SimulationSettings(seed=1, duration_s=0.7, num_beams=16, num_columns=256)
+    write_recording(settings, path)
+    return path
+
+
+@pytest.fixture
+def options(tmp_path, street):
+    return StudyOptions(
+        out=tmp_path / "study",
+        settings=preset("paper").changed(FEW_STEPS),
+        recordings=(street,),
+        num_points=100,
+        num_examples=2,
+    )
+
+
+def study(name, options):
+    asked = tuple(FEW_STEPS)
+    return run_study(name, options, SMALL, asked=asked)
+
+
+def rows_of(paths):
+    with paths[1].open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("name", STUDY_NAMES)
+def test_study_writes_page_numbers_and_picture(name, options):
+    result, paths = study(name, options)
+    assert [path.name for path in paths] == [f"{name}.md", f"{name}.csv", f"{name}.png"]
+    page = paths[0].read_text()
+    assert page.startswith(f"# {result.title}\n")
+    for fact in ("* seed: 0", "| field.hidden_width | 8 |", f"({name}.png)", "* versions: "):
+        assert fact in page
+    assert len(rows_of(paths)) == len(result.rows) > 0
+    assert paths[2].read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", ["ablation", "landscape", "stability"])
+def test_study_is_the_same_the_second_time(name, options, tmp_path):
+    tables = []
+    for folder in ("one", "two"):
+        _, paths = study(name, replace(options, out=tmp_path / folder))
+        rows = rows_of(paths)
+        tables.append([{k: v for k, v in row.items() if k != "time_ms"} for row in rows])
+    assert tables[0] == tables[1]
+
+
+def test_seed_changes_the_numbers(options, tmp_path):
+    first = rows_of(study("landscape", options)[1])
+    other = rows_of(study("landscape", replace(options, out=tmp_path / "b", seed=1))[1])
+    assert first != other
+
+
+def test_method_study_has_so_many_examples_and_can_be_resumed(options):
+    said = []
+    options = replace(options, say=said.append)
+    study("fusion", options)
+    num_rows = len(RunFolder(options.out / "evaluation").read_rows())
+    assert num_rows == 2 * 4
+    assert said[-1].startswith("8 of 8: mnsf-mlp, street sweep 2: EPE ")
+    with pytest.raises(MnsfError, match="exists already"):
+        study("fusion", options)
+    study("fusion", replace(options, resume=True))
+    assert len(RunFolder(options.out / "evaluation").read_rows()) == num_rows
+
+
+def test_method_study_can_be_reported(options):
+    study("depth", options)
+    said = []
+    path = report_run(
+        options.out / "evaluation", num_pictured=1, focus="mnsf-depth3", say=said.append
+    )
+    text = path.read_text()
+    assert "estimating the 1 worst examples once more" in said[0]
+    assert text.count("data:image/png") == 1 + 4
+    assert "The picture shows another flow" not in text
+
+
+def test_without_recordings_a_street_is_simulated(options):
+    options = replace(options, recordings=(), num_examples=1)
+    result, _ = study("landscape", options)
+    assert (options.out / "street" / "metadata.yaml").exists()
+    assert "of street" in result.texts[-1]
+
+
+def test_variants_are_methods():
+    for item in METHOD_STUDIES:
+        assert set(item.variants.values()) <= set(method_names())
+
+
+def test_settings_that_were_asked_for_stay():
+    settings = preset("paper").changed({"optimization.max_iterations": 7})
+    ours = stability_settings(settings)
+    asked = stability_settings(settings, ["optimization.max_iterations"])
+    assert ours.to_mapping().items() >= STABILITY_SETTINGS.items()
+    assert asked.optimization.max_iterations == 7
+
+
+def test_unknown_study_is_refused(options):
+    with pytest.raises(MnsfError, match="unknown study 'all', expected one of ablation, fusion"):
+        run_study("all", options)
+
+
+def test_no_examples_are_refused(options):
+    with pytest.raises(MnsfError, match="examples: got 0, expected 1 or more"):
+        replace(options, num_examples=0)

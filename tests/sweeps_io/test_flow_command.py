@@ -1,0 +1,157 @@
+"""`mnsf flow`, from files to a file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli import flow
+from mnsf_ros.errors import MnsfError, SettingsError, SweepError, SweepFileError
+
+FAST = [
+    *("--set", "optimization.max_iterations=5", "--set", "fusion.max_iterations=5"),
+    *("--set", "field.hidden_width=16", "--set", "distance.kind=tree"),
+    *("--set", "compute.device=cpu", "--set", "compute.num_threads=1"),
+]
+
+
+@pytest.fixture
+def run():
+    """Runs the subcommand with its arguments."""
+    parser = argparse.ArgumentParser()
+    flow.add_to(parser.add_subparsers())
+
+    def run_it(*arguments):
+        options = parser.parse_args(["flow", *map(str, arguments)])
+        options.run(options)
+
+    return run_it
+
+
+@pytest.fixture
+def files(tmp_path, make_scene):
+    """Five sweeps in the order of time, each in another format."""
+    scene = make_scene()
+    np.save(tmp_path / "0.npy", scene.previous - 0.1)
+    np.save(tmp_path / "1.npy", scene.previous)
+    np.savez(tmp_path / "2.npz", pc1=scene.previous, pc2=scene.current)
+    rows = np.hstack([scene.next, np.ones((len(scene.next), 1))])
+    (tmp_path / "3.bin").write_bytes(rows.astype("<f4").tobytes())
+    return [tmp_path / "0.npy", tmp_path / "1.npy", f"{tmp_path / '2.npz'}:pc2", tmp_path / "3.bin"]
+
+
+def test_three_sweeps(run, files, tmp_path, capsys, make_scene):
+    run(*files[1:], "-o", tmp_path / "out.npz", *FAST)
+    said = capsys.readouterr().out
+    assert said.count("\n") == 1
+    number = len(make_scene().current)
+    assert said.startswith(f"{tmp_path / 'out.npz'}: {number} points, ")
+    assert "; mnsf: flow " in said
+    for stage in ("forward", "backward", "fusion"):
+        assert f"{stage} iteration_limit after 5 steps" in said
+    with np.load(tmp_path / "out.npz") as arrays:
+        np.testing.assert_array_equal(arrays["xyz"], make_scene().current)
+        assert np.isfinite(arrays["flow"]).all()
+        assert 0 < arrays["kept"].sum() < number
+        settings = json.loads(str(arrays["settings"]))
+    assert settings["optimization.max_iterations"] == 5
+    assert settings["early_stopping.patience"] == 10
+
+
+def test_two_sweeps(run, files, tmp_path, capsys):
+    run(*files[2:], "--out", tmp_path / "out.npy", *FAST)
+    said = capsys.readouterr().out
+    assert "forward" in said
+    assert "backward" not in said
+    run(*files[2:], "-o", tmp_path / "fnsf.npy", "--method", "fnsf", *FAST)
+    np.testing.assert_array_equal(np.load(tmp_path / "fnsf.npy"), np.load(tmp_path / "out.npy"))
+
+
+def test_four_sweeps(run, files, tmp_path, capsys):
+    run(*files, "-o", tmp_path / "out.ply", "--method", "mnsf-frames4", *FAST)
+    assert "backward 2 iteration_limit" in capsys.readouterr().out
+    with pytest.raises(SweepError, match="got 1 sweeps before it, expected 2"):
+        run(*files[1:], "-o", tmp_path / "out.npy", "--method", "mnsf-frames4", *FAST)
+
+
+def test_row_without_a_point_stays_a_row(run, files, tmp_path, capsys, make_scene):
+    xyz = make_scene().current.copy()
+    xyz[[0, 7]] = np.nan
+    np.save(tmp_path / "holes.npy", xyz)
+    run(tmp_path / "holes.npy", files[-1], "-o", tmp_path / "out.npz", *FAST)
+    assert f": {len(xyz) - 2} points and 2 rows without, " in capsys.readouterr().out
+    with np.load(tmp_path / "out.npz") as arrays:
+        missing = np.isnan(arrays["flow"]).all(axis=1)
+        assert np.flatnonzero(missing).tolist() == [0, 7]
+        assert not arrays["kept"][missing].any()
+        assert np.isfinite(arrays["flow"][~missing]).all()
+
+
+def test_ego_motion_from_poses(run, tmp_path):
+    here, there = np.eye(4), np.eye(4)
+    there[:3, 3] = (1, 0, 0)
+    points = np.array([[5.0, 1, 0], [6, 2, 1]])
+    np.savez(tmp_path / "a.npz", xyz=points, pose=here)
+    np.savez(tmp_path / "b.npz", xyz=points, pose=there)
+    run(tmp_path / "a.npz", tmp_path / "b.npz", "-o", tmp_path / "out.npy", "--method", "ego")
+    np.testing.assert_allclose(np.load(tmp_path / "out.npy"), [[-1, 0, 0]] * 2, atol=1e-6)
+
+
+def test_sweeps_out_of_order(run, tmp_path):
+    for name, stamp_ns in (("a", 10), ("b", 20)):
+        np.savez(tmp_path / f"{name}.npz", xyz=np.ones((20, 3)), stamp_ns=stamp_ns)
+    with pytest.raises(SweepFileError, match=r"not in the order of time: \[20, 10\] ns$"):
+        run(tmp_path / "b.npz", tmp_path / "a.npz", "-o", tmp_path / "out.npy")
+
+
+def test_settings_and_preset_reach_the_method(run, files, tmp_path, capsys):
+    run(*files[1:], "-o", tmp_path / "out.npz", "--preset", "authors", *FAST)
+    assert "fields iteration_limit after 5 steps" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        (["--method", "fnfs"], SettingsError, "unknown method 'fnfs'; did you mean fnsf"),
+        (["--set", "crop.max_range=3"], SettingsError, "unknown setting 'crop.max_range'"),
+        (["--set", "crop.max_range_m"], SettingsError, "NAME=VALUE"),
+        (["--set", "crop.max_range_m=far"], SettingsError, "got 'far', expected a number"),
+        (["--set", "crop.min_range_m=70"], SweepError, "points are left after crop"),
+    ],
+)
+def test_what_cannot_be_used(run, files, tmp_path, arguments, error, text):
+    with pytest.raises(error, match=text):
+        run(*files[1:], "-o", tmp_path / "out.npy", *arguments)
+    assert not (tmp_path / "out.npy").exists()
+
+
+def test_output_is_checked_before_the_work(run, files, tmp_path):
+    (tmp_path / "out.npy").touch()
+    for out, text in ((tmp_path / "out.npy", "exists already"), (tmp_path / "o.pcd", "ends with")):
+        with pytest.raises(SweepFileError, match=text):
+            run("missing.npy", "missing.npy", "-o", out)
+    run(*files[2:], "-o", tmp_path / "out.npy", "--force", *FAST)
+    assert np.load(tmp_path / "out.npy").shape[1] == 3
+
+
+def test_one_sweep_is_not_enough(run, files, tmp_path):
+    with pytest.raises(MnsfError, match=r"^got 1 sweep, expected CURRENT and NEXT at least$"):
+        run(files[0], "-o", tmp_path / "out.npy")
+
+
+def test_file_that_is_missing(run, files, tmp_path):
+    missing = tmp_path / "missing.pcd"
+    with pytest.raises(SweepFileError, match=f"^{missing}: cannot be read: No such file"):
+        run(missing, files[-1], "-o", tmp_path / "out.npy")
+
+
+def test_help_names_the_formats(run, capsys):
+    with pytest.raises(SystemExit):
+        run("--help")
+    said = capsys.readouterr().out
+    assert "mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT" in said
+    for suffix in (".npz", ".npy", ".pcd", ".ply", ".bin", ".feather"):
+        assert suffix in said

@@ -1,0 +1,92 @@
+"""Flow in files: what was written is what is read, complete or not at all."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from sweep_files import XYZ
+
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps_io.read_sweep import read_sweep
+from mnsf_ros.sweeps_io.write_flow import FlowToWrite, write_flow
+
+FLOW = np.array([[0.5, 0, -0.25], [np.nan] * 3, [1, 2, 3], [0, 0, 0]], dtype=np.float32)
+KEPT = np.array([True, False, False, True])
+RESULT = FlowToWrite(XYZ, FLOW, KEPT, "fnsf", {"fusion.kind": "mlp", "compute.seed": 3})
+
+
+def test_npz(tmp_path):
+    write_flow(tmp_path / "out.npz", RESULT)
+    with np.load(tmp_path / "out.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["xyz"], XYZ)
+        np.testing.assert_array_equal(arrays["flow"], FLOW)
+        np.testing.assert_array_equal(arrays["kept"], KEPT)
+        assert str(arrays["method"]) == "fnsf"
+        assert json.loads(str(arrays["settings"])) == {"fusion.kind": "mlp", "compute.seed": 3}
+    np.testing.assert_array_equal(read_sweep(str(tmp_path / "out.npz")).xyz, XYZ)
+
+
+def test_npy(tmp_path):
+    write_flow(tmp_path / "out.npy", RESULT)
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), FLOW)
+
+
+def test_ply(tmp_path):
+    write_flow(tmp_path / "OUT.PLY", RESULT)
+    header, _, body = (tmp_path / "OUT.PLY").read_bytes().partition(b"end_header\n")
+    assert header.splitlines()[:2] == [b"ply", b"format binary_little_endian 1.0"]
+    assert b"element vertex 4" in header
+    assert [line.split()[-1] for line in header.splitlines() if b"float" in line] == [
+        *(b"x", b"y", b"z", b"flow_x", b"flow_y", b"flow_z"),
+    ]
+    rows = np.frombuffer(body, "<f4").reshape(4, 6)
+    np.testing.assert_array_equal(rows, np.hstack([XYZ, FLOW]))
+    np.testing.assert_array_equal(read_sweep(str(tmp_path / "OUT.PLY")).xyz, XYZ)
+
+
+def test_what_is_there_is_not_replaced_unless_told(tmp_path):
+    path = tmp_path / "out.npy"
+    path.write_bytes(b"precious")
+    with pytest.raises(SweepFileError, match=f"^{path}: exists already$"):
+        write_flow(path, RESULT)
+    assert path.read_bytes() == b"precious"
+    write_flow(path, RESULT, overwrite=True)
+    np.testing.assert_array_equal(np.load(path), FLOW)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.npy"]
+
+
+def test_folder_is_never_replaced(tmp_path):
+    (tmp_path / "out.npy").mkdir()
+    with pytest.raises(SweepFileError, match="exists already"):
+        write_flow(tmp_path / "out.npy", RESULT, overwrite=True)
+
+
+@pytest.mark.parametrize("name", ["out.pcd", "out", "out.txt"])
+def test_format_that_is_not_written(tmp_path, name):
+    with pytest.raises(SweepFileError, match=r"ends with \.npz, \.npy, \.ply$"):
+        write_flow(tmp_path / name, RESULT)
+
+
+def test_folder_that_is_not_there(tmp_path):
+    with pytest.raises(SweepFileError, match="there is no folder"):
+        write_flow(tmp_path / "no" / "out.npy", RESULT)
+
+
+def test_failure_half_way_leaves_nothing(tmp_path):
+    class Unwritable:
+        def __array__(self, *_, **__):
+            raise OSError(28, "No space left on device")
+
+    broken = FlowToWrite(XYZ, Unwritable(), KEPT)
+    with pytest.raises(SweepFileError, match=r"cannot be written: No space left on device$"):
+        write_flow(tmp_path / "out.npy", broken)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_others_may_read_the_file_as_usual(tmp_path):
+    write_flow(tmp_path / "out.npy", RESULT)
+    (tmp_path / "other").touch()
+    modes = [(tmp_path / name).stat().st_mode for name in ("out.npy", "other")]
+    assert modes[0] == modes[1]
