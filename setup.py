@@ -50,6 +50,7 @@ setup(
     extras_require={
         "wheels": ROS_WHEELS,
         "datasets": ["pyarrow>=14", "h5py>=3.8"],
+        "ray": ["ray>=2.40"],
         "test": ["pytest>=7.4,<9"],
         "lint": ["ruff", "mypy"],
     },
