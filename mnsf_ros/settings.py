@@ -311,7 +311,7 @@ class WarmStartSettings:
     """What one triplet hands to the next: fields, fusion and the state of their optimizers."""
 
     enabled: bool = _setting(True, "Start from the networks of the last triplet")
-    max_iterations: int = _setting(40, "Steps per network after a warm start", "", 1, 100_000)
+    max_iterations: int = _setting(30, "Steps per network after a warm start", "", 1, 100_000)
     learning_rate: float = _setting(0.002, "Step size of Adam after a warm start", "", 1e-7, 1)
     time_budget_ms: float = _setting(
         800.0, "Stop optimizing a warm start after this time; 0: never", "ms", 0, 3_600_000

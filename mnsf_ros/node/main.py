@@ -37,8 +37,10 @@ def main() -> None:
         sys.stderr.write(f"{error}\n")
         sys.exit(_EXIT_USAGE)
     status = _run(signals)
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        # None where the caller has closed it.
+        if stream is not None:
+            stream.flush()
     # All is cleaned up. The worker may still be inside a library call of seconds, for example a
     # large distance transform, under which an interpreter that shuts down aborts; and taking down
     # an interpreter with torch in it lasts half a second, which a Ctrl-C should not.

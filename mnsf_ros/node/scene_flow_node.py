@@ -31,6 +31,9 @@ NODE_NAME = "scene_flow"
 
 _REFRESH_PERIOD_S = 0.2
 
+# A fault that does not go away would fill the log ten times a second.
+_ERROR_PERIOD_S = 10.0
+
 
 class SceneFlowNode(Node):
     """Subscribes to `~/points`, publishes `~/flow` and `/diagnostics`.
@@ -133,7 +136,10 @@ class SceneFlowNode(Node):
             self._once.warn(f"refused {type(error).__name__}", f"no flow for {stamp_ns}: {error}")
             return
         details = "".join(traceback.format_exception(error))
-        self.get_logger().error(f"no flow for {stamp_ns}: unexpected error\n{details}")
+        self.get_logger().error(
+            f"no flow for {stamp_ns}: unexpected error\n{details}",
+            throttle_duration_sec=_ERROR_PERIOD_S,
+        )
 
     def _on_lost(self, how_many: int) -> None:
         self._pipeline.statistics.count("sweeps_lost_in_transport", how_many)
