@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -114,7 +115,6 @@ class EvaluationOptions:
         return PointSelection(
             crop=self.settings.crop,
             ground=self.settings.ground,
-            # A robot has no truth: it finds ground by itself.
             use_true_ground=self.use_true_ground,
             num_points=self.num_points,
             seed=self.seed,
@@ -127,13 +127,15 @@ class EvaluationOptions:
 
         Ground is removed before, unless the methods play live node. The number of threads is
         fixed, because sums in another order give other last digits, and early stopping on a
-        noisy loss makes large differences of them.
+        noisy loss makes large differences of them. In real time they are those of the node.
         """
         values: dict[str, Any] = {"compute.seed": self.seed}
-        if self.realtime_rate is None:
+        is_node = self.realtime_rate is not None
+        if not is_node:
             values["ground.remove"] = False
         if self.settings.compute.num_threads == 0:
-            values["compute.num_threads"] = 1
+            num_cores = os.cpu_count() or 1
+            values["compute.num_threads"] = max(1, num_cores - 1) if is_node else 1
         return self.settings.changed(values)
 
     @property

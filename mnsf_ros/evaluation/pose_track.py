@@ -22,6 +22,8 @@ from msg_utils.stamps import decode_stamp
 
 # Between poses farther apart than this nobody knows how the sensor moved.
 _MAX_GAP_NS: Final = 500_000_000
+# Poses that may be left when a recording begins anew: half a second of a fast odometry.
+_MAX_LEFTOVERS: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +78,7 @@ class PoseTrack:
     def pose_at(self, stamp_ns: int) -> StampedPose | None:
         """Returns the pose at a stamp, between two poses if need be; None where none is near."""
         if self._before is not None and stamp_ns < self._before.stamp_ns:
-            # A jump back in time: the poses have yet to make it, too.
-            self._before = None
-            while self._after is not None and self._is_of_the_past(stamp_ns):
-                self._advance()
-                self._before = None
+            self._skip_leftovers(stamp_ns)
         while self._after is not None and self._after.stamp_ns < stamp_ns:
             self._advance()
         if self._after is not None and self._after.stamp_ns == stamp_ns:
@@ -98,8 +96,13 @@ class PoseTrack:
             # Nobody knows what the sensor did where poses are missing.
             self._before = None
 
-    def _is_of_the_past(self, stamp_ns: int) -> bool:
-        return self._after is not None and self._after.stamp_ns > stamp_ns + _MAX_GAP_NS
+    def _skip_leftovers(self, stamp_ns: int) -> None:
+        """Follows a jump back in time, past a few poses that came before it."""
+        # Not past all: a single sweep with a wrong stamp must not cost the others their poses.
+        for _ in range(_MAX_LEFTOVERS):
+            if self._after is not None and self._after.stamp_ns > stamp_ns + _MAX_GAP_NS:
+                self._advance()
+        self._before = None
 
 
 def _between(before: StampedPose, after: StampedPose, stamp_ns: int) -> StampedPose | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from mnsf_ros.evaluation.evaluation_options import ALL_POINTS
 from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.presets import PRESET_NAMES, preset
 
@@ -82,7 +83,7 @@ def _points_text(identity: Mapping[str, Any]) -> str:
     if identity["realtime_rate"] is not None:
         text += "; the methods got all points and prepared them themselves, as the live node does"
     number = identity["num_points"]
-    given = "all of them" if number == "all" else f"{number:,} random ones of each sweep"
+    given = "all of them" if number == ALL_POINTS else f"{number:,} random ones of each sweep"
     return f"{text}; {given}, the same for all methods. Seed {identity['seed']}."
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import torch
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.evaluation_options import ALL_POINTS, EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.point_selection import PointSelection
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
@@ -35,7 +35,7 @@ def identity(options: EvaluationOptions) -> dict[str, Any]:
             for name, value in options.settings.to_mapping().items()
             if name.startswith(("crop.", "ground."))
         },
-        "num_points": "all" if selection.num_points is None else selection.num_points,
+        "num_points": ALL_POINTS if selection.num_points is None else selection.num_points,
         "seed": options.seed,
         "ground": "truth" if selection.use_true_ground else "settings",
         "realtime_rate": options.realtime_rate,

@@ -8,7 +8,7 @@ from typing import Any
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.stamp_order import in_stamp_order
+from mnsf_ros.evaluation.stamp_order import REORDER_WINDOW, in_stamp_order
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -69,8 +69,7 @@ class TruthTrack:
             num_points: Points of its cloud, before any of them are left out.
         """
         if self._last_ns is not None and stamp_ns < self._last_ns:
-            while self._head is not None and self._head.stamp_ns > self._last_ns:
-                self._head = next(self._clouds, None)
+            self._skip_leftovers(self._last_ns)
         self._last_ns = stamp_ns
         passed_over = 0
         while self._head is not None and self._head.stamp_ns < stamp_ns:
@@ -80,6 +79,13 @@ class TruthTrack:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
         return self._decoded(cloud, num_points), passed_over
+
+    def _skip_leftovers(self, last_ns: int) -> None:
+        """Follows a jump back in time, past a few clouds that no sweep has asked for."""
+        # Not past all: a single sweep with a wrong stamp must not cost the others their truth.
+        for _ in range(REORDER_WINDOW):
+            if self._head is not None and self._head.stamp_ns > last_ns:
+                self._head = next(self._clouds, None)
 
     def _decoded(self, cloud: TruthCloud, num_points: int) -> FlowTruth | None:
         try:

@@ -54,6 +54,16 @@ def test_truth_in_the_second_round_of_a_loop_is_found():
     assert [take(track, i) for i in range(3)] == [(small.stamp(i), 0) for i in range(3)]
 
 
+@pytest.mark.parametrize("wrong", [3, -5000])
+def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong):
+    track = truth_track(range(40))
+    for index in range(10):
+        take(track, index)
+    assert take(track, wrong) == (None, 0)
+    found = [take(track, index)[0] for index in range(10, 40)]
+    assert found[5:] == [small.stamp(index) for index in range(15, 40)]
+
+
 def test_truth_of_another_number_of_rows_is_reported_and_not_used():
     findings = Findings()
     track = truth_track([0, 1], findings)
@@ -110,6 +120,14 @@ def test_poses_of_the_second_round_of_a_loop():
     times = [10.0, 10.1, 10.2, 10.3, 10.4, 10.5, 1.0, 1.1, 1.2]
     track = PoseTrack([pose(time, time) for time in times])
     assert [pose_at(track, time)[0, 3] for time in times] == times
+
+
+def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses():
+    track = PoseTrack([pose(1000 + 0.1 * number, number) for number in range(200)])
+    assert pose_at(track, 1001.0)[0, 3] == 10
+    assert pose_at(track, 5.0) is None
+    assert pose_at(track, 1000.9) is None
+    assert pose_at(track, 1010.0)[0, 3] == 100
 
 
 def test_poses_of_a_recording(tmp_path):
