@@ -1,4 +1,4 @@
-# Two commands: `make demo` shows the node at work, `make test` runs the tests. Both set up
+# `make demo` shows the node at work, `make test` runs the tests. Both set up
 # everything they need in .venv, once.
 #   make demo BAG=path/to/recording TOPIC=/points
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
@@ -14,7 +14,7 @@ else
 EXTRAS := wheels,datasets,test,lint
 endif
 
-.PHONY: setup demo test lint check config clean
+.PHONY: setup demo test lint check benchmark benchmark-online config clean
 
 setup: $(READY)
 
@@ -34,6 +34,14 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The paper's tables on real sweeps; hours on a CPU, and it goes on where it was stopped.
+benchmark: $(READY)
+	nice $(BIN)/python benchmarks/paper_table.py --document docs/benchmark.md $(BENCHMARK_OPTIONS)
+
+# The online preset against its targets, live node included; half an hour on two quiet cores.
+benchmark-online: $(READY)
+	$(BIN)/python benchmarks/online_targets.py --document docs/targets.md $(BENCHMARK_OPTIONS)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)

@@ -42,6 +42,7 @@ setup(
         "scipy>=1.11",
         "torch>=2.4",
         "edt>=2.4",
+        "small_gicp>=1.0.1,<2",
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",
         "matplotlib>=3.6",

@@ -16,6 +16,7 @@ SHARE = FindPackageShare("mnsf_ros")
 
 ARGUMENTS = {
     "points": ("/points", "PointCloud2 topic of the lidar"),
+    "odometry": ("/odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
     "flow": ("/scene_flow/flow", "topic of the flow"),
     "params_file": (
         PathJoinSubstitution([SHARE, "config", "online.yaml"]),
@@ -43,7 +44,7 @@ def generate_launch_description() -> LaunchDescription:
                 name="scene_flow",
                 namespace=given["namespace"],
                 parameters=[given["params_file"], {"use_sim_time": use_sim_time}],
-                remappings=[("~/points", given["points"]), ("~/flow", given["flow"])],
+                remappings=[(f"~/{name}", given[name]) for name in ("points", "odometry", "flow")],
                 output="screen",
             ),
             Node(

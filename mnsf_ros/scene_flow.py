@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.estimators import make_estimator
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -39,4 +39,4 @@ def estimate_flow(
         current=Sweep.from_array(current, name="current"),
         next=Sweep.from_array(next, name="next"),
     )
-    return MultiFrameEstimator(settings or preset("paper")).estimate(triplet)
+    return make_estimator(settings or preset("paper")).estimate(triplet)

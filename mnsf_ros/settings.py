@@ -154,6 +154,75 @@ class GroundSettings:
 
 
 @dataclass(frozen=True)
+class EgoMotionSettings:
+    """How the sensor's own motion is found. Only the field kind `objects` needs it."""
+
+    source: str = _setting(
+        "registration",
+        "registration: of each sweep with a map of the last ones; odometry: of the robot, "
+        "registration only where it is missing",
+        choices=("registration", "odometry"),
+    )
+    max_range_m: float = _setting(80.0, "Register with points nearer than this", "m", 1, 1000)
+    max_points: int = _setting(
+        65_000, "Register with so many points of a sweep at most", "", 1000, 10_000_000
+    )
+    thinning_m: float = _setting(0.5, "Register with one point per cell of this size", "m", 0.05, 5)
+    map_cell_m: float = _setting(1.0, "Cell of the local map", "m", 0.1, 10)
+    map_sweeps: int = _setting(30, "Forget cells not seen for so many sweeps", "", 1, 10_000)
+    max_gap_s: float = _setting(2.0, "After a longer gap the map starts anew", "s", 0.01, 60)
+    sensor_x_m: float = _setting(
+        0.0, "Position of the lidar in the odometry's moving frame, x", "m", -100, 100
+    )
+    sensor_y_m: float = _setting(
+        0.0, "Position of the lidar in the odometry's moving frame, y", "m", -100, 100
+    )
+    sensor_z_m: float = _setting(
+        0.0, "Position of the lidar in the odometry's moving frame, z", "m", -100, 100
+    )
+    sensor_roll_deg: float = _setting(
+        0.0, "Roll of the lidar in the odometry's moving frame", "degrees", -360, 360
+    )
+    sensor_pitch_deg: float = _setting(
+        0.0, "Pitch of the lidar in the odometry's moving frame", "degrees", -360, 360
+    )
+    sensor_yaw_deg: float = _setting(
+        0.0, "Yaw of the lidar in the odometry's moving frame", "degrees", -360, 360
+    )
+
+
+@dataclass(frozen=True)
+class ObjectSettings:
+    """How objects are told apart, and which of them move. Only for the field kind `objects`."""
+
+    cell_size_m: float = _setting(
+        0.25, "Points in touching cells of this size, seen from above, are one object", "m", 0.05, 5
+    )
+    thinning_m: float = _setting(0.1, "Measure with one point per cell of this size", "m", 0.02, 1)
+    max_points: int = _setting(
+        60_000, "Measure with so many points of a sweep at most", "", 1000, 10_000_000
+    )
+    min_points: int = _setting(6, "Fewer thinned points than this are no object", "", 3, 1000)
+    max_size_m: float = _setting(
+        12.0, "What is longer than this stands still (walls, hedges, terrain)", "m", 1, 100
+    )
+    points_per_object: int = _setting(48, "Points that stand for an object", "", 8, 1000)
+    max_suspects: int = _setting(
+        300, "Look for the motion of so many objects at most, the nearest first", "", 1, 100_000
+    )
+    max_speed_m_s: float = _setting(36.0, "Fastest object over ground", "m/s", 1, 100)
+    max_iterations: int = _setting(4, "Steps of the fit of a motion", "", 1, 100)
+    max_unexplained: float = _setting(
+        0.65,
+        "An object moves only if its motion leaves less than this share of what standing still "
+        "leaves unexplained",
+        "",
+        0.05,
+        1,
+    )
+
+
+@dataclass(frozen=True)
 class BufferSettings:
     """Which sweeps may stand beside each other in a triplet."""
 
@@ -217,6 +286,19 @@ class NsfpSettings:
 
 
 @dataclass(frozen=True)
+class MnsfCycleSettings:
+    """What only the method MNSF (cycle consistency) of the evaluator needs."""
+
+    weight: float = _setting(
+        0.1,
+        "Weight of the cycle term beside the distance (the paper does not tell; NSFP's is 1)",
+        "",
+        0,
+        1000,
+    )
+
+
+@dataclass(frozen=True)
 class LinearSettings:
     """The fields of the methods NSFP (linear) and FNSF (linear) of the evaluator."""
 
@@ -230,8 +312,14 @@ class LinearSettings:
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """The network of the forward and the backward field."""
+    """What the forward and the backward field are made of."""
 
+    kind: str = _setting(
+        "objects",
+        "objects: one motion for each object, on top of the sensor's own, in a tenth of a second "
+        "on a CPU; network: a small network for the whole sweep, as the paper",
+        choices=("objects", "network"),
+    )
     num_hidden_layers: int = _setting(
         8, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
     )
@@ -310,7 +398,7 @@ class FusionSettings:
 class WarmStartSettings:
     """What one triplet hands to the next: fields, fusion and the state of their optimizers."""
 
-    enabled: bool = _setting(True, "Start from the networks of the last triplet")
+    enabled: bool = _setting(True, "Start from the motions or the networks of the last triplet")
     max_iterations: int = _setting(30, "Steps per network after a warm start", "", 1, 100_000)
     learning_rate: float = _setting(0.002, "Step size of Adam after a warm start", "", 1e-7, 1)
     time_budget_ms: float = _setting(
@@ -367,8 +455,11 @@ class Settings:
     crop: CropSettings = CropSettings()
     ground: GroundSettings = GroundSettings()
     buffer: BufferSettings = BufferSettings()
+    ego_motion: EgoMotionSettings = EgoMotionSettings()
+    objects: ObjectSettings = ObjectSettings()
     distance: DistanceSettings = DistanceSettings()
     nsfp: NsfpSettings = NsfpSettings()
+    mnsf_cycle: MnsfCycleSettings = MnsfCycleSettings()
     linear: LinearSettings = LinearSettings()
     field: FieldSettings = FieldSettings()
     optimization: OptimizationSettings = OptimizationSettings()

@@ -15,6 +15,7 @@ from mnsf_ros.settings import Settings
 SHORT = Settings().changed(
     {
         "compute.device": "cpu",
+        "field.kind": "network",
         "field.num_hidden_layers": 2,
         "field.hidden_width": 16,
         "optimization.max_iterations": 5,
@@ -24,9 +25,18 @@ SHORT = Settings().changed(
 )
 
 
+KINDS = {"network": SHORT, "objects": Settings().changed({"compute.device": "cpu"})}
+
+
 @pytest.fixture
 def scene(make_scene):
     return make_scene()
+
+
+@pytest.fixture(params=KINDS)
+def settings(request):
+    """Those of either kind of field."""
+    return KINDS[request.param]
 
 
 def estimate(scene, settings=SHORT):
@@ -83,35 +93,36 @@ def as_read_only(array):
 @pytest.mark.parametrize(
     "form", [as_float64, as_columns, as_slice, as_read_only, np.ndarray.tolist]
 )
-def test_form_of_the_arrays_does_not_matter(scene, form):
+def test_form_of_the_arrays_does_not_matter(scene, form, settings):
     sweeps = [form(xyz) for xyz in (scene.current, scene.next, scene.previous)]
-    np.testing.assert_array_equal(estimate_flow(*sweeps, SHORT).flow, estimate(scene).flow)
+    flow = estimate_flow(*sweeps, settings).flow
+    np.testing.assert_array_equal(flow, estimate(scene, settings).flow)
 
 
-def test_whole_numbers(scene):
+def test_whole_numbers(scene, settings):
     current, newest = (np.round(10 * xyz).astype(np.int32) for xyz in (scene.current, scene.next))
-    result = estimate_flow(current, newest, settings=SHORT)
+    result = estimate_flow(current, newest, settings=settings)
     assert result.flow.shape == current.shape
     assert np.isfinite(result.flow).all()
 
 
-def test_arrays_are_not_written_to(scene):
+def test_arrays_are_not_written_to(scene, settings):
     sweeps = scene.current, scene.next, scene.previous
     before = [xyz.copy() for xyz in sweeps]
-    estimate_flow(*sweeps, SHORT)
+    estimate_flow(*sweeps, settings)
     for xyz, copy in zip(sweeps, before, strict=True):
         np.testing.assert_array_equal(xyz, copy)
 
 
-def test_calls_do_not_depend_on_each_other(scene, make_scene):
-    first = estimate(scene).flow
-    estimate(make_scene(seed=5))
-    np.testing.assert_array_equal(estimate(scene).flow, first)
+def test_calls_do_not_depend_on_each_other(scene, make_scene, settings):
+    first = estimate(scene, settings).flow
+    estimate(make_scene(seed=5), settings)
+    np.testing.assert_array_equal(estimate(scene, settings).flow, first)
 
 
-def refused(text, **sweeps):
+def refused(text, settings=SHORT, **sweeps):
     with pytest.raises(SweepError, match=f"^{re.escape(text)}"):
-        estimate_flow(**sweeps, settings=SHORT)
+        estimate_flow(**sweeps, settings=settings)
 
 
 @pytest.mark.parametrize("name", ["current", "next", "previous"])
@@ -134,11 +145,12 @@ def test_error_names_the_array(scene, name):
 @pytest.mark.parametrize(
     "points", [np.zeros((0, 3)), np.ones((1, 3)), np.full((500, 3), 1e7), np.full((500, 3), 1e20)]
 )
-def test_too_few_points_are_left(scene, name, points):
+def test_too_few_points_are_left(scene, name, points, settings):
     sweeps = {"current": scene.current, "next": scene.next, "previous": scene.previous}
     refused(
         f"sweep 0: 0 of {len(points)} points are left after crop and ground removal, "
         "expected at least 10",
+        settings,
         **{**sweeps, name: points},
     )
 

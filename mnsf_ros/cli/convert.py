@@ -57,9 +57,10 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 
 def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.datasets.recording_writer import write_recording
+    from mnsf_ros.datasets.recording_writer import check_out, write_recording
     from mnsf_ros.demo.console_progress import counting_progress
 
+    check_out(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
     read_options = ReadOptions(sequence=options.sequence, labels=options.labels)
     source = open_source(options.format, options.source, read_options)

@@ -90,6 +90,14 @@ def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
         "--write-flow", action="store_true", help="write the flow as recordings, too"
     )
     group.add_argument(
+        "--pictures",
+        type=int,
+        default=3,
+        metavar="N",
+        help="show so many of the worst examples in pictures in report.html (default 3); without "
+        "--write-flow they are estimated once more, for a minute at most",
+    )
+    group.add_argument(
         "--workers", type=int, default=1, metavar="N", help="processes on this machine"
     )
     group.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster; local starts one")
@@ -99,6 +107,8 @@ def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
 
 
 def _num_points(text: str) -> int | None:
+    if text != ALL_POINTS and not text.lstrip("+-").isdecimal():
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number or {ALL_POINTS!r}")
     return None if text == ALL_POINTS else int(text)
 
 

@@ -58,7 +58,7 @@ class EvaluationProgress:
         self._progress.update(self._bar, completed=self._done.total(), description=self._text())
 
     def _text(self) -> str:
-        return f"evaluating, {self._num_left} to do"
+        return f"evaluating, tasks left: {self._num_left}" if self._num_left else "evaluated"
 
 
 @contextmanager

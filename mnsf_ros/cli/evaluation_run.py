@@ -11,14 +11,15 @@ from pathlib import Path
 from rich.console import Console
 
 from mnsf_ros.cli.evaluation_progress import evaluation_progress
+from mnsf_ros.cli.evaluation_report import write_run_report
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation.evaluation_options import (
     EvaluatedRecording,
     EvaluationOptions,
     choose_topics,
-    recording_names,
 )
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.results_tables import main_tables, work_table
 from mnsf_ros.evaluation.run_folder import RunFolder
@@ -55,19 +56,25 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         options.out, recordings, methods, evaluation, resume=options.resume, arguments=sys.argv
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
-    outcome = RunOutcome()
+    outcome, results, is_over = RunOutcome(), None, False
     try:
         outcome = _run_with_progress(runs, evaluation, folder, execute, console)
+        is_over = True
     finally:
-        # Also after Ctrl-C: what is finished is worth a table.
-        results = read_results(folder)
-        write_results(folder, results)
-        _print_results(results, folder, console)
+        # Also after Ctrl-C: what is finished is worth a table. Where nothing is, as when there is
+        # no cluster to run on, the name of the folder is free again.
+        if not folder.remove_if_unused():
+            results = read_results(folder)
+            write_results(folder, results)
+            _print_results(results, folder, console)
+            # Whoever has interrupted the run, or sent it to other machines, waits for nothing.
+            again = is_over and options.ray is None
+            write_run_report(folder, recordings, options.pictures, console, estimate_again=again)
     for key, reason in outcome.failed.items():
         _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")
     for text in unreadable:
         _warn(console, text)
-    return not (outcome.failed or unreadable or _is_damaged(results))
+    return not (outcome.failed or unreadable or results is None or _is_damaged(results))
 
 
 def _split(texts: Sequence[str]) -> list[str]:

@@ -9,6 +9,7 @@ from types import FrameType
 
 from mnsf_ros import __version__
 from mnsf_ros.cli import convert, demo, evaluate, flow, parameters, report, simulate, study
+from mnsf_ros.cli.intermixed_parser import IntermixedParser
 from mnsf_ros.errors import MnsfError
 
 _SUBCOMMANDS = (demo, flow, evaluate, report, study, simulate, convert, parameters)
@@ -21,7 +22,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
     Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
-    130: interrupted.
+    130: interrupted; any other is the subcommand's own.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(run(arguments))
@@ -33,19 +34,21 @@ def run(arguments: list[str] | None = None) -> int:
         prog="mnsf", description="Lidar scene flow: the motion of every point, without training."
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(
+        required=True, metavar="COMMAND", parser_class=IntermixedParser
+    )
     for subcommand in _SUBCOMMANDS:
         subcommand.add_to(subparsers)
     options = parser.parse_args(arguments)
     try:
-        options.run(options)
+        status: int | None = options.run(options)
     except (MnsfError, OSError) as error:
         print(f"mnsf: {error}", file=sys.stderr)
         return EXIT_USAGE
     except KeyboardInterrupt:
         print("mnsf: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
-    return 0
+    return status or 0
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

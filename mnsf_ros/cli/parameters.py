@@ -9,8 +9,8 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 TITLES = {
     "online": (
-        "The default: the method of the paper, warm-started and optimized on random batches under "
-        "a time budget. Written by `mnsf parameters --preset online`."
+        "The default: the sensor's own motion, and one motion for each object on top of it. "
+        "Written by `mnsf parameters --preset online`."
     ),
     "paper": (
         "The method as published, every triplet from scratch: slow, for comparison. Written by "

@@ -9,7 +9,8 @@ from rich.console import Console
 
 _EPILOG = """\
 Pictures are drawn from the flow that `mnsf evaluate --write-flow` has kept; where there is none,
-the worst examples are estimated once more, which gives the same flow from the same recording.
+the worst examples are estimated once more, each from its sweeps alone. That gives the same flow,
+unless the method went on from one example to the next, as with warm start: then the caption tells.
 """
 
 

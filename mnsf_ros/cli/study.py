@@ -52,7 +52,13 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--num-points", default="", metavar="N", help="random points of a sweep, or all"
     )
-    parser.add_argument("--examples", type=int, default=4, metavar="N", help="of each recording")
+    parser.add_argument(
+        "--max-examples",
+        type=int,
+        metavar="N",
+        help="only the first N examples of each recording (default: all; 4 if a street is "
+        "simulated); landscape and stability look at the first one",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S")
     _add_case_study_arguments(parser)
     parser.set_defaults(run=_run)
@@ -86,7 +92,7 @@ def _run(options: argparse.Namespace) -> None:
         settings=preset(options.preset).changed(assignments),
         recordings=tuple(options.bags),
         num_points=_num_points(options),
-        num_examples=options.examples,
+        max_examples=options.max_examples,
         seed=options.seed,
         resume=options.resume,
         command=tuple(sys.argv),

@@ -28,6 +28,29 @@ class Start(Enum):
 
 
 @dataclass(frozen=True, eq=False)
+class OverGround:
+    """What an estimate says beside the flow if it knows how the sensor itself moved.
+
+    Attributes:
+        motion: (N, 3) float32, metres until the next sweep, over ground: without the sensor's own
+            motion, in the axes of the current sweep.
+        dynamic: (N,) bool, the points that move over ground.
+        confidence: (N,) float32 from 0 to 1, how likely the flow is less than 0.1 m off.
+        world_from_sensor: (4, 4) float64, where the current sweep was taken. The world is the
+            sensor frame of the first sweep.
+        next_from_current: (4, 4) float64, motion of what stands still.
+        source: What the sensor's motion was taken from.
+    """
+
+    motion: NDArray[np.float32]
+    dynamic: NDArray[np.bool_]
+    confidence: NDArray[np.float32]
+    world_from_sensor: NDArray[np.float64]
+    next_from_current: NDArray[np.float64]
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
 class FlowEstimate:
     """The flow of the current sweep of a triplet.
 
@@ -36,12 +59,14 @@ class FlowEstimate:
             sweep, in its order. point + flow is where that piece of surface is in the next
             sweep's own coordinates, so the flow has the sensor's own motion in it.
         kept: (N,) bool, the points that the fields were fitted to; the others (ground, beyond
-            the crop) got their flow from the same fields.
-        times_ms: Stage to wall time: prepare, forward, backward, fusion.
+            the crop) got their flow from the same fields, or that of the sensor's own motion.
+        times_ms: Stage to wall time: prepare, forward, backward, fusion, and what else there is.
         fits: Stage to result of its optimization, for forward, backward and fusion.
         start: Whether the networks were carried over from the last triplet.
         device: Where it was computed, `cpu` or `cuda`.
         distance_kind: `grid` or `tree`; empty for methods that have neither.
+        over_ground: The same without the sensor's own motion, of methods that know it.
+        num_left_out: Objects that there was no room to look at: they count as standing.
     """
 
     flow: NDArray[np.float32]
@@ -51,6 +76,8 @@ class FlowEstimate:
     start: Start = Start.COLD_BY_SETTING
     device: str = "cpu"
     distance_kind: str = ""
+    over_ground: OverGround | None = None
+    num_left_out: int = 0
 
     @property
     def time_ms(self) -> float:

@@ -6,14 +6,12 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.cropping import crop_mask
-from mnsf_ros.sweeps.ground import ground_mask
+from mnsf_ros.sweeps.kept_points import kept_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS = 10
@@ -33,7 +31,7 @@ class PreparedSweep:
         Raises:
             SweepError: If too few points are left.
         """
-        self.kept = _kept_mask(sweep.xyz, settings)
+        self.kept = kept_mask(sweep.xyz, settings)
         num_kept = int(np.count_nonzero(self.kept))
         if num_kept < _MIN_POINTS:
             raise SweepError(
@@ -75,11 +73,3 @@ class SweepPreparation:
             for sweep in sweeps
         }
         return [self._prepared[sweep] for sweep in sweeps]
-
-
-def _kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:
-    kept = crop_mask(xyz, settings.crop)
-    if settings.ground.remove:
-        inside = np.flatnonzero(kept)
-        kept[inside[ground_mask(xyz[inside], settings.ground)]] = False
-    return kept

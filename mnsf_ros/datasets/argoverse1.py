@@ -8,10 +8,11 @@ import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.ply import read_ply_points
 from mnsf_ros.datasets.poses import poses_from_quaternions
 from mnsf_ros.datasets.source_files import files_in, read_json, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse1_class
+from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps_io.ply import read_vertices
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,9 +44,8 @@ def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
 
 
 def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
-    points = read_ply_points(file)
-    names = points.dtype.names or ()
-    missing = [axis for axis in "xyz" if axis not in names]
+    points = _read_points(file)
+    missing = [axis for axis in "xyz" if axis not in points]
     if missing:
         raise DatasetError(f"{file}: has no property {', '.join(missing)}")
     return LabelledSweep(
@@ -54,13 +54,20 @@ def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
         columns={
             name: points[found].astype(dtype)
             for found, (name, dtype) in _EXTRA.items()
-            if found in names
+            if found in points
         },
         pose=_read_pose(source / "poses" / f"city_SE3_egovehicle_{stamp_ns}.json"),
         boxes=_read_boxes(
             source / "per_sweep_annotations_amodal" / f"tracked_object_labels_{stamp_ns}.json"
         ),
     )
+
+
+def _read_points(file: Path) -> dict[str, NDArray[Any]]:
+    try:
+        return read_vertices(file)
+    except SweepFileError as error:
+        raise DatasetError(str(error)) from error
 
 
 def _read_pose(path: Path) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from mnsf_ros.recording.conventions import (
     TRUTH_FLOW_TOPIC,
     TRUTH_ODOMETRY_TOPIC,
 )
+from mnsf_ros.recording.new_folder import check_target
 from msg_utils.point_cloud2 import encode_columns
 
 if TYPE_CHECKING:
@@ -72,6 +73,18 @@ def write_recording(
         if not done:
             raise DatasetError("the sequence has no sweep there, nothing is written")
     return done
+
+
+def check_out(path: Path, *, overwrite: bool) -> None:
+    """Says what stands in the way of a recording, before any work is done for it.
+
+    Raises:
+        RecordingError: Something is there already that may not be replaced.
+    """
+    if path.suffix == _FILE_SUFFIX:
+        _check_file(path, overwrite=overwrite)
+    else:
+        check_target(path, overwrite=overwrite)
 
 
 def _with_next(

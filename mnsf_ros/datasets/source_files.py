@@ -4,34 +4,16 @@ from __future__ import annotations
 
 import importlib
 import json
-import struct
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
-from xml.etree.ElementTree import ParseError
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.errors import DatasetError
-
-# What parsers raise on damaged files; LookupError and TypeError: on files laid out otherwise.
-_UNREADABLE: Final = (
-    OSError,
-    EOFError,
-    ValueError,
-    LookupError,
-    TypeError,
-    RuntimeError,
-    struct.error,
-    zlib.error,
-    zipfile.BadZipFile,
-    ParseError,
-)
-_MAX_LENGTH: Final = 200
+from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
 
 
 @contextmanager
@@ -41,8 +23,8 @@ def reading(path: Path) -> Iterator[None]:
         yield
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: no such file") from error
-    except _UNREADABLE as error:
-        raise DatasetError(f"{path}: cannot be read: {_reason(error)}") from error
+    except UNREADABLE as error:
+        raise DatasetError(f"{path}: cannot be read: {reason(error)}") from error
 
 
 def require(module: str) -> Any:  # noqa: ANN401
@@ -134,13 +116,3 @@ def stamp_in(name: str, path: Path) -> int:
         return int(name)
     except ValueError:
         raise DatasetError(f"{path}: {name!r} in its name is no stamp") from None
-
-
-def _reason(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
-    if isinstance(error, LookupError):
-        # A KeyError's text is only the key.
-        return f"it has no {text}" if isinstance(error, KeyError) else f"index error: {text}"
-    return text or type(error).__name__

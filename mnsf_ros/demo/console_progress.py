@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mnsf_ros.recording.new_folder import check_target
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -30,6 +31,7 @@ def simulate_with_progress(
     Raises:
         RecordingError: If it cannot be written.
     """
+    check_target(path, overwrite=overwrite)
     with counting_progress(console) as progress:
         task = progress.add_task("simulating a street", total=settings.num_sweeps)
         write_recording(

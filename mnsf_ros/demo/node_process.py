@@ -37,6 +37,14 @@ class NodeProcess:
         if status is not None:
             raise self.failure(f"the node ended with exit status {status}")
 
+    @property
+    def memory_mb(self) -> float:
+        """Most memory that the process has had so far; NaN where the system does not tell."""
+        status = Path(f"/proc/{self._process.pid}/status")
+        lines = status.read_text().splitlines() if status.exists() else []
+        peaks = [float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")]
+        return peaks[0] if peaks else float("nan")
+
     def failure(self, what: str) -> NodeProcessError:
         """An error with the last lines that the node said."""
         lines = self._log.read_text(errors="replace").strip().splitlines()[-_LINES_SHOWN:]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -138,11 +136,14 @@ class EvaluationOptions:
             values["compute.num_threads"] = max(1, num_cores - 1) if is_node else 1
         return self.settings.changed(values)
 
-    @property
-    def has_memory(self) -> bool:
+    def has_memory(self, method: str) -> bool:
         """Whether an estimate depends on those before it, so that a task cannot be resumed."""
-        settings = self.settings.warm_start
-        return settings.enabled or self.realtime_rate is not None or self.flow_folder is not None
+        # These register sweep after sweep, whatever the settings of the warm start say.
+        registering = {"mnsf-objects", "ego-estimated"}
+        if self.settings.field.kind == "objects":
+            registering.add("mnsf")
+        goes_on = self.settings.warm_start.enabled or method in registering
+        return goes_on or self.realtime_rate is not None or self.flow_folder is not None
 
 
 def choose_topics(
@@ -182,19 +183,3 @@ def choose_topics(
         raise RecordingError(f"{path}: topic {sweeps!r} cannot be both the sweeps and their truth")
     poses = found(odometry, TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
     return EvaluatedRecording(name, inspection, sweeps, true_flow, poses)
-
-
-def recording_names(paths: Sequence[Path]) -> list[str]:
-    """Returns a name for each recording: the last part of its path, or all of it if need be.
-
-    Raises:
-        EvaluationError: The same path is named twice.
-    """
-    twice = [path for path, count in Counter(paths).items() if count > 1]
-    if twice:
-        raise EvaluationError(f"{twice[0]}: is named {paths.count(twice[0])} times")
-    short = [path.stem if path.is_file() else path.resolve().name for path in paths]
-    counts = Counter(short)
-    return [
-        name if counts[name] == 1 else str(path) for name, path in zip(short, paths, strict=True)
-    ]

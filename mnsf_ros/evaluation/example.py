@@ -23,6 +23,9 @@ class Example:
         truth: True flow of the points of the current sweep, row for row; None if unknown.
         next_from_current: (4, 4) rigid motion of the standing world from the current to the next
             sensor frame, from the recording's odometry; None if unknown.
+        scored: (N,) bool, the points of the current sweep that figures are taken of, the same for
+            all methods; None for all. Where a method prepares sweeps itself, it gets more than
+            these.
     """
 
     recording: str
@@ -30,3 +33,4 @@ class Example:
     triplet: SweepTriplet
     truth: FlowTruth | None = None
     next_from_current: NDArray[np.float64] | None = None
+    scored: NDArray[np.bool_] | None = None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.example import Example
 from mnsf_ros.evaluation.findings import (
+    ARRIVALS,
     FRAMES_DIFFER,
     INTERRUPTIONS,
     SWEEPS_WITHOUT_POSE,
@@ -39,12 +40,14 @@ class SelectedSweep:
     Attributes:
         sweep: The points that were selected.
         number: Place of the sweep in the recording, counted from 0.
+        scored: (N,) bool, the points that figures are taken of.
         truth: Truth of the same points, row for row; None if unknown.
         world_from_sensor: (4, 4) pose of the sensor; None if unknown.
     """
 
     sweep: Sweep
     number: int
+    scored: NDArray[np.bool_]
     truth: FlowTruth | None = None
     world_from_sensor: NDArray[np.float64] | None = None
 
@@ -112,16 +115,17 @@ class ExampleBuilder:
         truth = self._truth_of(sweep)
         cloud: CloudRows = sweep.source
         if truth is not None:
-            truth = _rows_of(truth, cloud.rows)
+            truth = truth.of_points(cloud.rows)
         scored = self._selection.scored_mask(sweep.xyz, None if truth is None else truth.ground)
         rows = self._selection.given_rows(scored, sweep.stamp_ns)
         if truth is not None:
-            truth = _rows_of(replace(truth, valid=truth.valid & scored), rows)
+            truth = replace(truth, valid=truth.valid & scored).of_points(rows)
         source = replace(cloud, rows=cloud.rows[rows])
         number, self._number = self._number, self._number + 1
         return SelectedSweep(
             sweep=replace(sweep, xyz=sweep.xyz[rows], source=source),
             number=number,
+            scored=scored[rows],
             truth=truth,
             world_from_sensor=self._pose_of(sweep),
         )
@@ -150,7 +154,7 @@ class ExampleBuilder:
     def _is_accepted(self, selected: SelectedSweep) -> bool:
         arrival = self._buffer.push(selected.sweep, self._settings)
         if arrival is not Arrival.ACCEPTED:
-            self._findings.count(f"sweeps: {arrival.value.replace('_', ' ')}")
+            self._findings.count(ARRIVALS[arrival])
         if arrival in (Arrival.DUPLICATE, Arrival.OUT_OF_ORDER):
             return False
         if arrival is not Arrival.ACCEPTED:
@@ -173,6 +177,7 @@ class ExampleBuilder:
             triplet=replace(triplet, earlier=earlier, next_from_current=motion),
             truth=current.truth,
             next_from_current=motion,
+            scored=current.scored,
         )
 
 
@@ -183,14 +188,3 @@ def _motion(current: SelectedSweep, following: SelectedSweep) -> NDArray[np.floa
         np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor
     )
     return motion
-
-
-def _rows_of(truth: FlowTruth, rows: NDArray[np.int64]) -> FlowTruth:
-    return FlowTruth(
-        stamp_ns=truth.stamp_ns,
-        flow=truth.flow[rows],
-        valid=truth.valid[rows],
-        dynamic=truth.dynamic[rows],
-        ground=truth.ground[rows],
-        class_id=truth.class_id[rows],
-    )

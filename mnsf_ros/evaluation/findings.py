@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mnsf_ros.recording.damage import Damage
+from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 # A recording that is rubbish from end to end must not fill the memory with reports of it.
 _MAX_DAMAGES: Final = 100
@@ -17,7 +18,15 @@ SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
 SWEEPS_WITHOUT_POSE = "sweeps without odometry"
 TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
 FRAMES_DIFFER = "sweeps in another frame than the odometry's child frame"
-INTERRUPTIONS = "interruptions, after which a triplet begins anew"
+INTERRUPTIONS = "holes, across which no triplet reaches"
+# What the buffer of sweeps, the same as in the node, found odd about a sweep.
+ARRIVALS: Final = {
+    Arrival.DUPLICATE: "sweeps with the stamp of the one before, left out",
+    Arrival.OUT_OF_ORDER: "sweeps older than the one before, left out",
+    Arrival.TIME_WENT_BACK: "jumps back in time, across which no triplet reaches",
+    Arrival.GAP: "gaps in time, across which no triplet reaches",
+    Arrival.FRAME_CHANGED: "changes of frame_id, across which no triplet reaches",
+}
 
 
 @dataclass

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shutil
 from contextlib import AbstractContextManager, contextmanager
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -77,14 +79,21 @@ def flow_recorder(
     """Opens the recording of a task's flow; it appears when all is done.
 
     Args:
-        folder: Where to make it; None for a recorder that writes nothing.
+        folder: Where to make it; None for a recorder that writes nothing. What is there of the
+            same task is replaced: a task that is run again was lost before it could say that it
+            was finished.
         recording: Name of the recording that is evaluated.
         method: Name of the method.
 
     Raises:
-        RecordingError: It exists already, or cannot be written.
+        RecordingError: Something else is there, or it cannot be written.
     """
-    return _recorder(None if folder is None else folder / folder_name(recording, method))
+    return _recorder(flow_path(folder, recording, method))
+
+
+def flow_path(folder: Path | None, recording: str, method: str) -> Path | None:
+    """Returns where the recording of a task's flow is made; None if none is."""
+    return None if folder is None else folder / folder_name(recording, method)
 
 
 def folder_name(recording: str, method: str) -> str:
@@ -100,7 +109,10 @@ def _recorder(path: Path | None) -> Iterator[FlowRecorder]:
     if path is None:
         yield FlowRecorder()
         return
-    with BagWriter(path) as writer:
+    # What a process that was killed while it wrote the same has left behind.
+    for leftover in path.parent.glob(f".{escape(path.name)}.*.partial"):
+        shutil.rmtree(leftover, ignore_errors=True)
+    with BagWriter(path, overwrite=True) as writer:
         yield BagFlowRecorder(writer)
 
 

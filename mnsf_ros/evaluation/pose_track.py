@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
+from mnsf_ros.ego_motion.pose_interpolation import interpolated_pose
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.stamp_order import in_stamp_order
@@ -110,9 +110,5 @@ def _between(before: StampedPose, after: StampedPose, stamp_ns: int) -> StampedP
     if gap_ns > _MAX_GAP_NS or before.stamp_ns > stamp_ns:
         return None
     share = (stamp_ns - before.stamp_ns) / gap_ns
-    first, second = before.world_from_sensor, after.world_from_sensor
-    turns = Rotation.from_matrix(np.stack([first[:3, :3], second[:3, :3]]))
-    pose = np.eye(4)
-    pose[:3, :3] = Slerp([0.0, 1.0], turns)(share).as_matrix()
-    pose[:3, 3] = (1.0 - share) * first[:3, 3] + share * second[:3, 3]
+    pose = interpolated_pose(before.world_from_sensor, after.world_from_sensor, share)
     return StampedPose(stamp_ns, pose, after.frame_id)

@@ -21,7 +21,14 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
 _CSV_TIMES: Final = ("time_ms", "latency_ms")
-_CSV_HEADER: Final = ("method", "points", *_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES)
+_CSV_CONSISTENCY: Final = ("nearest_m", "zero_nearest_m", "cycle_m")
+_CSV_HEADER: Final = (
+    *("method", "points"),
+    *_CSV_COUNTS,
+    *_CSV_ERRORS,
+    *_CSV_TIMES,
+    *_CSV_CONSISTENCY,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,9 +57,9 @@ def read_results(folder: RunFolder) -> RunResults:
         EvaluationError: There is no run, or its files are damaged.
     """
     run = folder.read_run()
-    rows = sorted(folder.read_rows(), key=lambda row: (row.recording, row.number, row.method))
+    rows = sorted(folder.rows(), key=lambda row: (row.recording, row.number, row.method))
     summaries = summarize(rows, run["methods"])
-    notes = notes_text(run, folder.read_finished().values())
+    notes = notes_text(run, folder.read_finished().values(), rows)
     return RunResults(run, rows, summaries, protocol_text(run, summaries), notes)
 
 
@@ -93,10 +100,11 @@ def results_csv(summaries: Sequence[MethodSummary]) -> str:
         groups |= {f"range up to {limit} m": item for limit, item in summary.by_range.items()}
         groups |= {f"speed up to {limit} m/s": item for limit, item in summary.by_speed.items()}
         counts = [getattr(summary, key) for key in _CSV_COUNTS]
-        times = [_cell(getattr(summary, key)) for key in _CSV_TIMES]
+        others = [_cell(getattr(summary, key)) for key in _CSV_TIMES]
+        others += [_cell(summary.consistency.get(key, math.nan)) for key in _CSV_CONSISTENCY]
         for name, errors in groups.items() or (("", None),):
             values = ["" if errors is None else _cell(getattr(errors, key)) for key in _CSV_ERRORS]
-            writer.writerow([summary.method, name, *counts, *values, *times])
+            writer.writerow([summary.method, name, *counts, *values, *others])
     return text.getvalue()
 
 

@@ -55,15 +55,19 @@ class RunFolder:
 
     def write_run(self, run: dict[str, Any]) -> None:
         """Writes what is run."""
-        _replace(self.path / RUN_FILE, json.dumps(run, indent=2, ensure_ascii=False) + "\n")
+        _replace(self.path / RUN_FILE, [json.dumps(run, indent=2, ensure_ascii=False), "\n"])
 
-    def read_rows(self) -> list[ResultRow]:
-        """Returns all rows, in the order in which they got ready.
+    def rows(self) -> Iterator[ResultRow]:
+        """Yields all rows, in the order in which they got ready.
 
         Raises:
             EvaluationError: A line is no row.
         """
-        return list(_parsed(self.path / ROWS_FILE, row_from_json))
+        return _parsed(self.path / ROWS_FILE, row_from_json)
+
+    def read_rows(self) -> list[ResultRow]:
+        """Returns all rows at once, see `rows`."""
+        return list(self.rows())
 
     def read_finished(self) -> dict[TaskKey, dict[str, Any]]:
         """Returns recording and method of each finished task, and what was noticed.
@@ -92,13 +96,22 @@ class RunFolder:
     def drop_rows_of(self, keys: Iterable[TaskKey]) -> None:
         """Takes the rows of some tasks away."""
         dropped = set(keys)
-        rows = [row for row in self.read_rows() if (row.recording, row.method) not in dropped]
-        _replace(self.path / ROWS_FILE, "".join(f"{row_to_json(row)}\n" for row in rows))
+        rows = (row for row in self.rows() if (row.recording, row.method) not in dropped)
+        _replace(self.path / ROWS_FILE, (f"{row_to_json(row)}\n" for row in rows))
 
     def cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed."""
         for name in (ROWS_FILE, TASKS_FILE):
-            _replace(self.path / name, "".join(f"{line}\n" for line in _lines(self.path / name)))
+            _replace(self.path / name, (f"{line}\n" for line in _lines(self.path / name)))
+
+    def remove_if_unused(self) -> bool:
+        """Takes the folder away if it holds nothing but the start of a run; says whether it did."""
+        if not {entry.name for entry in self.path.iterdir()} <= {RUN_FILE, _LOCK_FILE}:
+            return False
+        for name in (RUN_FILE, _LOCK_FILE):
+            (self.path / name).unlink(missing_ok=True)
+        self.path.rmdir()
+        return True
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -135,15 +148,18 @@ def _parsed(file: Path, parse: Callable[[str], Parsed]) -> Iterator[Parsed]:
         raise EvaluationError(f"{file}, line {number}: {error}") from error
 
 
-def _lines(file: Path) -> list[str]:
+def _lines(file: Path) -> Iterator[str]:
     """The complete lines of a file; a last one without an end was being written and is lost."""
     try:
-        text = file.read_text(encoding="utf-8")
+        # One at a time: the rows of many recordings are too much for the memory.
+        with file.open(encoding="utf-8", newline="\n") as stream:
+            for line in stream:
+                if line.endswith("\n"):
+                    yield line[:-1]
     except FileNotFoundError:
-        return []
+        return
     except (OSError, ValueError) as error:
         raise EvaluationError(f"{file}: cannot be read: {error}") from error
-    return text.split("\n")[:-1]
 
 
 def _append(file: Path, line: str) -> None:
@@ -151,11 +167,11 @@ def _append(file: Path, line: str) -> None:
         stream.write(f"{line}\n")
 
 
-def _replace(file: Path, text: str) -> None:
+def _replace(file: Path, parts: Iterable[str]) -> None:
     """Writes a file so that it is there as a whole, the old or the new one, at any time."""
     draft = file.with_name(f".{file.name}.new")
     with draft.open("w", encoding="utf-8") as stream:
-        stream.write(text)
+        stream.writelines(parts)
         stream.flush()
         os.fsync(stream.fileno())
     draft.replace(file)

@@ -13,6 +13,8 @@ from mnsf_ros.evaluation.run_record import identity, recording_record, session_r
 
 # What may be different when a run goes on: paths move, and damage may be mended.
 _SAME = ("points", "truth", "odometry", "num_sweeps")
+# Another preset changes dozens of settings; a few of them say as much.
+_MAX_TOLD = 5
 
 
 def start_or_resume(
@@ -36,20 +38,25 @@ def start_or_resume(
 
     Raises:
         EvaluationError: The folder holds something and `resume` is not set; or it holds a run
-            with other settings, which `resume` must not mix with this one.
+            with other settings, which `resume` must not mix with this one; or another process is
+            at it.
     """
     check_folder(out, resume=resume)
     folder = RunFolder(out)
     run: dict[str, Any] = {"identity": identity(options), "methods": [], "recordings": []}
-    if _holds_something(out):
+    is_there = _holds_something(out)
+    if is_there:
         run = folder.read_run()
         _check_identity(out, run.get("identity", {}), identity(options))
-        folder.cut_off_unfinished_lines()
     out.mkdir(parents=True, exist_ok=True)
-    _add_recordings(out, run, recordings)
-    run["methods"] += [method for method in methods if method not in run["methods"]]
-    run.setdefault("sessions", []).append(session_record(arguments))
-    folder.write_run(run)
+    # Not while another process adds rows: they would be lost.
+    with folder.locked():
+        if is_there:
+            folder.cut_off_unfinished_lines()
+        _add_recordings(out, run, recordings)
+        run["methods"] += [method for method in methods if method not in run["methods"]]
+        run.setdefault("sessions", []).append(session_record(arguments))
+        folder.write_run(run)
     return folder
 
 
@@ -73,8 +80,10 @@ def _check_identity(out: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -
     before, now = _flat(old), _flat(new)
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
     if names:
-        listed = "; ".join(f"{name} was {before.get(name)}, is {now.get(name)}" for name in names)
-        raise EvaluationError(f"{out}: holds a run with other settings: {listed}")
+        told = names[:_MAX_TOLD]
+        listed = "; ".join(f"{name} was {before.get(name)}, is {now.get(name)}" for name in told)
+        more = f"; and {len(names) - len(told)} more" if len(names) > len(told) else ""
+        raise EvaluationError(f"{out}: holds a run with other settings: {listed}{more}")
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -11,6 +11,7 @@ from mnsf_ros.evaluation.evaluation_options import (
     EvaluationTask,
 )
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, TaskKey
 from mnsf_ros.evaluation.task_runs import (
@@ -48,21 +49,30 @@ def plan_runs(
 ) -> list[TaskRun]:
     """Returns the tasks that are left to do.
 
-    Rows of a task that was interrupted and cannot go on in the middle are taken away.
+    A finished task whose flow is wanted now, but was not written, is left to do, too. Rows of a
+    task that was interrupted and cannot go on in the middle are taken away.
 
     Raises:
         EvaluationError: The files of the run are damaged.
     """
     finished = folder.read_finished()
     numbers: dict[TaskKey, set[int]] = {}
-    for row in folder.read_rows():
+    for row in folder.rows():
         numbers.setdefault((row.recording, row.method), set()).add(row.number)
     tasks = [EvaluationTask(recording, method) for recording in recordings for method in methods]
-    left = [task for task in tasks if task.key not in finished]
-    if options.has_memory:
-        folder.drop_rows_of(task.key for task in left if task.key in numbers)
-        numbers = {}
+    left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
+    anew = [task.key for task in left if task.key in numbers and options.has_memory(task.method)]
+    if anew:
+        with folder.locked():
+            folder.drop_rows_of(anew)
+        numbers = {key: done for key, done in numbers.items() if key not in anew}
     return [TaskRun(task, frozenset(numbers.get(task.key, ()))) for task in left]
+
+
+def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
+    """Whether the recording of a task's flow is there, or nobody wants it."""
+    path = flow_path(options.flow_folder, *task.key)
+    return path is None or path.exists()
 
 
 def run_evaluation(
@@ -113,7 +123,7 @@ def _write(
         folder.append_finished(task.key, event, len(done))
     elif isinstance(event, TaskRestarted):
         outcome.restarted[task.key] = event.reason
-        if options.has_memory and done:
+        if options.has_memory(task.method) and done:
             folder.drop_rows_of([task.key])
             done.clear()
     elif isinstance(event, TaskFailed):

@@ -63,11 +63,18 @@ def scored_row(
         device=estimate.device,
     )
     answered = _answered(example, estimate)
-    consistency = landing_distances(example.triplet, estimate.flow, answered & estimate.kept)
-    row = replace(row, consistency=consistency)
+    looked_at = answered & scored_points(example)
+    row = replace(row, consistency=landing_distances(example.triplet, estimate.flow, looked_at))
     if example.truth is None:
         return row
     return _with_errors(row, _Comparison.of(example, example.truth, estimate.flow, answered))
+
+
+def scored_points(example: Example) -> NDArray[np.bool_]:
+    """The points (N,) of the current sweep that figures are taken of, the same for all methods."""
+    if example.scored is None:
+        return np.ones(len(example.triplet.current), dtype=bool)
+    return example.scored
 
 
 def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:

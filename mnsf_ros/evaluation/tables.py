@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from rich.table import Table
 from rich.text import Text
@@ -48,7 +48,11 @@ class TextTable:
         # Text, not str: rich would take a method called "[a]" for markup and swallow it.
         table = Table(title=Text(self.title) if self.title else None, title_justify="left")
         for number, name in enumerate(self.header):
-            table.add_column(Text(name), justify="left" if number == 0 else "right")
+            # A long name goes on in the next line: what is cut off may be all that differs.
+            overflow: Literal["fold", "ellipsis"] = "fold" if number == 0 else "ellipsis"
+            table.add_column(
+                Text(name), justify="left" if number == 0 else "right", overflow=overflow
+            )
         for row in self.rows:
             table.add_row(*(Text(cell) for cell in row))
         return table

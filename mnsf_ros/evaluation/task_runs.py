@@ -29,7 +29,8 @@ class TaskRun:
 
     def again(self, done: frozenset[int], options: EvaluationOptions) -> TaskRun:
         """Returns the next attempt, which leaves out what is done, if that can be left out."""
-        skipped = frozenset() if options.has_memory else self.skipped | done
+        has_memory = options.has_memory(self.task.method)
+        skipped = frozenset() if has_memory else self.skipped | done
         return replace(self, skipped=skipped, attempt=self.attempt + 1)
 
 

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeVar
 
+import numpy as np
+
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import MnsfError
@@ -25,7 +27,7 @@ from mnsf_ros.evaluation.prediction_files import PREFIX, PredictionFiles
 from mnsf_ros.evaluation.realtime import played_in_real_time
 from mnsf_ros.evaluation.recorded_sweeps import recorded_sweeps
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
-from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.scoring import failed_row, scored_points, scored_row
 from mnsf_ros.evaluation.self_consistency import cycle_distance, reversed_pair
 from mnsf_ros.evaluation.stamp_order import in_stamp_order
 from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
@@ -171,7 +173,9 @@ class _Scorer:
         way_back = _attempted(lambda: backward.estimate(reversed_pair(triplet)))
         if isinstance(way_back, str):
             return row
-        cycle = cycle_distance(triplet, result.flow, way_back.flow, result.kept)
+        answered = np.isfinite(result.flow).all(axis=1)
+        looked_at = answered & scored_points(example)
+        cycle = cycle_distance(triplet, result.flow, way_back.flow, looked_at)
         return replace(row, consistency={**row.consistency, **cycle})
 
 

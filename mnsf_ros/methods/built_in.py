@@ -9,12 +9,17 @@ from typing import Final
 
 from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
+from mnsf_ros.estimators import make_estimator
 from mnsf_ros.methods.cold_estimator import ColdEstimator, FlowOf
 from mnsf_ros.methods.command_estimator import CommandEstimator
 from mnsf_ros.methods.fnsf import fnsf, fnsf_joint, fnsf_linear, fnsf_time
 from mnsf_ros.methods.mnsf_cycle import mnsf_cycle
 from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
-from mnsf_ros.methods.without_optimization import EgoMotionEstimator, ZeroEstimator
+from mnsf_ros.methods.without_optimization import (
+    EgoMotionEstimator,
+    EstimatedEgoMotionEstimator,
+    ZeroEstimator,
+)
 from mnsf_ros.settings import Settings, SettingValue
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
@@ -25,9 +30,14 @@ def _cold(flow_of: FlowOf, num_before: int = 0, distance_kind: str | None = None
 
 
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
-    """The paper's method with some settings of its fusion fixed."""
-    values = {f"fusion.{name}": value for name, value in changes.items()}
+    """The paper's method with networks, and some settings of its fusion fixed."""
+    values: dict[str, SettingValue] = {"field.kind": "network"}
+    values |= {f"fusion.{name}": value for name, value in changes.items()}
     return lambda settings: MultiFrameEstimator(settings.changed(values), num_sweeps)
+
+
+def _mnsf_objects(settings: Settings) -> SceneFlowEstimator:
+    return make_estimator(settings.changed({"field.kind": "objects"}))
 
 
 def _network(name: str) -> MethodMaker:
@@ -38,6 +48,7 @@ BUILT_IN: Final[Mapping[str, MethodMaker]] = MappingProxyType(
     {
         "zero": ZeroEstimator,
         "ego": EgoMotionEstimator,
+        "ego-estimated": EstimatedEgoMotionEstimator,
         "nsfp": _cold(nsfp, distance_kind="tree"),
         "nsfp-linear": _cold(nsfp_linear, distance_kind="tree"),
         "fnsf": _cold(fnsf),
@@ -45,7 +56,10 @@ BUILT_IN: Final[Mapping[str, MethodMaker]] = MappingProxyType(
         "fnsf-joint": _cold(fnsf_joint, num_before=1),
         "fnsf-time": _cold(fnsf_time, num_before=1),
         "mnsf-cycle": _cold(mnsf_cycle, num_before=1),
-        "mnsf": MultiFrameEstimator,
+        "mnsf": make_estimator,
+        # Either kind of field, whatever the preset says.
+        "mnsf-objects": _mnsf_objects,
+        "mnsf-network": _mnsf(),
         # Ablations (a) to (c); (d) is the method itself.
         "mnsf-no-backward": _mnsf(2),
         "mnsf-mean": _mnsf(kind="mean"),

@@ -28,14 +28,15 @@ def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
 def _field_flow(
     stage: str, bench: Workbench, target: PreparedSweep, schedule: Schedule
 ) -> torch.Tensor:
-    """Minimizes mean D(q, S) + mean D(q + h(q), S2), with q = p + g(p); (N, 3) metres."""
+    """Minimizes mean D(q, S) + w mean D(q + h(q), S2), with q = p + g(p); (N, 3) metres."""
+    weight = bench.settings.mnsf_cycle.weight
     there, back = (perceptron_field(bench) for _ in range(2))
 
     def loss_of() -> torch.Tensor:
         points = bench.points.draw()
         moved = points + there(points)
         returned = moved + back(moved)
-        return target.distance.mean(moved) + bench.current.distance.mean(returned)
+        return target.distance.mean(moved) + weight * bench.current.distance.mean(returned)
 
     bench.fit(stage, Learner.fresh(nn.ModuleList([there, back])), loss_of, schedule)
     return bench.flow(stage, there)

@@ -1,4 +1,4 @@
-"""Two honest rows for every table: nothing moves, and only the sensor moves."""
+"""Honest rows for every table: nothing moves, and only the sensor moves."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 import torch
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.rigid_motion import rigid_flow
-from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 _CPU = torch.device("cpu")
 
@@ -53,4 +54,32 @@ class EgoMotionEstimator:
         clock = StageClock(_CPU)
         with clock.stage("rigid"):
             flow = rigid_flow(triplet.current.xyz, triplet.next_from_current)
+        return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)
+
+
+class EstimatedEgoMotionEstimator:
+    """Says that the world stands still, by the same ego motion that the online method finds.
+
+    Beside `ego`, whose motion is the recording's own and mostly that of the ground truth, too.
+    """
+
+    num_sweeps = 2
+
+    def __init__(self, settings: Settings) -> None:
+        """Makes an estimator that has seen nothing yet."""
+        self._ego_motion = EgoMotion(settings.ego_motion)
+        self._poses: dict[Sweep, SensorPose] = {}
+
+    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
+        """Estimates the flow of standing points."""
+        clock = StageClock(_CPU)
+        with clock.stage("ego motion"):
+            sweeps = (*triplet.before[:1], triplet.current, triplet.next)
+            self._poses = {
+                sweep: self._poses.get(sweep) or self._ego_motion.pose_of(sweep) for sweep in sweeps
+            }
+            current, following = (
+                self._poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
+            )
+            flow = rigid_flow(triplet.current.xyz, np.linalg.inv(following) @ current)
         return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)

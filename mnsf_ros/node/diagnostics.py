@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.online.online_pipeline import (
     SWEEPS_RECEIVED,
     TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
+from mnsf_ros.settings import Settings
 
 # More than one bad sweep: each is in three triplets.
 _ALARMING_FAILURES = 4
@@ -31,14 +33,18 @@ class InputState:
 
 
 class Diagnostics:
-    """Makes the two statuses, `input` and `flow`; remembers what it said about drops last time."""
+    """Makes the statuses `input`, `flow` and `ego motion`; remembers what it said last time."""
 
     def __init__(self, node_name: str) -> None:
         self._node_name = node_name
         self._last_counts: Mapping[str, int] = {}
 
     def statuses(
-        self, snapshot: StatisticsSnapshot, state: InputState, load: int, stale_after_s: float
+        self,
+        snapshot: StatisticsSnapshot,
+        state: InputState,
+        load: int,
+        settings: Settings,
     ) -> list[DiagnosticStatus]:
         """The statuses as of now.
 
@@ -46,12 +52,14 @@ class Diagnostics:
             snapshot: Counters and recent figures.
             state: How the subscription stands.
             load: Triplets at hand: 0, 1 or 2.
-            stale_after_s: Silence after which the input counts as stale.
+            settings: Say after which silence the input counts as stale, and which source of the
+                ego motion is wanted.
         """
-        now_s = time.monotonic()
+        now_s, stale_after_s = time.monotonic(), settings.node.stale_after_s
         statuses = [
             self._input_status(snapshot, state, stale_after_s, now_s),
             self._flow_status(snapshot, load, stale_after_s, now_s),
+            self._ego_motion_status(snapshot, settings.ego_motion.source),
         ]
         self._last_counts = snapshot.counts
         return statuses
@@ -104,6 +112,19 @@ class Diagnostics:
         if snapshot.recent:
             values |= _recent_values(snapshot)
         return self._status("flow", level, message, values)
+
+    def _ego_motion_status(self, snapshot: StatisticsSnapshot, wanted: str) -> DiagnosticStatus:
+        sources = Counter(item.ego_source for item in snapshot.recent if item.ego_source)
+        newest = snapshot.recent[-1].ego_source if snapshot.recent else ""
+        level, message = DiagnosticStatus.OK, newest or "not estimated"
+        if newest and newest not in (wanted, EgoSource.START.value):
+            level, message = DiagnosticStatus.WARN, f"degraded: no {wanted}, {newest} instead"
+        values = {
+            "source": newest or "none",
+            "wanted": wanted,
+            **{f"{source}, recent": count for source, count in sorted(sources.items())},
+        }
+        return self._status("ego motion", level, message, values)
 
     def _flow_level(self, snapshot: StatisticsSnapshot, *, is_active: bool) -> tuple[bytes, str]:
         if snapshot.failures_in_a_row >= _ALARMING_FAILURES:

@@ -12,14 +12,15 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.node.cloud_messages import flow_message, sweep_from_message
+from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.input_subscription import InputSubscription
+from mnsf_ros.node.odometry_subscription import OdometrySubscription
 from mnsf_ros.node.once_log import OnceLog
 from mnsf_ros.node.parameters import ParameterChanges, declare_parameters, undeclared_overrides
 from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
@@ -36,7 +37,7 @@ _ERROR_PERIOD_S = 10.0
 
 
 class SceneFlowNode(Node):
-    """Subscribes to `~/points`, publishes `~/flow` and `/diagnostics`.
+    """Subscribes to `~/points` and, if asked to, `~/odometry`; publishes flow and `/diagnostics`.
 
     Callbacks of the executor only decode and hand over; the pipeline's worker thread estimates and
     publishes. Call `close` before destroying the node.
@@ -55,8 +56,13 @@ class SceneFlowNode(Node):
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
         self._changes = ParameterChanges(self, self._settings, self._apply_settings)
-        self._flow_publisher = self.create_publisher(
-            PointCloud2, "~/flow", QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        self._outputs = FlowOutputs(self)
+        self._odometry = OdometrySubscription(
+            self,
+            "~/odometry",
+            self._settings.ego_motion,
+            self._on_bad_odometry,
+            self._guarded,
         )
         self._input = InputSubscription(
             self,
@@ -94,9 +100,7 @@ class SceneFlowNode(Node):
     def _greet(self) -> None:
         for name in undeclared_overrides(self):
             self.get_logger().warning(f"there is no parameter {name!r}; its value is ignored")
-        self.get_logger().info(
-            f"sweeps from {self._input.topic}, flow on {self._flow_publisher.topic_name}"
-        )
+        self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
 
     def _on_cloud(self, message: PointCloud2) -> None:
         arrived_ns = time.monotonic_ns()
@@ -113,19 +117,24 @@ class SceneFlowNode(Node):
             self._pipeline.statistics.count("clouds_empty")
             self._once.warn("empty", "a cloud has no finite point; it is left out")
             return
+        sweep = self._odometry.located(sweep)
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=self._is_watched())
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._once.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
 
+    def _on_bad_odometry(self, fault: str, text: str) -> None:
+        self._pipeline.statistics.count(fault)
+        self._once.warn(fault, f"an odometry message is left out: {text}")
+
     def _is_watched(self) -> bool:
         if self._settings.node.always_estimate:
             return True
-        return bool(self._flow_publisher.get_subscription_count() > 0)
+        return self._outputs.are_watched
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
-        """Runs in the worker thread; rcl allows publishing from any."""
-        self._flow_publisher.publish(flow_message(job.triplet.current, estimate.flow))
+        """Runs in the worker thread."""
+        self._outputs.publish(job.triplet, estimate)
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
         """Runs in the worker thread."""
@@ -160,12 +169,14 @@ class SceneFlowNode(Node):
             self._pipeline.statistics.snapshot(),
             InputState(self._input.topic, self._input.reliability, self._input.num_publishers),
             self._pipeline.load,
-            self._settings.node.stale_after_s,
+            self._settings,
         )
         self._diagnostics_publisher.publish(message)
 
     def _apply_settings(self, settings: Settings) -> None:
         self._pipeline.change_settings(_with_node_threads(settings))
+        if settings.ego_motion != self._settings.ego_motion:
+            self._odometry.change_settings(settings.ego_motion)
         self._settings = settings
 
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.errors import CancelledError, MnsfError
+from mnsf_ros.estimators import changed_estimator, make_estimator
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
@@ -22,6 +22,7 @@ TRIPLETS_DROPPED = "triplets_dropped"
 TRIPLETS_UNWATCHED = "triplets_unwatched"
 ESTIMATES_FAILED = "estimates_failed"
 FLOWS_OUT = "flows_out"
+OBJECTS_LEFT_OUT = "objects_left_out"
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class OnlinePipeline:
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._buffer = SweepBuffer()
-        self._estimator = MultiFrameEstimator(settings)
+        self._estimator = make_estimator(settings)
         self._worker: LatestOnlyWorker[TripletJob] = LatestOnlyWorker(self._estimate, "estimator")
 
     @property
@@ -127,7 +128,7 @@ class OnlinePipeline:
     def _estimate(self, job: TripletJob) -> None:
         try:
             if job.settings != self._estimator.settings:
-                self._estimator = self._estimator.with_settings(job.settings)
+                self._estimator = changed_estimator(self._estimator, job.settings)
             estimate = self._estimator.estimate(job.triplet, lambda: self._worker.is_closing)
             if self._worker.is_closing:
                 return
@@ -138,6 +139,8 @@ class OnlinePipeline:
             self._fail(job, error)
         else:
             self.statistics.count(FLOWS_OUT)
+            if estimate.num_left_out:
+                self.statistics.count(OBJECTS_LEFT_OUT, estimate.num_left_out)
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
 

@@ -32,6 +32,7 @@ class RecentEstimate:
     start: str
     device: str
     distance_kind: str
+    ego_source: str
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ class OnlineStatistics:
             start=estimate.start.value,
             device=estimate.device,
             distance_kind=estimate.distance_kind,
+            ego_source=estimate.over_ground.source if estimate.over_ground else "",
         )
         with self._lock:
             self._recent.append(item)

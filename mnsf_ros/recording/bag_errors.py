@@ -41,7 +41,13 @@ UNREADABLE: Final[tuple[type[Exception], ...]] = (
     RuntimeError,
 )
 
-_CUT_SHORT: Final = "end magic"
+# What to do about damage that a tool of the format's own may mend; by words of its error.
+_REMEDIES: Final = {
+    "end magic": "the file is cut short; 'mcap recover' may save what was written",
+    "Bag index looks damaged": "the file may be cut short; 'rosbag reindex' may save the rest",
+    "Bag is not indexed": "'rosbag reindex' may save what was written",
+    "disk image is malformed": "'sqlite3 FILE .recover' may save a part",
+}
 _MAX_LENGTH: Final = 300
 
 
@@ -57,6 +63,5 @@ def reason(error: BaseException) -> str:
     if not known or not text:
         # The text of a built-in error, such as that of a KeyError, means little on its own.
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
-    if _CUT_SHORT in text:
-        text += " (the file is cut short; 'mcap recover' may save what was written)"
-    return text
+    remedies = [remedy for words, remedy in _REMEDIES.items() if words in text]
+    return f"{text} ({remedies[0]})" if remedies else text

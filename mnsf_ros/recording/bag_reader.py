@@ -19,6 +19,7 @@ from mnsf_ros.recording.bag_topics import (
     shares_position,
     summarize,
 )
+from mnsf_ros.recording.message_compression import decompressed
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from rosbags.interfaces import Connection
-
 
 Converted = TypeVar("Converted")
 
@@ -138,8 +138,10 @@ class BagReader:
         convert: Callable[[AnyReader, bytes, str], Converted],
     ) -> Iterator[tuple[int, Converted]]:
         scan = self._scan(topic, start_ns, stop_ns)
-        for number, (source, connection, received_ns, raw) in enumerate(scan):
+        for number, (source, connection, received_ns, stored) in enumerate(scan):
             try:
+                # Without its metadata.yaml, rosbags gives out a message compressed as it is.
+                raw = decompressed(stored) if source.is2 else stored
                 converted = convert(source, raw, connection.msgtype)
             except UNREADABLE as error:
                 raise self._damage(number, topic, error) from error

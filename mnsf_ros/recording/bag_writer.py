@@ -6,19 +6,14 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rosbags.rosbag2 import (
-    CompressionFormat,
-    CompressionMode,
-    StoragePlugin,
-    Writer,
-    WriterError,
-)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_errors import reason
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.mcap_checksums import checksums_added
 from mnsf_ros.recording.new_folder import new_folder
 from msg_utils.errors import MessageError
 
@@ -31,7 +26,6 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
     from msg_utils.point_cloud2 import EncodedCloud
-
 
 _LATEST_NS: Final = 2**63 - 1
 
@@ -74,6 +68,7 @@ class BagWriter:
         """
         with self._guarded(), ExitStack() as stack:
             draft = stack.enter_context(new_folder(self.path, overwrite=self._overwrite))
+            stack.enter_context(checksums_added(draft))
             writer = Writer(draft, version=9, storage_plugin=StoragePlugin.MCAP)
             if self._compress:
                 writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -64,6 +64,11 @@ class FlowTruth:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.flow)
+
+    def of_points(self, rows: NDArray[np.int64]) -> FlowTruth:
+        """Return the truth of some of the points, in the order of their rows."""
+        names = ("flow", "valid", "dynamic", "ground", "class_id")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
         """Return the cloud for a recording.

@@ -11,8 +11,8 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import SUFFIXES
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.mcap_content import McapContent, read_content
-from mnsf_ros.recording.sequential_mcap_reader import SequentialMcapReader
+from mnsf_ros.recording.file_content import FileContent, read_content
+from mnsf_ros.recording.sequential_reader import SequentialReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mnsf_ros.recording.bag_topics import TopicSummary
 
 _MCAP: Final = ".mcap"
+_ROS1: Final = ".bag"
 _OTHER_PROFILE: Final = "Profile is not ros2"
 
 
@@ -30,17 +31,18 @@ class Inspection:
     Attributes:
         path: The recording.
         topics: Topic -> type and number of messages that can be read.
-        damages: What cannot be read. Of recordings other than mcap only what opening them shows;
+        damages: What cannot be read. Of recordings without `files` only what opening them shows;
             `readable_messages` finds the rest.
         has_checksums: Whether flipped bits in messages would have been noticed.
-        mcap_files: The files in the order of time, if all are mcap; else empty.
+        files: The files in the order of time, if they are read without their index: all of them
+            are mcap, or a ROS 1 bag that has none. Else empty.
     """
 
     path: Path
     topics: dict[str, TopicSummary]
     damages: tuple[Damage, ...] = ()
     has_checksums: bool = False
-    mcap_files: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()
 
     @contextmanager
     def open(self) -> Iterator[BagReader]:
@@ -50,8 +52,8 @@ class Inspection:
             RecordingError: It has changed since it was inspected.
         """
         reader = BagReader(self.path)
-        if self.mcap_files:
-            reader = SequentialMcapReader(self.path, self.mcap_files, self.topics)
+        if self.files:
+            reader = SequentialReader(self.path, self.files, self.topics)
         with reader:
             yield reader
 
@@ -73,6 +75,8 @@ def inspect_recording(path: Path | str) -> Inspection:
         with BagReader(path) as reader:
             topics = reader.topics
     except RecordingError as error:
+        # Of a ROS 1 bag that cannot be opened, the index is damaged or was never written.
+        files = files or _ros1_files(path)
         if not files:
             raise
         problem = error
@@ -86,10 +90,10 @@ def inspect_recording(path: Path | str) -> Inspection:
 
 
 def _of_content(
-    path: Path, contents: Sequence[McapContent], problem: RecordingError | None
+    path: Path, contents: Sequence[FileContent], problem: RecordingError | None
 ) -> Inspection:
     contents = sorted(contents, key=lambda content: content.first_ns)
-    topics = McapContent.merged_topics(contents)
+    topics = FileContent.merged_topics(contents)
     if not any(summary.count for summary in topics.values()):
         raise problem or RecordingError(f"{path}: holds no messages that can be read")
     damages = [damage for content in contents for damage in content.damages]
@@ -100,8 +104,12 @@ def _of_content(
         topics=topics,
         damages=tuple(damages),
         has_checksums=all(content.has_checksums for content in contents),
-        mcap_files=tuple(content.file for content in contents),
+        files=tuple(content.file for content in contents),
     )
+
+
+def _ros1_files(path: Path) -> list[Path]:
+    return [path] if path.suffix == _ROS1 and path.is_file() else []
 
 
 def _mcap_files(path: Path) -> list[Path]:

@@ -31,13 +31,13 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
         RecordingError: Something is there already that may not be replaced.
         OSError: The folder cannot be made or moved.
     """
-    _check_target(path, overwrite=overwrite)
+    check_target(path, overwrite=overwrite)
     path.parent.mkdir(parents=True, exist_ok=True)
     prefix = f".{path.name}."
     with TemporaryDirectory(prefix=prefix, suffix=".partial", dir=path.parent) as temporary:
         draft = Path(temporary, path.name)
         yield draft
-        _check_target(path, overwrite=overwrite)
+        check_target(path, overwrite=overwrite)
         replaced = Path(temporary, f"{path.name}.replaced")
         if path.exists():
             path.rename(replaced)
@@ -49,7 +49,16 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
             raise
 
 
-def _check_target(path: Path, *, overwrite: bool) -> None:
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Says what stands in the way of a recording, before any work is done for it.
+
+    Args:
+        path: Where the folder shall be.
+        overwrite: Whether a recording that is there already may be replaced.
+
+    Raises:
+        RecordingError: Something is there already that may not be replaced.
+    """
     if not path.name:
         raise RecordingError(f"{str(path)!r}: names no folder to write a recording to")
     if path.suffix in SUFFIXES:

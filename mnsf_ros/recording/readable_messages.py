@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.sequential_mcap_reader import SequentialMcapReader
+from mnsf_ros.recording.sequential_reader import SequentialReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +27,7 @@ def readable_messages(reader: BagReader, topic: str) -> Iterator[tuple[int, Any]
     Raises:
         RecordingError: The topic is unknown.
     """
-    if isinstance(reader, SequentialMcapReader):
+    if isinstance(reader, SequentialReader):
         yield from reader.messages_and_damages(topic)
         return
     scan = reader.received_messages(topic)

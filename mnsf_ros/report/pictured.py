@@ -24,11 +24,13 @@ class PicturedFlow:
         method: Its name.
         flow: (N, 3) metres per sweep; rows that are not finite have none.
         error_m: (N,) how wrong it is, see `PicturedExample.error_name`; NaN where unknown.
+        is_again: Whether it was estimated again for the picture, from its sweeps alone.
     """
 
     method: str
     flow: NDArray[Any]
     error_m: NDArray[np.float64]
+    is_again: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,12 @@ from mnsf_ros.report.result_table import result_table
 _NUM_LISTED: Final = 10
 _NANOSECONDS: Final = 1e9
 _SAME_M: Final = 1e-3
+_AGAIN: Final = "Estimated again for the picture"
 _ANOTHER: Final = "The picture shows another flow than that of the run: code or machine differ"
+_FROM_SCRATCH: Final = (
+    f"{_AGAIN}, from these sweeps alone. It shows another flow than that of the run, where the "
+    "method may have gone on from its last estimate; else code or machine differ"
+)
 _HINT: Final = (
     "Seen from above, x forward and y left in metres; the white triangle is the sensor. Color: "
     "direction and speed by the wheel, grey where slow; arrows: the way in 5 sweeps. What moves is "
@@ -86,7 +91,10 @@ def _card(rows: Sequence[ResultRow], example: PicturedExample) -> Html:
     for item in example.flows:
         row = own.get(item.method)
         said = item.method if row is None else f"{item.method}: {_said(row)}"
-        if row is not None and _is_another(row, item):
+        is_another = row is not None and _is_another(row, item)
+        if item.is_again:
+            said += f". {_FROM_SCRATCH if is_another else _AGAIN}"
+        elif is_another:
             said += f". {_ANOTHER}"
         alt = f"Flow of {where} by {item.method} and its {example.error_name}, from above. {said}."
         parts.append(_picture(painter.method(item), alt, said))
@@ -94,7 +102,7 @@ def _card(rows: Sequence[ResultRow], example: PicturedExample) -> Html:
 
 
 def _is_another(row: ResultRow, item: PicturedFlow) -> bool:
-    """Whether a flow that was estimated once more is not the one of the run."""
+    """Whether a flow is not the one that the row of the run is about."""
     known = item.error_m[np.isfinite(item.error_m)]
     return len(known) > 0 and abs(float(known.mean()) - badness(row)) > _SAME_M
 

@@ -111,7 +111,7 @@ def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResu
 
 
 def _figure(found: dict[str, Landscape]) -> Figure:
-    figure = new_figure(4.6 * len(found) + 0.8, 5.8)
+    figure = new_figure(4.2 * len(found) + 1.0, 5.0)
     panels = np.atleast_1d(figure.subplots(1, len(found)))
     rises = [np.maximum(item.losses_m - item.loss_m, 0.0) for item in found.values()]
     highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
@@ -124,6 +124,10 @@ def _figure(found: dict[str, Landscape]) -> Figure:
         axes.plot(0.0, 0.0, "r+", markersize=10)
         axes.set(title=f"{name}\nloss {item.loss_m:.4f} m", aspect="equal")
         axes.set_xlabel("step along a random direction")
-    figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", shrink=0.85)
+    panels[0].set_ylabel("step along another one")
+    ticks = levels[:: max(1, _LEVELS // 8)]
+    bar = figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", ticks=ticks)
+    bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
+    bar.minorticks_off()
     figure.suptitle(_TITLE)
     return figure

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.figure import Figure
 
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.evaluation_options import EvaluationTask
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
@@ -19,7 +18,8 @@ from mnsf_ros.evaluation.results_files import read_results, write_results
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.task_runs import Executor, TaskEvent, TaskRun, task_events
+from mnsf_ros.evaluation.task_runs import TaskEvent, TaskRun
+from mnsf_ros.studies.first_examples import first_examples
 from mnsf_ros.studies.study_examples import study_recordings
 from mnsf_ros.studies.study_options import StudyOptions
 from mnsf_ros.studies.study_output import StudyResult, new_figure
@@ -105,8 +105,8 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         arguments=options.command,
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
-    watch = _Watch(options, len(runs) * options.num_examples)
-    execute = first_examples(options.num_examples)
+    watch = _Watch(options, _max_rows(runs, options, study.num_sweeps))
+    execute = first_examples(options.max_examples)
     run_evaluation(runs, evaluation, folder, execute=execute, watch=watch)
     results = read_results(folder)
     write_results(folder, results)
@@ -137,23 +137,10 @@ def study_result(
     return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, figure)
 
 
-def first_examples(number: int) -> Executor:
-    """Returns an Executor that runs tasks one after the other, each only to so many examples."""
-
-    def execute(
-        runs: Sequence[TaskRun], options: EvaluationOptions
-    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        for run in runs:
-            num_left = number - len(run.skipped)
-            events = task_events(run, options) if num_left > 0 else iter([Findings()])
-            for event in events:
-                yield run.task, event
-                num_left -= isinstance(event, ResultRow)
-                if isinstance(event, ResultRow) and num_left == 0:
-                    yield run.task, Findings()
-                    break
-
-    return execute
+def _max_rows(runs: Sequence[TaskRun], options: StudyOptions, num_sweeps: int) -> int:
+    """How many rows there can be: the first and the last sweeps are no examples."""
+    numbers = [run.task.recording.num_sweeps - num_sweeps + 1 for run in runs]
+    return sum(min(number, options.max_examples or number) for number in numbers)
 
 
 class _Watch:

@@ -143,6 +143,8 @@ def _figure(found: Sequence[Change], how: StabilityOptions) -> Figure:
                 tops.append(max(known.values()))
         guide = [max(tops, default=1.0) * how.sizes[0] / size for size in how.sizes]
         axes.loglog(how.sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
+        axes.set_xticks(how.sizes, [f"{size:,}" for size in how.sizes])
+        axes.minorticks_off()
         axes.set_xlabel("points N of each sweep")
         axes.set_title(words)
         axes.grid(which="major", alpha=0.3)

@@ -9,10 +9,10 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.evaluation_options import (
     EvaluatedRecording,
     choose_topics,
-    recording_names,
 )
 from mnsf_ros.evaluation.example import Example
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.tasks import read_examples
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording
@@ -21,6 +21,8 @@ from mnsf_ros.studies.study_options import StudyOptions
 
 # A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
 _BEAMS, _COLUMNS = 32, 1024
+# Where a street is simulated it has so many, unless the user says how many.
+_SIMULATED_EXAMPLES = 4
 
 
 def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[EvaluatedRecording]:
@@ -56,7 +58,7 @@ def study_examples(options: StudyOptions, num_sweeps: int = 3) -> Iterator[Examp
         with recording.inspection.open() as reader:
             evaluation = options.evaluation(num_sweeps)
             examples = read_examples(reader, recording, evaluation, Findings())
-            yield from islice(examples, options.num_examples)
+            yield from islice(examples, options.max_examples)
 
 
 def first_example(options: StudyOptions) -> Example:
@@ -72,10 +74,11 @@ def first_example(options: StudyOptions) -> Example:
 
 def _simulation(options: StudyOptions, num_sweeps: int) -> SimulationSettings:
     usual = SimulationSettings()
+    num_examples = options.max_examples or _SIMULATED_EXAMPLES
     return SimulationSettings(
         seed=options.seed,
         # An example lies between the sweeps before it and the one after.
-        duration_s=(options.num_examples + num_sweeps - 1) * usual.interval_s,
+        duration_s=(num_examples + num_sweeps - 1) * usual.interval_s,
         num_beams=_BEAMS,
         num_columns=_COLUMNS,
     )

@@ -26,7 +26,8 @@ class StudyOptions:
         settings: How to estimate.
         recordings: Paths of recordings; if empty, a street is simulated.
         num_points: So many random points of each sweep; None for all.
-        num_examples: So many examples of each recording, from its beginning.
+        max_examples: At most so many examples of each recording, from its beginning; None for
+            all of them. Case studies look at the first one alone.
         seed: Of the points, the start weights, the street, and whatever else is drawn.
         resume: Whether to go on with what is in the folder.
         command: The command line, to be remembered.
@@ -37,7 +38,7 @@ class StudyOptions:
     settings: Settings
     recordings: tuple[Path, ...] = ()
     num_points: int | None = 2048
-    num_examples: int = 4
+    max_examples: int | None = None
     seed: int = 0
     resume: bool = False
     command: tuple[str, ...] = ()
@@ -49,8 +50,8 @@ class StudyOptions:
         Raises:
             EvaluationError: If a number is out of its range.
         """
-        if self.num_examples < 1:
-            raise EvaluationError(f"examples: got {self.num_examples}, expected 1 or more")
+        if self.max_examples is not None and self.max_examples < 1:
+            raise EvaluationError(f"max_examples: got {self.max_examples}, expected 1 or more")
 
     def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:
         """Returns the options of the evaluator.

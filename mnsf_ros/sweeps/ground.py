@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from mnsf_ros.settings import GroundSettings
 
@@ -15,7 +14,8 @@ _MAX_CELLS_PER_AXIS = 1024
 def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.bool_]:
     """Says which points are ground.
 
-    The lowest point of each cell makes a height map. A morphological opening takes from it all
+    The lowest point of each cell makes a height map, in which single cells that lie far below
+    those around them do not count. A morphological opening takes from it all
     that is narrower than the window (cars, people, poles, walls); what is left is the ground,
     and a point within the margin above it is ground.
 
@@ -32,17 +32,21 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     shape = cells[:, 0].max() + 1, cells[:, 1].max() + 1
     flat_cells = cells[:, 0] * shape[1] + cells[:, 1]
     lowest = _lowest_per_cell(flat_cells, xyz[:, 2], shape)
+    lowest = _without_pits(lowest, settings, cell_size_m)
     ground = _opened(lowest, settings, cell_size_m)
     mask: NDArray[np.bool_] = xyz[:, 2] <= ground.ravel()[flat_cells] + settings.margin_m
     return mask
 
 
 def _cells_of(xyz: NDArray[np.float32], cell_size_m: float) -> tuple[NDArray[np.int64], float]:
-    xy = xyz[:, :2].astype(np.float64)
-    low = xy.min(axis=0)
-    extent = float((xy.max(axis=0) - low).max())
-    cell_size_m = max(cell_size_m, extent / _MAX_CELLS_PER_AXIS)
-    return ((xy - low) / cell_size_m).astype(np.int64), cell_size_m
+    columns = [xyz[:, axis].astype(np.float64) for axis in (0, 1)]
+    lows = [column.min() for column in columns]
+    extent = max(column.max() - low for column, low in zip(columns, lows, strict=True))
+    cell_size_m = max(cell_size_m, float(extent) / _MAX_CELLS_PER_AXIS)
+    cells = np.empty((len(xyz), 2), np.int64)
+    for axis, (column, low) in enumerate(zip(columns, lows, strict=True)):
+        cells[:, axis] = (column - low) / cell_size_m
+    return cells, cell_size_m
 
 
 def _lowest_per_cell(
@@ -51,6 +55,25 @@ def _lowest_per_cell(
     lowest = np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
     np.minimum.at(lowest, flat_cells, heights)
     return lowest.reshape(shape)
+
+
+def _without_pits(
+    lowest: NDArray[np.float32], settings: GroundSettings, cell_size_m: float
+) -> NDArray[np.float32]:
+    """Height map with single cells that are far below those around them lifted to these.
+
+    A laser that is mirrored by a car measures a point below the ground. The opening would follow
+    it down, and the road half a window around it would count as objects.
+    """
+    is_empty = np.isinf(lowest)
+    rise = settings.max_slope * cell_size_m
+    # A closing; empty cells must not count in its dilation.
+    dilated = -_cone_erosion(np.where(is_empty, np.inf, -lowest).astype(np.float32), 1, rise)
+    dilated[np.isinf(dilated)] = np.inf
+    closed = _cone_erosion(dilated, 1, rise)
+    with np.errstate(invalid="ignore"):
+        is_pit = ~is_empty & (closed - lowest > settings.margin_m)
+    return np.where(is_pit, closed, lowest)
 
 
 def _opened(
@@ -70,11 +93,23 @@ def _cone_erosion(
     heights: NDArray[np.float32], radius: int, rise_per_cell: float
 ) -> NDArray[np.float32]:
     """Smallest of `height + rise * distance` within the radius, along rows, then columns."""
-    offsets = np.abs(np.arange(-radius, radius + 1, dtype=np.float32)) * rise_per_cell
-    # grey_erosion subtracts the structure; -inf heights (empty, negated) stay what they are.
-    for axis in (0, 1):
-        structure = -offsets.reshape((-1, 1) if axis == 0 else (1, -1))
-        heights = ndimage.grey_erosion(
-            heights, footprint=np.ones(structure.shape, bool), structure=structure, mode="nearest"
-        )
-    return heights
+    along_rows = _cone_erosion_of_rows(heights.T, radius, rise_per_cell)
+    return _cone_erosion_of_rows(along_rows.T, radius, rise_per_cell)
+
+
+def _cone_erosion_of_rows(
+    heights: NDArray[np.float32], radius: int, rise_per_cell: float
+) -> NDArray[np.float32]:
+    # Cones add up: one of radius a, then one of radius b, is one of a + b. From radius a a step
+    # of up to a + 1 to either side leaves no gap, so that the radius doubles with each step.
+    eroded = np.ascontiguousarray(heights)
+    reached = 0
+    while reached < radius:
+        step = min(reached + 1, radius - reached, eroded.shape[0])
+        rise = np.float32(rise_per_cell * step)
+        lifted = eroded + rise
+        eroded = eroded.copy()
+        np.minimum(eroded[step:], lifted[:-step], out=eroded[step:])
+        np.minimum(eroded[:-step], lifted[step:], out=eroded[:-step])
+        reached += step
+    return eroded

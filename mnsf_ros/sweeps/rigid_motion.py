@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepError
+
+Floating = TypeVar("Floating", np.float32, np.float64)
 
 # A motion has six unknowns: so many points, drawn at random, fix it far below their noise.
 _MAX_POINTS: Final = 20_000
@@ -22,6 +24,34 @@ _MIN_SCALE_M: Final = 1e-5
 _MIN_SPREAD_RATIO: Final = 1e-3
 # A point so many times farther out than half of them is astray; it would turn all others.
 _MAX_REACH_RATIO: Final = 50.0
+
+
+def transformed(xyz: NDArray[np.float32], transform: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Applies a rigid transform, with the same last digits whatever the number of threads.
+
+    Args:
+        xyz: (N, 3) metres.
+        transform: (4, 4).
+
+    Returns:
+        (N, 3) float32.
+    """
+    return turned(xyz, transform[:3, :3]) + transform[:3, 3].astype(np.float32)
+
+
+def turned(vectors: NDArray[Floating], turn: NDArray[np.float64]) -> NDArray[Floating]:
+    """Applies a (3, 3) matrix to vectors (N, 3), in their own precision."""
+    # Written out: a matrix product may sum in another order with other threads, and with many
+    # thin rows it is the slower one, too.
+    turn = turn.astype(vectors.dtype)
+    x, y, z = (np.ascontiguousarray(vectors[:, axis]) for axis in range(3))
+    result = np.empty_like(vectors)
+    for axis in range(3):
+        column = x * turn[axis, 0]
+        column += y * turn[axis, 1]
+        column += z * turn[axis, 2]
+        result[:, axis] = column
+    return result
 
 
 def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -45,7 +75,7 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
     # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
     turn = transform[:3, :3] - np.eye(3)
     with np.errstate(over="ignore", invalid="ignore"):
-        flow: NDArray[np.float64] = xyz.astype(np.float64) @ turn.T + transform[:3, 3]
+        flow = turned(xyz.astype(np.float64), turn) + transform[:3, 3]
         return flow.astype(np.float32)
 
 

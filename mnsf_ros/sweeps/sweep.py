@@ -22,12 +22,14 @@ class Sweep:
         stamp_ns: Time of the sweep, integer nanoseconds.
         frame_id: Name of the sensor's coordinate frame.
         source: What the sweep was decoded from. Carried along, never looked at.
+        odometry: (4, 4) float64, world_from_sensor by the robot's odometry, where it is known.
     """
 
     xyz: NDArray[np.float32]
     stamp_ns: int = 0
     frame_id: str = ""
     source: Any = None
+    odometry: NDArray[np.float64] | None = None
 
     @classmethod
     def from_array(

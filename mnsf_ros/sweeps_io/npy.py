@@ -36,13 +36,7 @@ def checked_array(path: Path, stream: IO[bytes], num_bytes: int) -> NDArray[Any]
         SweepFileError: If it cannot.
         ValueError: If it is no array, or one of Python objects.
     """
-    version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
-    read_header = (
-        np.lib.format.read_array_header_1_0
-        if version == _VERSION_1
-        else np.lib.format.read_array_header_2_0
-    )
-    shape, _, dtype = read_header(stream)  # type: ignore[no-untyped-call]
+    shape, dtype = array_header(stream)
     expected = dtype.itemsize
     for number in shape:
         expected *= number
@@ -56,3 +50,19 @@ def checked_array(path: Path, stream: IO[bytes], num_bytes: int) -> NDArray[Any]
         stream, allow_pickle=False
     )
     return array
+
+
+def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Reads the shape and the type of an array; the values come next in the stream.
+
+    Raises:
+        ValueError: If it is no array.
+    """
+    version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+    read_header = (
+        np.lib.format.read_array_header_1_0
+        if version == _VERSION_1
+        else np.lib.format.read_array_header_2_0
+    )
+    shape, _, dtype = read_header(stream)  # type: ignore[no-untyped-call]
+    return shape, dtype

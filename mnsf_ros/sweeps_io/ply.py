@@ -44,22 +44,33 @@ def read_ply(path: Path) -> SweepInFile:
     Raises:
         SweepFileError: If the file is missing, damaged, cut short, or has no such points.
     """
+    columns = read_vertices(path)
+    if not {"x", "y", "z"} <= columns.keys():
+        raise SweepFileError(f"{path}: vertex has no x, y, z; it has {', '.join(columns)}")
+    return SweepInFile(xyz_of_columns(path, [columns[axis] for axis in "xyz"]))
+
+
+def read_vertices(path: Path) -> dict[str, NDArray[Any]]:
+    """Reads all properties of the element vertex: name to (N,) values, float64 in ascii files.
+
+    Raises:
+        SweepFileError: If the file is missing, damaged, cut short, or has no such element.
+    """
     content = read_bytes(path)
     with reading(path):
         lines, start = _header_lines(content)
         byte_order, elements = _parse_header(lines)
         before, points = _points_and_before(elements)
-        names = [name for name, _ in points.columns]
-        if not {"x", "y", "z"} <= set(names):
-            raise SweepFileError(f"{path}: vertex has no x, y, z; it has {', '.join(names)}")
-        places = [names.index(axis) for axis in "xyz"]
         body = content[start:]
         if byte_order:
-            columns = _binary_columns(body, before, points, byte_order, places)
+            columns = _binary_columns(body, before, points, byte_order)
         else:
             num_lines = sum(element.num_rows for element in before)
+            places = range(len(points.columns))
             columns = parse_rows(_without_lines(body, num_lines), points.num_rows, places)
-        return SweepInFile(xyz_of_columns(path, columns))
+        # From the last: of two properties with the same name the first counts.
+        names = [name for name, _ in points.columns]
+        return dict(reversed(list(zip(names, columns, strict=True))))
 
 
 def _header_lines(content: bytes) -> tuple[list[list[str]], int]:
@@ -108,15 +119,15 @@ def _points_and_before(elements: list[_Element]) -> tuple[list[_Element], _Eleme
 
 
 def _binary_columns(
-    body: bytes, before: list[_Element], points: _Element, byte_order: str, places: list[int]
+    body: bytes, before: list[_Element], points: _Element, byte_order: str
 ) -> list[NDArray[Any]]:
     start = sum(element.dtype(byte_order).itemsize * element.num_rows for element in before)
     dtype = points.dtype(byte_order)
-    available = max(0, len(body) - start) // dtype.itemsize
+    available = max(0, len(body) - start) // max(1, dtype.itemsize)
     if available < points.num_rows:
-        raise ValueError(f"is cut short: {available} of {points.num_rows} points")
+        raise ValueError(f"is cut short: it has {available} of {points.num_rows} points")
     rows = np.frombuffer(body[start:], dtype, points.num_rows)
-    return [rows[f"{place}"] for place in places]
+    return [rows[f"{place}"] for place in range(len(points.columns))]
 
 
 def _without_lines(body: bytes, number: int) -> bytes:

@@ -2,40 +2,18 @@
 
 from __future__ import annotations
 
-import struct
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps.sweep import Sweep
-
-# What parsers raise on damaged files; LookupError and TypeError: on files laid out otherwise.
-# NumPy parses headers as Python source.
-_UNREADABLE: Final = (
-    OSError,
-    EOFError,
-    ValueError,
-    LookupError,
-    TypeError,
-    ArithmeticError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    struct.error,
-    tokenize.TokenError,
-    zlib.error,
-    zipfile.BadZipFile,
-)
-_MAX_REASON: Final = 200
+from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +74,8 @@ def reading(path: Path) -> Iterator[None]:
     """Turns what parsers raise inside the block into a SweepFileError that names the file."""
     try:
         yield
-    except _UNREADABLE as error:
-        raise SweepFileError(f"{path}: cannot be read: {_reason(error)}") from error
+    except UNREADABLE as error:
+        raise SweepFileError(f"{path}: cannot be read: {reason(error)}") from error
 
 
 def read_bytes(path: Path) -> bytes:
@@ -111,12 +89,3 @@ def read_bytes(path: Path) -> bytes:
     if not content:
         raise SweepFileError(f"{path}: is empty")
     return content
-
-
-def _reason(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    text = " ".join(str(error).split())[:_MAX_REASON].rstrip(".")
-    if isinstance(error, KeyError):
-        return f"it has no {text}"
-    return text or type(error).__name__

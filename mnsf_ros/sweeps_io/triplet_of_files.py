@@ -20,11 +20,14 @@ def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:
             these two have poses, they say how the sensor moved.
 
     Raises:
-        SweepFileError: If there are fewer than two, their stamps are out of order, or a pose
-            cannot be inverted.
+        SweepFileError: If there are fewer than two, one has no point, their stamps are out of
+            order, or a pose cannot be inverted.
     """
     if len(sweeps) < 2:
         raise SweepFileError(f"got {len(sweeps)} sweeps, expected two at least")
+    for number, sweep in enumerate(sweeps, start=1):
+        if not sweep.measured.any():
+            raise SweepFileError(f"sweep {number} of {len(sweeps)} has no finite point")
     stamps = [sweep.stamp_ns for sweep in sweeps]
     if all(stamps) and stamps != sorted(set(stamps)):
         raise SweepFileError(f"the sweeps are not in the order of time: {stamps} ns")

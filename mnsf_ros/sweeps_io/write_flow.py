@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
+import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,29 +56,42 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
     """Writes the file complete, or not at all.
 
     Raises:
-        SweepFileError: If it cannot be written.
+        SweepFileError: If it cannot be written, or a file is there that may not be replaced.
     """
     check_target(path, overwrite=overwrite)
-    temporary = ""
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
     try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.absolute().parent, prefix=f".{path.name}.", delete=False
-        ) as stream:
-            temporary = stream.name
+        with draft.open("xb") as stream:
             WRITERS[path.suffix.lower()](stream, flow)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(path)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if overwrite:
+            draft.replace(path)
+        else:
+            _put_in_place(draft, path)
+    except FileExistsError as error:
+        raise SweepFileError(f"{path}: exists already") from error
     except OSError as error:
         raise SweepFileError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _put_in_place(draft: Path, path: Path) -> None:
+    """Gives the draft its name, unless a file got that name while the draft was written.
+
+    Raises:
+        FileExistsError: If one did.
+    """
+    try:
+        # Unlike a rename, a link never replaces anything.
+        path.hardlink_to(draft)
+    except FileExistsError:
+        raise
+    except OSError:
+        # A file system without hard links.
+        check_target(path, overwrite=False)
+        draft.rename(path)
 
 
 def _write_npz(stream: IO[bytes], flow: FlowToWrite) -> None:

@@ -36,7 +36,9 @@ def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixtu
         }
     capsys.readouterr()
     assert run(["simulate", str(out), *small]) == EXIT_USAGE
-    assert "exists already" in only_line(capsys)
+    ended = capsys.readouterr()
+    assert ended.out == "", "no bar of what will not be done"
+    assert ended.err == f"mnsf: {out}: exists already\n"
     assert run(["simulate", str(out), *small, "--force"]) == 0
 
 

@@ -93,13 +93,17 @@ def test_a_sweep_without_labels_has_no_valid_flow(tmp_path):
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [
-        ("lidar/PC_{}.ply", lambda raw: raw[:900], r"\.ply: is cut short: it has \d+ of \d+ poin"),
-        ("lidar/PC_{}.ply", lambda raw: raw[:40], r"\.ply: cannot be read: is no PLY file"),
-        ("lidar/PC_{}.ply", lambda raw: b"ply\nend_header\n", "its header lacks a format"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"binary_little_endian", b"ascii"), "'ascii'"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"property uchar", b"property list"), "'list'"),
+        (
+            "lidar/PC_{}.ply",
+            lambda raw: raw[:900],
+            r"\.ply: .*is cut short: it has \d+ of \d+ poin",
+        ),
+        ("lidar/PC_{}.ply", lambda raw: raw[:40], r"\.ply: cannot be read: it has no header"),
+        ("lidar/PC_{}.ply", lambda raw: b"ply\nend_header\n", "its header has no line 'format'"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"binary_little_endian", b"ascii"), "rows"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"property uchar", b"property list"), "lists"),
         ("lidar/PC_{}.ply", lambda raw: raw.replace(b"double x", b"double u"), "no property x"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"vertex", b"camera"), "'camera'"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"vertex", b"camera"), "it has camera"),
         ("poses/city_SE3_egovehicle_{}.json", lambda raw: raw[:30], r"\.json: cannot be read"),
         ("poses/city_SE3_egovehicle_{}.json", lambda raw: b"{}", "it has no 'rotation'"),
         (BOXES + "_{}.json", lambda raw: b'[{"center": 1}]', r"labels_\d+\.json: cannot be read"),

@@ -11,6 +11,7 @@ import tiny_world
 from mnsf_ros.cli import convert
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.formats import FORMATS, open_source
+from mnsf_ros.errors import RecordingError
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "datasets.md"
 
@@ -39,6 +40,9 @@ def test_a_file_is_converted(tmp_path, triplet, capsys):
     assert len(found.stamps) == 2
     assert found.truth[0].valid.mean() == pytest.approx(0.5, abs=0.01)
     assert f"2 sweeps in {out}" in capsys.readouterr().out
+    with pytest.raises(RecordingError, match="exists already"):
+        run("triplets", triplet, out)
+    assert capsys.readouterr().out == "", "no bar of what will not be done"
     run("triplets", triplet, out, "--force", "--unlabelled-static", "--compress")
     assert tiny_world.read(out).truth[1].valid.all()
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import re
 
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.cli import evaluate
+from mnsf_ros.cli import evaluate, main
 from mnsf_ros.cli.setting_values import parse_assignments
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
@@ -22,10 +24,11 @@ def bag(tmp_path_factory):
     return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
 
 
-def mnsf(*arguments):
+def mnsf(*arguments, pictures=0):
     parser = argparse.ArgumentParser()
     evaluate.add_to(parser.add_subparsers())
-    options = parser.parse_args(["evaluate", *map(str, arguments), *SETTINGS])
+    few = ["--pictures", str(pictures), *SETTINGS]
+    options = parser.parse_args(["evaluate", *map(str, arguments), *few])
     return options.run(options)
 
 
@@ -46,7 +49,14 @@ def test_bag_in_table_out(bag, tmp_path, capsys):
         assert method in printed
     assert "EPE (m)" in printed
     assert "the mean over 4 examples" in " ".join(printed.split())
-    for name in ("run.json", "rows.jsonl", "tasks.jsonl", "results.md", "results.csv"):
+    for name in (
+        "run.json",
+        "rows.jsonl",
+        "tasks.jsonl",
+        "results.md",
+        "results.csv",
+        "report.html",
+    ):
         assert (out / name).stat().st_size > 0
     assert len((out / "rows.jsonl").read_text().splitlines()) == 12
     assert json.loads((out / "results.json").read_text())["methods"][1]["method"] == "ego"
@@ -54,7 +64,9 @@ def test_bag_in_table_out(bag, tmp_path, capsys):
 
 def test_several_recordings_at_once(bag, tmp_path):
     other = small.write_recording(tmp_path / "other", 4)
-    assert mnsf(bag, other, "--methods", "ego", "--out", tmp_path / "out") == 0
+    # As the command parses it, recordings may stand anywhere.
+    arguments = ["evaluate", bag, "--methods", "ego", other, "--out", tmp_path / "out"]
+    assert main.run([*map(str, arguments), "--pictures=0", *SETTINGS]) == 0
     rows = [json.loads(line) for line in (tmp_path / "out" / "rows.jsonl").read_text().splitlines()]
     assert [row["recording"] for row in rows] == ["drive"] * 4 + ["other"] * 2
 
@@ -64,6 +76,55 @@ def test_workers_and_written_flow(bag, tmp_path):
     arguments = [bag, "--methods=zero,ego", "--workers=2", "--write-flow", "--out", out]
     assert mnsf(*arguments) == 0
     assert sorted(path.name for path in (out / "flow").iterdir()) == ["drive.ego", "drive.zero"]
+
+
+def test_report_has_pictures_of_written_flow(bag, tmp_path, capsys):
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=fnsf", "--num-points=30", "--write-flow", "--out", out]
+    assert mnsf(*arguments, pictures=1) == 0
+    assert f"Report: {out / 'report.html'}" in "".join(capsys.readouterr().out.split("\n"))
+    text = (out / "report.html").read_text()
+    assert "data:image/png" in text
+    assert "Estimated again" not in text
+
+
+@pytest.mark.parametrize("preset_name", ["paper", "online"])
+def test_report_of_a_bag_without_truth_has_pictures(tmp_path, capsys, preset_name):
+    bag = small.write_recording(tmp_path / "bag", 6, with_truth=False, with_odometry=False)
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=mnsf,zero", "--preset", preset_name, "--ground=settings"]
+    assert mnsf(*arguments, "--set=ground.remove=false", "--out", out, pictures=2) == 0
+    printed = capsys.readouterr().out
+    assert "estimating 2 examples once more for pictures" in printed
+    assert f"Report: {out / 'report.html'}" in "".join(printed.split("\n"))
+    text = (out / "report.html").read_text()
+    assert text.count("data:image/png") == 2
+    assert len(re.findall("<figcaption>mnsf: [^<]*Estimated again for the picture", text)) == 2
+    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+
+
+def test_nothing_is_estimated_again_after_an_interruption(bag, tmp_path, monkeypatch):
+    def run_until_interrupted(runs, options):
+        yield from itertools.islice(run_serially(runs, options), 4)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mnsf_ros.cli.evaluation_run.run_serially", run_until_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        mnsf(bag, "--methods=fnsf", "--out", tmp_path / "out", pictures=1)
+    assert "data:image/png" not in (tmp_path / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize("error", [OSError("disk full"), ZeroDivisionError("a bug")])
+def test_results_survive_a_report_that_fails(bag, tmp_path, capsys, monkeypatch, error):
+    def report_run(*_, **__):
+        raise error
+
+    monkeypatch.setattr("mnsf_ros.report.run_report.report_run", report_run)
+    out = tmp_path / "out"
+    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
+    assert "no report: " in capsys.readouterr().out
+    assert (out / "results.json").stat().st_size > 0
+    assert not (out / "report.html").exists()
 
 
 def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path):
@@ -103,6 +164,14 @@ def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, capsys)
     assert "cut short" in printed
 
 
+def test_exit_status_is_told_to_the_shell(bag, tmp_path):
+    damaged = cut(bag, tmp_path / "cut")
+    arguments = ["evaluate", "--methods", "zero", *SETTINGS]
+    assert main.run([*arguments, str(bag), "--out", str(tmp_path / "good")]) == 0
+    status = main.run([*arguments, str(damaged), "--out", str(tmp_path / "out")])
+    assert status == evaluate.EXIT_DAMAGED == 3
+
+
 def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
     rubbish = tmp_path / "rubbish.mcap"
     rubbish.write_bytes(b"rubbish")
@@ -111,6 +180,13 @@ def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
     assert "rubbish.mcap" in "".join(capsys.readouterr().out.split())
     with pytest.raises(RecordingError, match="rubbish"):
         mnsf(rubbish, "--methods", "ego", "--out", tmp_path / "other")
+
+
+@pytest.mark.parametrize("number", ["x", "1.5", ""])
+def test_number_of_points_is_a_number_or_all(bag, tmp_path, capsys, number):
+    with pytest.raises(SystemExit):
+        mnsf(bag, "--num-points", number, "--out", tmp_path / "out")
+    assert f"got {number!r}, expected a number or 'all'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -125,6 +201,7 @@ def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
         (["--num-points", "0"], "num_points: got 0"),
         (["--realtime", "-1"], "realtime rate: got -1.0"),
         (["--workers", "0"], "workers: got 0"),
+        (["--ray", "127.0.0.1:9"], "no Ray cluster at '127.0.0.1:9'"),
     ],
 )
 def test_what_cannot_be_used_is_said_before_anything_is_written(bag, tmp_path, arguments, text):

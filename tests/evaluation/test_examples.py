@@ -16,6 +16,7 @@ from mnsf_ros.evaluation.tasks import read_examples
 from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import BufferSettings
+from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 
 def truth_cloud(index):
@@ -75,6 +76,15 @@ def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
     assert findings.warnings == {noticed.INTERRUPTIONS: 1}
 
 
+def test_scored_points_are_marked_where_methods_get_whole_sweeps():
+    whole = PointSelection(gives_all=True)
+    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), selection=whole):
+        assert len(example.triplet.current) == 60
+        assert np.array_equal(example.scored, np.arange(60) % 10 != 1)
+    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4)):
+        assert example.scored.all()
+
+
 def test_gap_in_time_duplicate_and_other_frame_are_counted():
     findings = Findings()
     sweeps = [*map(small.sweep, range(3)), small.sweep(2), *map(small.sweep, range(20, 23))]
@@ -82,9 +92,9 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (20, 21, 22), (23, 24, 25)]
     assert findings.warnings == {
-        "sweeps: duplicate": 1,
-        "sweeps: gap": 1,
-        "sweeps: frame changed": 1,
+        noticed.ARRIVALS[Arrival.DUPLICATE]: 1,
+        noticed.ARRIVALS[Arrival.GAP]: 1,
+        noticed.ARRIVALS[Arrival.FRAME_CHANGED]: 1,
     }
 
 

@@ -138,6 +138,14 @@ def test_csv_can_be_read_by_any_program():
     assert lines[0]["num_examples"] == "1"
 
 
+def test_csv_has_what_needs_no_truth(results):
+    found, _ = results
+    lines = list(csv.DictReader(io.StringIO(results_csv(found.summaries))))
+    assert lines[0]["method"] == "zero"
+    assert float(lines[0]["nearest_m"]) == float(lines[0]["zero_nearest_m"]) > 0
+    assert lines[0]["cycle_m"] == ""
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """Results of a small run, and where they are."""
@@ -174,7 +182,6 @@ def test_markdown_says_what_the_figures_are_of(results):
         "preset paper, but crop.max_range_m = 35.0",
         "Warm start: off",
         "on cpu with 1 thread",
-        "has no checksums",
         "git commit",
         "machine:",
         "| method | EPE (m) | Acc5 (%) |",
@@ -192,7 +199,7 @@ def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
     ]
     text = " ".join(protocol_text(found.run, summaries))
     assert "over 2 to 3 examples" in text
-    assert "1 examples without a flow are in no mean" in text
+    assert "Examples without a flow are in no mean: 1" in text
     assert "Methods differ in the number of examples" in text
     assert "4 optimizations were ended by their time budget" in text
 
@@ -203,12 +210,58 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
     found, _ = results
     run = json.loads(json.dumps(found.run))
     run["recordings"][0] |= {"damages": ["a.mcap, byte 7: cut"], "truth": None}
-    tasks = [
-        {"recording": "drive", "counts": {"sweeps read": 5, "sweeps: gap": 2}, "damages": ["b: c"]}
-    ]
+    tasks = [{"recording": "drive", "counts": {"sweeps read": 5, "gaps": 2}, "damages": ["b: c"]}]
     notes = notes_text(run, tasks * 2)
     assert "Damage: a.mcap, byte 7: cut" in notes
     assert "Damage: b: c" in notes
-    assert "drive: 2 sweeps: gap." in notes
-    assert any("has no truth" in note for note in notes)
+    assert "drive: gaps: 2." in notes
+    assert "drive: has no truth, so there are no errors." in notes
     assert len(notes) == len(set(notes))
+
+
+def test_notes_name_many_recordings_in_one_line(results):
+    from mnsf_ros.evaluation.protocol_text import notes_text
+
+    found, _ = results
+    one = found.run["recordings"][0] | {"has_checksums": False, "truth": None}
+    run = found.run | {"recordings": [one | {"name": f"bag_{number}"} for number in range(6)]}
+    checksums, truth = notes_text(run, [])
+    names = "bag_0, bag_1, bag_2, bag_3 and 2 more"
+    assert checksums.startswith(f"{names}: have no checksums, so that")
+    assert truth == f"{names}: have no truth, so there are no errors."
+
+
+def test_notes_say_why_methods_gave_no_flow(results):
+    from mnsf_ros.evaluation.protocol_text import notes_text
+
+    found, _ = results
+    rows = [
+        row(1, 0.1),
+        row(2, 0.1, failure="dropped: a newer triplet took its place"),
+        row(3, 0.1, "ego", failure="there is no odometry."),
+        row(4, 0.1, "ego", failure="something else"),
+    ]
+    (note,) = notes_text(found.run, [], rows)
+    expected = "ego: examples without a flow: 2; the first, sweep 3 of drive: there is no odometry."
+    assert note == expected
+
+
+@pytest.mark.parametrize(
+    ("ground", "truths", "said"),
+    [
+        ("truth", ["/t", "/t"], "without ground (by the truth's own flag);"),
+        ("truth", ["/t", None], "own flag, a height map where there is no truth);"),
+        ("truth", [None], "without ground (by a height map);"),
+        ("settings", ["/t"], "without ground (by a height map);"),
+    ],
+)
+def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said):
+    from mnsf_ros.evaluation.protocol_text import protocol_text
+
+    found, _ = results
+    one = found.run["recordings"][0]
+    run = found.run | {
+        "identity": found.run["identity"] | {"ground": ground},
+        "recordings": [one | {"truth": truth} for truth in truths],
+    }
+    assert said in " ".join(protocol_text(run, found.summaries))

@@ -138,6 +138,27 @@ def test_two_processes_cannot_write_to_the_same_folder(folder):
         pass
 
 
+def test_folder_in_which_nothing_happened_can_be_taken_away(tmp_path, recording):
+    folder = start(tmp_path / "out", recording)
+    assert folder.remove_if_unused()
+    assert not (tmp_path / "out").exists()
+    folder = start(tmp_path / "out", recording)
+    folder.append_row(full_row())
+    assert not folder.remove_if_unused()
+    assert len(folder.read_rows()) == 1
+
+
+def test_run_of_another_process_is_not_resumed(tmp_path, recording):
+    folder = start(tmp_path / "out", recording)
+    folder.append_row(full_row())
+    with (folder.path / "rows.jsonl").open("a") as file:
+        file.write("half a li")
+    before = {file: file.read_bytes() for file in folder.path.iterdir()}
+    with folder.locked(), pytest.raises(EvaluationError, match="another process"):
+        start(tmp_path / "out", recording, resume=True)
+    assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
+
+
 @pytest.fixture
 def recording(tmp_path):
     return small.recording_at(small.write_recording(tmp_path / "bags" / "drive", 3))
@@ -214,6 +235,14 @@ def test_other_settings_are_not_mixed(tmp_path, recording, changes, text):
     with pytest.raises(EvaluationError, match="with other settings") as caught:
         start(out, recording, resume=True, **changes)
     assert text in str(caught.value)
+
+
+def test_other_preset_is_told_by_a_few_of_its_settings(tmp_path, recording):
+    start(tmp_path / "out", recording)
+    online = small.EvaluationOptions(small.preset("online"))
+    with pytest.raises(EvaluationError, match=r"; and \d+ more$") as caught:
+        start(tmp_path / "out", recording, online, resume=True)
+    assert str(caught.value).count(" was ") == 5
 
 
 def test_resumed_run_may_have_more_methods_and_recordings(tmp_path, recording):

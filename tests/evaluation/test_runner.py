@@ -10,16 +10,15 @@ from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.evaluation_options import (
     EvaluationOptions,
     choose_topics,
-    recording_names,
 )
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, run_serially
 from mnsf_ros.evaluation.tasks import run_task
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
 
@@ -133,19 +132,6 @@ def test_real_time_keeps_all_that_comes_slowly(bag):
     assert {row.errors["all"].num_points for row in rows} == {54}
 
 
-def test_flow_is_written_as_a_recording(bag, tmp_path):
-    options = small.options(flow_folder=tmp_path)
-    rows_of(small.task_at(bag, "ego"), options)
-    with BagReader(tmp_path / "drive.ego") as reader:
-        counts = {topic: summary.count for topic, summary in reader.topics.items()}
-        assert counts == {"/flow": 5, "/flow/error": 5, "/flow/truth": 5}
-        first = next(reader.messages("/flow"))
-        assert [field.name for field in first.fields][-1] == "flow_z"
-        assert first.header.frame_id == "lidar"
-    with pytest.raises(RecordingError, match="exists already"):
-        rows_of(small.task_at(bag, "ego"), options)
-
-
 def test_predictions_of_another_program_are_scored(bag, tmp_path):
     for index in range(7):
         np.savez(tmp_path / f"{small.stamp(index)}.npz", flow=small.truth(index).flow)
@@ -208,6 +194,24 @@ def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, cha
         # What was there was not computed again.
         times = {(row.method, row.number): row.time_ms for row in resumed.read_rows()}
         assert kept.items() <= times.items()
+
+
+@pytest.mark.parametrize("method", ["mnsf-objects", "ego-estimated", "mnsf"])
+def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
+    options = small.options({"field.kind": "objects"})
+    with pytest.raises(Stop):
+        evaluate(tmp_path / "out", bag, [method, "fnsf"], options, watch=interrupted_after(8))
+    folder = _folder(tmp_path / "out")
+    recordings = [small.recording_at(bag)]
+    folder.drop_rows_of([])
+    (tmp_path / "out" / "tasks.jsonl").write_text("")
+    runs = plan_runs(recordings, [method, "fnsf"], options, folder)
+    assert [len(run.skipped) for run in runs] == [0, 2]
+    assert [run.again(frozenset({1}), options).skipped != frozenset() for run in runs] == [
+        False,
+        True,
+    ]
+    assert {row.method for row in folder.read_rows()} == {"fnsf"}
 
 
 def _folder(path):

@@ -64,6 +64,15 @@ def test_perfect_flow():
     assert row.consistency == {"nearest_m": 0.0, "zero_nearest_m": pytest.approx(1.005, abs=0.01)}
 
 
+@pytest.mark.parametrize("kept", [[True] * 4, [True, False, True, False]])
+def test_self_consistency_is_that_of_the_same_points_whatever_a_method_was_fitted_to(kept):
+    # Only the first and the last point are scored; the others are far off.
+    flow = FLOW + np.array([[0, 0, 0.1], [0, 0, 7], [0, 0, 7], [0, 0, 0.3]], np.float32)
+    example = make_example(scored=np.array([True, False, False, True]))
+    row = scored_row(example, "mnsf", estimate(flow, np.array(kept)))
+    assert row.consistency["nearest_m"] == pytest.approx(0.2)
+
+
 def test_errors_fall_into_bands_and_classes():
     flow = FLOW + np.array([[0.1, 0, 0], [0.2, 0, 0], [0.4, 0, 0], [0, -0.2, 0]], np.float32)
     row = scored_row(make_example(), "ego", estimate(flow))

@@ -17,7 +17,10 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 NETWORKS = ("flot", "3dflow", "gmsf", "scoop")
 OPTIMIZING = [name for name in method_names() if name not in ("zero", "ego", *NETWORKS)]
 COLD = ["nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time", "mnsf-cycle"]
-TWO_SWEEPS = ["nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "mnsf-no-backward", "mnsf-frames2"]
+TWO_SWEEPS = [
+    *("ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
+    *("mnsf-no-backward", "mnsf-frames2"),
+]
 
 SHORT = QUICK.changed({"optimization.max_iterations": 4, "fusion.max_iterations": 4})
 

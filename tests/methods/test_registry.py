@@ -68,11 +68,11 @@ def triplet():
 def test_names_are_those_of_the_paper_and_unique():
     names = method_names()
     assert len(set(names)) == len(names)
-    assert names[:10] == (
-        *("zero", "ego", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time"),
-        *("mnsf-cycle", "mnsf"),
+    assert names[:13] == (
+        *("zero", "ego", "ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
+        *("fnsf-joint", "fnsf-time", "mnsf-cycle", "mnsf", "mnsf-objects", "mnsf-network"),
     )
-    assert set(names[10:]) >= {
+    assert set(names[13:]) >= {
         *("mnsf-no-backward", "mnsf-mean", "mnsf-no-inversion", "mnsf-weighted-sum"),
         *(f"mnsf-depth{depth}" for depth in (2, 3, 5, 7)),
         *(f"mnsf-frames{number}" for number in (2, 3, 4, 5)),
@@ -106,7 +106,8 @@ def test_the_method_itself_is_the_one_of_the_node():
 @pytest.mark.parametrize("name", ["", "MNSF", "mnsf-depth4", "fnfs", "file:x"])
 def test_unknown_name(name):
     with pytest.raises(
-        SettingsError, match=rf"^unknown method {name!r}.*; there are zero, ego, nsfp"
+        SettingsError,
+        match=rf"^unknown method {name!r}.*; there are zero, ego, ego-estimated, nsfp",
     ):
         make_method(name, PAPER)
 

@@ -14,6 +14,16 @@ from msg_utils.point_cloud2 import decode_points, encode_columns
 MOTION = np.array([0.3, 0.1, 0.0], np.float32)
 INTERVAL_NS = 100_000_000
 
+# What the node adds to a point: name to datatype, each of count 1.
+ADDED_FIELDS = {
+    **{f"flow_{axis}": PointField.FLOAT32 for axis in "xyz"},
+    **{f"v{axis}": PointField.FLOAT32 for axis in "xyz"},
+    "dynamic": PointField.UINT8,
+    "confidence": PointField.FLOAT32,
+}
+# The byte of `dynamic` is followed by three that align `confidence`.
+ADDED_BYTES = 8 * 4
+
 _BOXES = (
     # center x, y, size x, y, z
     (8, 3, 4, 2, 2),
@@ -87,13 +97,26 @@ class Drive:
         return [self.sweep(index) for index in indices]
 
 
+def column(message, name):
+    """(N,) a field of a cloud."""
+    return decode_points(message).ravel()[name]
+
+
 def flow_columns(message):
     """(N, 3) float32, the flow fields of a cloud."""
-    points = decode_points(message).ravel()
-    return np.stack([points[f"flow_{axis}"] for axis in "xyz"], axis=1).astype(np.float32)
+    return _columns(message, "flow_")
+
+
+def velocity_columns(message):
+    """(N, 3) float32, the velocity fields of a cloud."""
+    return _columns(message, "v")
 
 
 def xyz_columns(message):
     """(N, 3) float32, the positions of a cloud."""
+    return _columns(message, "")
+
+
+def _columns(message, prefix):
     points = decode_points(message).ravel()
-    return np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float32)
+    return np.stack([points[f"{prefix}{axis}"] for axis in "xyz"], axis=1).astype(np.float32)

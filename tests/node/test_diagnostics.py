@@ -1,15 +1,17 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Start
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Start
 from mnsf_ros.core.optimization import OptimizationResult, StopReason
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.online.online_statistics import OnlineStatistics
+from mnsf_ros.settings import Settings
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK,
@@ -17,6 +19,18 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
+
+
+def over_ground(source):
+    """What an estimate of one point knows if its ego motion is of that source."""
+    return OverGround(
+        motion=np.zeros((1, 3), np.float32),
+        dynamic=np.zeros(1, bool),
+        confidence=np.ones(1, np.float32),
+        world_from_sensor=np.eye(4),
+        next_from_current=np.eye(4),
+        source=source,
+    )
 
 
 class Story:
@@ -31,7 +45,7 @@ class Story:
             self.statistics.count(event)
         self.statistics.add_arrival()
 
-    def estimate(self, latency_ms=50.0, start=Start.WARM):
+    def estimate(self, latency_ms=50.0, start=Start.WARM, ego_source=None):
         self.statistics.count("flows_out")
         estimate = FlowEstimate(
             flow=np.zeros((1, 3), np.float32),
@@ -41,17 +55,27 @@ class Story:
             start=start,
             device="cpu",
             distance_kind="tree",
+            over_ground=None if ego_source is None else over_ground(ego_source),
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(self, load=0, stale_after_s=60.0):
+    def statuses(self, load=0, stale_after_s=60.0, wanted="registration"):
+        changes = {"node.stale_after_s": max(stale_after_s, 0.1), "ego_motion.source": wanted}
+        settings = Settings().changed(changes)
+        # Less than a user may set, so that a test need not wait.
+        node = replace(settings.node, stale_after_s=stale_after_s)
         state = InputState("/points", "reliable", 1)
         snapshot = self.statistics.snapshot()
-        return self._diagnostics.statuses(snapshot, state, load, stale_after_s)
+        return self._diagnostics.statuses(snapshot, state, load, replace(settings, node=node))
 
     def says(self, **options):
         """(level, message) of `input` and of `flow`."""
-        return [(status.level, status.message) for status in self.statuses(**options)]
+        return [(status.level, status.message) for status in self.statuses(**options)[:2]]
+
+    def says_of_ego_motion(self, **options):
+        """(level, message) of `ego motion`."""
+        status = self.statuses(**options)[2]
+        return status.level, status.message
 
 
 @pytest.fixture
@@ -120,7 +144,7 @@ class TestLevels:
     def test_when_an_estimate_fails(self, story):
         story.receive()
         story.statistics.add_failure("too few points")
-        (status,) = story.statuses()[1:]
+        status = story.statuses()[1]
         assert (status.level, status.message) == (WARN, "the last estimate failed")
         assert values_of(status)["last failure"] == "too few points"
 
@@ -135,9 +159,49 @@ class TestLevels:
         assert story.says()[1] == (OK, "estimating")
 
 
+class TestEgoMotion:
+    def test_before_the_first_estimate_is_fine(self, story):
+        assert story.says_of_ego_motion() == (OK, "not estimated")
+
+    def test_of_an_estimate_that_does_without_is_fine(self, story):
+        story.estimate()
+        assert story.says_of_ego_motion() == (OK, "not estimated")
+
+    @pytest.mark.parametrize("source", ["registration", "odometry"])
+    def test_of_the_source_that_is_wanted_is_fine(self, story, source):
+        story.estimate(ego_source=source)
+        assert story.says_of_ego_motion(wanted=source) == (OK, source)
+
+    def test_at_the_start_is_fine(self, story):
+        story.estimate(ego_source="start")
+        assert story.says_of_ego_motion(wanted="odometry") == (OK, "start")
+
+    @pytest.mark.parametrize(
+        ("wanted", "source"),
+        [
+            ("odometry", "registration"),
+            ("odometry", "constant velocity"),
+            ("registration", "constant velocity"),
+        ],
+    )
+    def test_of_another_source_is_degraded_until_the_wanted_one_is_back(
+        self, story, wanted, source
+    ):
+        story.estimate(ego_source=wanted)
+        story.estimate(ego_source=source)
+        text = f"degraded: no {wanted}, {source} instead"
+        assert story.says_of_ego_motion(wanted=wanted) == (WARN, text)
+        values = values_of(story.statuses(wanted=wanted)[2])
+        assert values["source"] == source
+        assert (values[f"{wanted}, recent"], values[f"{source}, recent"]) == ("1", "1")
+        story.estimate(ego_source=wanted)
+        assert story.says_of_ego_motion(wanted=wanted) == (OK, wanted)
+
+
 class TestValues:
     def test_of_nothing(self, story):
-        of_input, of_flow = (values_of(status) for status in story.statuses())
+        of_input, of_flow, of_ego_motion = (values_of(status) for status in story.statuses())
+        assert of_ego_motion == {"source": "none", "wanted": "registration"}
         assert of_input == {
             "topic": "/points",
             "publishers": "1",
@@ -179,7 +243,8 @@ class TestValues:
     def test_each_event_is_counted_in_one_of_the_statuses(self, story):
         events = ("sweeps_gap", "clouds_empty", "triplets_formed", "callback_errors")
         story.receive(*events)
-        of_input, of_flow = (values_of(status) for status in story.statuses())
+        of_input, of_flow, of_ego_motion = (values_of(status) for status in story.statuses())
+        assert not set(events) & set(of_ego_motion)
         assert [event in of_input for event in events] == [True, True, False, False]
         assert [event in of_flow for event in events] == [False, False, True, True]
 
@@ -187,6 +252,7 @@ class TestValues:
         assert [status.name for status in story.statuses()] == [
             "flow_node: input",
             "flow_node: flow",
+            "flow_node: ego motion",
         ]
 
 
@@ -201,7 +267,11 @@ class TestOnTheTopic:
         assert peer.status("flow").message == "estimating"
         assert float(peer.values("input")["rate [Hz]"]) > 0
         assert float(peer.values("flow")["latency median [ms]"]) > 0
-        assert peer.values("flow")["forward stop reasons, recent"].startswith("iteration_limit")
+        assert float(peer.values("flow")["prepare median [ms]"]) > 0
+        assert (peer.status("ego motion").level, peer.status("ego motion").message) == (
+            OK,
+            "registration",
+        )
         assert peer.diagnostics[-1]["header"].stamp.sec > 0
 
     def test_of_a_node_without_input(self, peer, drive):

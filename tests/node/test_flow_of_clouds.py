@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from scene_flow_peer import stamp_of
-from scipy.spatial import cKDTree
 from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import (
+    ADDED_FIELDS,
     INTERVAL_NS,
     MOTION,
     cloud_message,
+    column,
     flow_columns,
     surfaces,
+    velocity_columns,
     xyz_columns,
     xyz_message,
 )
@@ -37,7 +39,7 @@ def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive
     assert (received.height, received.width) == (sent.height, sent.width)
     assert list(received.fields[: len(sent.fields)]) == list(sent.fields)
     added = [(item.name, item.datatype, item.count) for item in received.fields[len(sent.fields) :]]
-    assert added == [(f"flow_{axis}", PointField.FLOAT32, 1) for axis in "xyz"]
+    assert added == [(name, datatype, 1) for name, datatype in ADDED_FIELDS.items()]
     assert received.is_dense is True
     assert received.is_bigendian is False
     points, expected = decode_points(received), decode_points(sent)
@@ -46,12 +48,12 @@ def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive
 
 
 def test_a_point_and_its_flow_are_where_the_next_sweep_is(peer, drive):
-    sweeps = drive.sweeps(0, 1, 2)
+    sweeps = [drive.sweep(index, num_points=6000) for index in range(3)]
     peer.send(*sweeps)
     received = peer.flow_of(sweeps[1])
     assert_shows_the_motion(flow_columns(received))
     moved = xyz_columns(received) + flow_columns(received)
-    distances_m, _ = cKDTree(surfaces(2)).query(moved)
+    distances_m = np.linalg.norm(moved - surfaces(2, num_points=6000), axis=1)
     assert np.quantile(distances_m, 0.95) < 0.1
 
 
@@ -81,6 +83,9 @@ def test_points_that_are_not_finite_keep_their_place_and_have_no_flow(peer, driv
     rows_without = np.flatnonzero(~np.isfinite(flow).all(axis=1))
     assert rows_without.tolist() == sorted(bad)
     assert np.isnan(flow[rows_without]).all()
+    assert np.isnan(velocity_columns(received)[rows_without]).all()
+    assert np.isnan(column(received, "confidence")[rows_without]).all()
+    assert not column(received, "dynamic")[rows_without].any()
     np.testing.assert_array_equal(xyz_columns(received), xyz_columns(messages[1]))
     assert_shows_the_motion(np.delete(flow, rows_without, axis=0))
 
@@ -118,8 +123,8 @@ def unaligned_message(index, drive, *, order, row_padding=0):
         }
     )
     points = np.zeros(1200, layout)
-    for axis, column in zip("xyz", surfaces(index).T, strict=True):
-        points[axis] = column
+    for axis, values in zip("xyz", surfaces(index).T, strict=True):
+        points[axis] = values
     points["ring"] = np.arange(1200) % 251
     points["time"] = np.arange(1200) / 7
     rows = points.reshape(4, 300)
@@ -175,13 +180,18 @@ def test_coordinates_of_double_precision(peer, drive):
 def test_flow_fields_that_a_cloud_already_has_are_replaced(peer, drive):
     messages = []
     for index in range(3):
-        columns = dict(zip("xyz", surfaces(index).T.copy(), strict=True))
-        columns |= {f"flow_{axis}": np.full(1200, 99.0, np.float32) for axis in "xyz"}
+        columns = dict(zip("xyz", surfaces(index, 6000).T.copy(), strict=True))
+        columns |= {name: np.full(6000, 99.0, np.float32) for name in ADDED_FIELDS}
         messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
     peer.send(*messages)
     received = peer.flow_of(messages[1])
-    assert [item.name for item in received.fields] == ["x", "y", "z", "flow_x", "flow_y", "flow_z"]
+    names = [item.name for item in received.fields]
+    assert names == ["x", "y", "z", *ADDED_FIELDS]
     assert_shows_the_motion(flow_columns(received))
+    # The world moves past the sensor: over ground nothing does.
+    assert not column(received, "dynamic").any()
+    assert not velocity_columns(received).any()
+    assert (column(received, "confidence") <= 1).all()
 
 
 def test_unequal_intervals(peer, drive):

@@ -62,8 +62,7 @@ def test_a_signal_in_the_middle_of_an_estimate(busy_nodes, name):
 
 def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
     """ROS goes away under the worker thread, at any point of its work."""
-    steps = ("optimization.max_iterations", "warm_start.max_iterations", "fusion.max_iterations")
-    process = start_node(QUICK | dict.fromkeys(steps, 1))
+    process = start_node(QUICK)
     peer = make_peer(process)
     peer.wait_for_node()
     drive, indices = Drive(), itertools.count()

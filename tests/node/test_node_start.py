@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 import torch
-from scene_flow_process import QUICK
+from scene_flow_process import NETWORK
 from synthetic_clouds import MOTION, flow_columns
 from waiting import PATIENCE_S
 
@@ -68,7 +68,7 @@ class TestRenamedNodeWithParameterFile:
             "  ros__parameters:\n"
             "    crop.max_range_m: 10.0\n"
         )
-        parameters = QUICK | {
+        parameters = NETWORK | {
             "crop.min_range_m": 1,
             "buffer.max_interval_s": 3,
             "node.input_reliability": "best_effort",

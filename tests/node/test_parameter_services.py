@@ -12,9 +12,13 @@ from mnsf_ros.settings import Settings, declared_settings
 
 @pytest.fixture(autouse=True)
 def same_settings_afterwards(peer):
-    """Each test finds the settings that the node was started with."""
-    names = ("crop.min_range_m", "crop.max_range_m", "optimization.max_iterations")
+    """Each test finds the settings that the node was started with, but for networks.
+
+    Their number of iterations shows which settings an estimate had.
+    """
+    names = ("field.kind", "crop.min_range_m", "crop.max_range_m", "optimization.max_iterations")
     before = {name: peer.get(name) for name in names}
+    assert peer.set({"field.kind": "network"})[0].successful
     yield
     assert peer.set_atomically(before).successful
 
@@ -45,7 +49,13 @@ def test_every_setting_is_a_parameter_with_its_description_and_range(peer):
 
 def test_settings_that_were_not_given_have_their_defaults(peer):
     defaults = Settings()
-    for name in ("distance.kind", "buffer.max_interval_s", "warm_start.enabled", "compute.seed"):
+    for name in (
+        "distance.kind",
+        "objects.thinning_m",
+        "buffer.max_interval_s",
+        "warm_start.enabled",
+        "compute.seed",
+    ):
         assert peer.get(name) == defaults.value_of(name)
 
 
@@ -194,3 +204,17 @@ def test_changes_in_the_middle_of_a_drive_do_not_stop_the_flow(peer, drive):
         assert peer.set({"field.hidden_width": 16 + index % 3})[0].successful
     peer.flow_of(sweeps[-2])
     assert peer.set({"field.hidden_width": 32})[0].successful
+
+
+def test_the_kind_of_field_can_change_on_the_way(peer, drive):
+    sweeps = drive.sweeps(*range(6))
+    peer.send(*sweeps[:3])
+    peer.flow_of(sweeps[1])
+    for kind, sweep, current in zip(
+        ("objects", "network", "objects"), sweeps[3:], sweeps[2:], strict=False
+    ):
+        assert peer.set({"field.kind": kind})[0].successful
+        peer.send(sweep)
+        peer.flow_of(current)
+        peer.wait_until_settled()
+        assert ("forward iterations, last" in peer.values("flow")) == (kind == "network")

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from synthetic_clouds import surfaces, xyz_message
+from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
 
 from mnsf_ros.node.process_environment import TRANSPORT_PROFILE, prepare_environment
 
@@ -79,4 +79,4 @@ class TestLargeClouds:
 
         peer.spin_until(have_come, "three clouds with flow")
         assert len(peer.flows) >= 0.5 * (peer.count("flows_out") - before)
-        assert {len(flow.data) for flow in peer.flows.values()} == {120_000 * 28}
+        assert {len(flow.data) for flow in peer.flows.values()} == {120_000 * (16 + ADDED_BYTES)}

@@ -54,10 +54,18 @@ def motion():
 
 @pytest.fixture(scope="session")
 def quick_settings():
-    """An estimate of some 50 ms, however slow the machine is: no time budget."""
+    """The default but for ground, of which the sweeps have none: an estimate of some 20 ms."""
     return Settings().changed(
+        {"ground.remove": False, "compute.num_threads": 1, "compute.device": "cpu"}
+    )
+
+
+@pytest.fixture(scope="session")
+def network_settings(quick_settings):
+    """An estimate of some 50 ms with networks, however slow the machine is: no time budget."""
+    return quick_settings.changed(
         {
-            "ground.remove": False,
+            "field.kind": "network",
             "field.num_hidden_layers": 2,
             "field.hidden_width": 32,
             "fusion.num_hidden_layers": 2,
@@ -68,8 +76,6 @@ def quick_settings():
             "optimization.batch_points": 256,
             "optimization.time_budget_ms": 0,
             "warm_start.max_iterations": 20,
-            "compute.num_threads": 1,
-            "compute.device": "cpu",
         }
     )
 

@@ -172,14 +172,15 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
 
 class TestSettings:
     def test_hold_from_the_next_triplet_on(
-        self, pipeline, recorder, make_sweep, quick_settings, wait_until
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
+        pipeline = make_pipeline(network_settings)
         recorder.hold()
         for index in range(3):
             pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
         assert recorder.is_held.wait(PATIENCE_S)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
-        pipeline.change_settings(quick_settings.changed({"warm_start.max_iterations": 7}))
+        pipeline.change_settings(network_settings.changed({"warm_start.max_iterations": 7}))
         recorder.let_go()
         wait_until(lambda: pipeline.load == 0)
         pipeline.add_sweep(make_sweep(4), time.monotonic_ns())
@@ -187,16 +188,42 @@ class TestSettings:
         iterations = [estimate.fits["forward"].iterations for _, estimate in recorder.handed_out]
         assert iterations == [60, 20, 7]
 
+    @pytest.fixture
+    def starts_after(self, make_pipeline, recorder, make_sweep, wait_until):
+        """The starts of the first triplets, each with other settings than the one before."""
+
+        def starts(first, *changes):
+            pipeline = make_pipeline(first)
+            for index in range(3):
+                pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+            for index, change in enumerate(changes, start=3):
+                wait_until(lambda: pipeline.load == 0)
+                pipeline.change_settings(first.changed(change))
+                pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+            wait_until(lambda: pipeline.load == 0)
+            return [estimate.start for _, estimate in recorder.handed_out]
+
+        return starts
+
     def test_keep_the_warm_start_where_the_networks_stay_the_same(
-        self, pipeline, add, recorder, make_sweep, quick_settings
+        self, starts_after, network_settings
     ):
-        add(*(make_sweep(index) for index in range(3)))
-        pipeline.change_settings(quick_settings.changed({"crop.max_range_m": 60.0}))
-        add(make_sweep(3))
-        pipeline.change_settings(quick_settings.changed({"field.hidden_width": 24}))
-        add(make_sweep(4))
-        starts = [estimate.start for _, estimate in recorder.handed_out]
+        changes = {"crop.max_range_m": 60.0}, {"field.hidden_width": 24}
+        starts = starts_after(network_settings, *changes)
         assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
+
+    def test_keep_what_is_known_of_objects_where_they_stay_the_same(
+        self, starts_after, quick_settings
+    ):
+        changes = {"buffer.max_interval_s": 0.4}, {"objects.cell_size_m": 0.4}
+        starts = starts_after(quick_settings, *changes)
+        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
+
+    def test_may_ask_for_the_other_kind_of_field(self, starts_after, quick_settings, recorder):
+        starts = starts_after(quick_settings, {"field.kind": "network"}, {"field.kind": "objects"})
+        assert starts == 3 * [Start.COLD_FIRST]
+        has_networks = [bool(estimate.fits) for _, estimate in recorder.handed_out]
+        assert has_networks == [False, True, False]
 
     def test_of_the_buffer_hold_at_once(self, pipeline, add, make_sweep, quick_settings):
         add(make_sweep(0))
@@ -205,24 +232,28 @@ class TestSettings:
 
     @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
     def test_that_ask_for_a_missing_device_change_nothing(
-        self, pipeline, add, recorder, make_sweep, quick_settings
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
-        refused = quick_settings.changed(
+        pipeline = make_pipeline(network_settings)
+        refused = network_settings.changed(
             {"compute.device": "cuda", "optimization.max_iterations": 5}
         )
         with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
             pipeline.change_settings(refused)
-        add(*(make_sweep(index) for index in range(3)))
+        for index in range(3):
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        wait_until(lambda: pipeline.load == 0)
         ((job, estimate),) = recorder.handed_out
-        assert job.settings == quick_settings
+        assert job.settings == network_settings
         assert estimate.fits["forward"].iterations == 60
 
+    @pytest.mark.parametrize("kind", ["objects", "network"])
     @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
     def test_that_ask_for_a_missing_device_are_refused_at_the_start(
-        self, make_pipeline, quick_settings
+        self, make_pipeline, quick_settings, kind
     ):
         with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
-            make_pipeline(quick_settings.changed({"compute.device": "cuda"}))
+            make_pipeline(quick_settings.changed({"compute.device": "cuda", "field.kind": kind}))
 
 
 class TestFailure:
@@ -312,9 +343,9 @@ class TestArrivals:
 
 class TestClose:
     def test_in_the_middle_of_an_estimate_hands_out_nothing_any_more(
-        self, make_pipeline, recorder, make_sweep, quick_settings, wait_until
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
-        endless = quick_settings.changed({"optimization.max_iterations": 100_000})
+        endless = network_settings.changed({"optimization.max_iterations": 100_000})
         pipeline = make_pipeline(endless)
         indices = itertools.count()
 

@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Start
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Start
 from mnsf_ros.core.optimization import OptimizationResult, StopReason
 from mnsf_ros.online.online_statistics import OnlineStatistics, StatisticsSnapshot, rate_hz
 
@@ -105,6 +105,13 @@ class TestSnapshot:
         assert recent.stop_reasons == {"forward": "time_budget"}
         assert recent.start == "cold: gap since the last triplet"
         assert (recent.device, recent.distance_kind) == ("cpu", "tree")
+        assert recent.ego_source == ""
+
+    def test_of_an_estimate_that_knows_how_the_sensor_moved(self):
+        statistics, none = OnlineStatistics(), np.zeros((2, 3), np.float32)
+        known = OverGround(none, none[:, 0] > 0, none[:, 0], np.eye(4), np.eye(4), "odometry")
+        statistics.add_estimate(1.0, dataclasses.replace(make_estimate(), over_ground=known))
+        assert statistics.snapshot().recent[-1].ego_source == "odometry"
 
     def test_does_not_keep_the_flow_itself_in_memory(self):
         assert "flow" not in {field.name for field in dataclasses.fields(StatisticsSnapshot)}

@@ -11,6 +11,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 
@@ -50,6 +51,29 @@ def test_what_is_written_is_read(tmp_path, compress):
         assert (message.header.frame_id, message.child_frame_id) == ("odom", "lidar")
         assert message.pose.pose.position.y == -2.5
         assert message.pose.pose.orientation.z == pytest.approx(np.sqrt(0.5))
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_flipped_bits_in_what_was_written_are_noticed(tmp_path, compress):
+    bag = tmp_path / "bag"
+    with BagWriter(bag, compress=compress) as writer:
+        for index in range(10):
+            # About 1.4 MB each: two of them make a chunk.
+            points = tiny_bags.encoded(tiny_bags.xyz(index, 60_000))
+            writer.write_cloud("/points", points, tiny_bags.stamp(index), "lidar")
+    whole = inspect_recording(bag)
+    assert whole.has_checksums
+    assert whole.damages == ()
+    with (bag / "bag.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert sum(1 for _ in reader.iter_messages()) == 10
+        chunks = reader.get_summary().chunk_indexes
+    middle = chunks[2].chunk_start_offset + chunks[2].chunk_length // 2
+    data = bytearray((bag / "bag.mcap").read_bytes())
+    data[middle] ^= 1
+    (bag / "bag.mcap").write_bytes(data)
+    (damage,) = inspect_recording(bag).damages
+    assert damage.position == f"byte {chunks[2].chunk_start_offset}"
 
 
 def test_raw_bytes_stay_as_they_are(tmp_path):

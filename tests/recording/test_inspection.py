@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 import tiny_bags
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode
 
 from mnsf_ros.errors import RecordingError
@@ -18,8 +20,13 @@ from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.recording.mcap_summary import read_summary
 from mnsf_ros.recording.readable_messages import readable_messages
-from mnsf_ros.recording.sequential_mcap_reader import SequentialMcapReader
+from mnsf_ros.recording.sequential_reader import SequentialReader
 from msg_utils.stamps import decode_stamp
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 ALL = list(range(tiny_bags.NUM_CLOUDS))
 # A cloud of so many points fills a chunk of its own.
@@ -76,6 +83,10 @@ def cut(path, share):
         tiny_bags.write_sqlite,
         lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.STORAGE),
         lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.FILE),
+        lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.MESSAGE),
+        lambda path: tiny_bags.write_mcap(path, mode=CompressionMode.MESSAGE) / "bag.mcap",
+        lambda path: tiny_bags.write_sqlite(path, mode=CompressionMode.MESSAGE),
+        lambda path: tiny_bags.write_sqlite(path, mode=CompressionMode.FILE),
         lambda path: tiny_bags.write_ros1(path.with_suffix(".bag")),
         lambda path: tiny_bags.write_unindexed_mcap(path.with_suffix(".mcap")),
         lambda path: write_checked_mcap(path.with_suffix(".mcap")),
@@ -88,6 +99,17 @@ def test_whole_recordings_are_read_whole(tmp_path, write):
     assert found == ALL
     assert inspection.damages == ()
     assert inspection.topics == {"/points": TopicSummary(CLOUD_TYPE, 10)}
+
+
+def test_damaged_message_that_was_compressed_by_itself_costs_nothing_else(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", mode=CompressionMode.MESSAGE)
+    data = (bag / "bag.mcap").read_bytes()
+    frame = zstd.compress(bytes(tiny_bags.cdr(4)))
+    # The four bytes after magic and descriptor are the size that the frame claims.
+    position = data.index(frame) + 5
+    flip(bag / "bag.mcap", position)
+    found, _ = read(bag)
+    assert found == [LOST if index == 4 else index for index in ALL]
 
 
 def test_only_chunks_with_checksums_are_safe_from_flipped_bits(tmp_path):
@@ -271,7 +293,7 @@ def test_file_that_vanishes_is_damage(tmp_path):
 def test_sequential_reader_is_a_reader(tmp_path):
     file = write_checked_mcap(tmp_path / "bag.mcap")
     with inspect_recording(file).open() as reader:
-        assert isinstance(reader, SequentialMcapReader)
+        assert isinstance(reader, SequentialReader)
         assert reader.find_topic(None, CLOUD_TYPE) == "/points"
         raw = list(
             reader.raw_messages("/points", start_ns=tiny_bags.stamp(2), stop_ns=tiny_bags.stamp(4))
@@ -286,3 +308,48 @@ def test_sequential_reader_is_a_reader(tmp_path):
 def test_damage_is_one_line():
     assert str(Damage("a.mcap", "byte 7", "cut")) == "a.mcap, byte 7: cut"
     assert str(Damage(str(Path("a")), "", "cut")) == "a: cut"
+
+
+@pytest.mark.parametrize("compression", [None, *Ros1Writer.CompressionFormat])
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.999])
+def test_ros1_bag_that_was_cut_short_is_read_up_to_the_cut(tmp_path, share, compression):
+    file = tmp_path / "bag.bag"
+    writer = Ros1Writer(file)
+    if compression is not None:
+        writer.set_compression(compression)
+    with writer:
+        connection = writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.NOETIC)
+        for index in ALL:
+            raw = tiny_bags.JAZZY.cdr_to_ros1(tiny_bags.cdr(index, LARGE), CLOUD_TYPE)
+            writer.write(connection, tiny_bags.stamp(index) + 5_000_000, raw)
+    cut(file, share)
+    found, inspection = read(file)
+    whole = [index for index in found if index != LOST]
+    assert whole == ALL[: len(whole)]
+    assert abs(len(whole) - 10 * share) <= 1.5
+    assert inspection.topics["/points"] == TopicSummary(CLOUD_TYPE, len(whole))
+    (damage,) = inspection.damages
+    assert damage.position.startswith("byte ")
+    assert "cut short" in str(damage)
+    assert not inspection.has_checksums
+
+
+def test_ros1_bag_that_is_none_is_refused(tmp_path):
+    file = tiny_bags.write_ros1(tmp_path / "bag.bag")
+    file.write_bytes(b"#ROSBAG V1.2\n" + file.read_bytes()[13:])
+    with pytest.raises(RecordingError, match="cannot be read"):
+        inspect_recording(file)
+
+
+def test_ros1_bag_that_was_never_closed_is_read_to_its_end(tmp_path):
+    file = tiny_bags.write_ros1(tmp_path / "bag.bag")
+    data = bytearray(file.read_bytes())
+    place = data.index(b"index_pos=") + len(b"index_pos=")
+    index = int.from_bytes(data[place : place + 8], "little")
+    data[place : place + 8] = bytes(8)
+    file.write_bytes(data[:index])
+    found, inspection = read(file)
+    assert found == ALL
+    (damage,) = inspection.damages
+    assert "is not indexed" in str(damage)
+    assert "rosbag reindex" in str(damage)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import re
 import shutil
 
 import numpy as np
@@ -12,13 +13,16 @@ import pytest
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.row_json import row_to_json
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.report.flow_source import estimated_examples, options_of, recorded_examples
+from mnsf_ros.report.flow_source import estimated_examples, options_of
 from mnsf_ros.report.run_report import report_run
+from mnsf_ros.report.time_budget import TimeBudget
+from mnsf_ros.report.written_flows import recorded_examples
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -59,7 +63,8 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
 def test_other_flows_are_estimated_once_more(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     text, said = report_of(folder, num_pictured=2)
-    assert said[0].startswith("estimating the 2 worst examples once more for pictures")
+    assert said == ["estimating 2 examples once more for pictures, about 0 s"]
+    assert text.count("Estimated again for the picture</figcaption>") == 2
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
     assert "The picture shows another flow" not in text
 
@@ -88,13 +93,64 @@ def test_options_come_back_from_the_record(street, tmp_path):
     assert dataclasses.astuple(options.selection)[3:5] == (80, 3)
 
 
-@pytest.mark.parametrize(("options", "num_said"), [({"estimate_again": False}, 0), ({}, 1)])
-def test_report_without_pictures(street, tmp_path, options, num_said):
-    folder = evaluate(street, tmp_path / "run", warm=True)
-    text, said = report_of(folder, **options)
+def test_report_without_pictures(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    text, said = report_of(folder, estimate_again=False)
     assert "data:image/png" not in text
-    assert len(said) == num_said
+    assert said == []
     assert "The worst 3 of 3 examples of ego" in text
+
+
+@pytest.mark.parametrize("method", ["mnsf-objects", "mnsf-frames2"])
+def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
+    street, tmp_path, method
+):
+    folder = evaluate(street, tmp_path / "run", warm=True, methods=[method])
+    text, said = report_of(folder, num_pictured=3)
+    assert said[-1].startswith("estimating 3 examples once more")
+    assert text.count("data:image/png") == 3 * (1 + 1)
+    assert len(re.findall("<figcaption>[^<]*Estimated again for the picture", text)) == 3
+
+
+def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    rows = RunFolder(folder).read_rows()
+    slow = [dataclasses.replace(row, time_ms=9e3 if row.method == "ego" else 1.0) for row in rows]
+    (folder / "rows.jsonl").write_text("".join(f"{row_to_json(row)}\n" for row in slow))
+    text, said = report_of(folder, limit_s=8.0)
+    assert said == ["no pictures: one flow takes 9 s; `mnsf report` on the folder waits for it"]
+    assert "data:image/png" not in text
+    text, said = report_of(folder, limit_s=8.0, focus="zero")
+    assert said == ["estimating 3 examples once more for pictures, about 8 s"]
+    assert text.count("<figcaption>zero: EPE") == 3
+    assert "<figcaption>ego: EPE" not in text
+
+
+def test_no_time_at_all_leaves_a_report(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", methods=["zero"])
+    run, rows = RunFolder(folder).read_run(), RunFolder(folder).read_rows()
+    assert estimated_examples(run, rows, ["zero"], budget=TimeBudget(0.0)) == []
+
+
+def test_time_of_the_last_estimate_counts():
+    budget = TimeBudget(60.0, {"slow": 70.0, "fast": 0.1, "unknown": float("nan")})
+    assert not budget.allows("slow")
+    assert all(map(budget.allows, ("fast", "unknown", "never seen")))
+    with budget.estimate("fast"):
+        pass
+    assert budget.needs_s("fast") == 0.1
+    assert budget.left_s < 60.0
+
+
+def test_report_is_there_when_its_pictures_are_interrupted(street, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mnsf_ros.report.run_report.estimated_examples", interrupted)
+    folder = evaluate(street, tmp_path / "run")
+    with pytest.raises(KeyboardInterrupt):
+        report_run(folder)
+    assert "The worst 3 of 3 examples of ego" in (folder / "report.html").read_text()
 
 
 def test_recording_that_is_gone_costs_only_the_pictures(street, tmp_path):

@@ -111,6 +111,19 @@ def test_picture_of_another_flow_says_so(tmp_path):
     assert text.count("The picture shows another flow than that of the run") == 1
 
 
+def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
+    example = pictured()
+    flows = [dataclasses.replace(flow, is_again=True) for flow in example.flows]
+    example = dataclasses.replace(example, flows=flows)
+    found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(flows[1].error_m.mean()))]
+    report(tmp_path, found, run_record(), pictured=[example])
+    captions = re.findall("<figcaption>([^<]*)<", (tmp_path / "report.html").read_text())
+    (mnsf,) = [caption for caption in captions if caption.startswith("mnsf: ")]
+    (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
+    assert "from these sweeps alone. It shows another flow than that of the run" in mnsf
+    assert fnsf.endswith(". Estimated again for the picture")
+
+
 def test_without_truth_there_is_still_a_report(tmp_path):
     example = dataclasses.replace(pictured(with_truth=False), error_name="distance to next sweep")
     run = run_record(["mnsf"], truth=None)

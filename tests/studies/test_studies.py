@@ -53,7 +53,7 @@ def options(tmp_path, street):
         settings=preset("paper").changed(FEW_STEPS),
         recordings=(street,),
         num_points=100,
-        num_examples=2,
+        max_examples=2,
     )
 
 
@@ -108,6 +108,14 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     assert len(RunFolder(options.out / "evaluation").read_rows()) == num_rows
 
 
+def test_method_study_takes_all_examples_of_a_recording(options):
+    said = []
+    study("fusion", replace(options, max_examples=None, say=said.append))
+    # Seven sweeps have five with one before and one after.
+    assert len(RunFolder(options.out / "evaluation").read_rows()) == 5 * 4
+    assert said[-1].startswith("20 of 20: ")
+
+
 def test_method_study_can_be_reported(options):
     study("depth", options)
     said = []
@@ -115,13 +123,13 @@ def test_method_study_can_be_reported(options):
         options.out / "evaluation", num_pictured=1, focus="mnsf-depth3", say=said.append
     )
     text = path.read_text()
-    assert "estimating the 1 worst examples once more" in said[0]
+    assert "estimating 1 example once more" in said[0]
     assert text.count("data:image/png") == 1 + 4
     assert "The picture shows another flow" not in text
 
 
 def test_without_recordings_a_street_is_simulated(options):
-    options = replace(options, recordings=(), num_examples=1)
+    options = replace(options, recordings=(), max_examples=1)
     result, _ = study("landscape", options)
     assert (options.out / "street" / "metadata.yaml").exists()
     assert "of street" in result.texts[-1]
@@ -146,5 +154,5 @@ def test_unknown_study_is_refused(options):
 
 
 def test_no_examples_are_refused(options):
-    with pytest.raises(MnsfError, match="examples: got 0, expected 1 or more"):
-        replace(options, num_examples=0)
+    with pytest.raises(MnsfError, match="max_examples: got 0, expected 1 or more"):
+        replace(options, max_examples=0)

@@ -94,14 +94,21 @@ def test_inside_of_a_thing_wider_than_the_window_is_terrain():
     assert not is_ground(points, wide)[len(floor) :].any()
 
 
-def test_stray_point_below_the_ground_spoils_its_surroundings_only():
+@pytest.mark.parametrize("depth", [0.5, 5, 500])
+def test_stray_points_below_the_ground_spoil_nothing(depth):
     ground = plane()
-    mask = is_ground(np.vstack([[(0, 0, -5)], ground]))
-    assert mask[0]
-    # A cell sees what is up to two window radii away: 2 * 4 m, and a cell more for the rounding.
-    is_far = np.abs(ground[:, :2]).max(axis=1) > GROUND.window_m + GROUND.cell_size_m
-    assert mask[1:][is_far].all()
-    assert not mask[1:].all()
+    mask = is_ground(np.vstack([[(0, 0, -depth), (3, -7, -depth)], ground]))
+    assert mask.all()
+
+
+def test_ditch_four_cells_wide_is_ground_as_deep_as_it_is():
+    ground = plane()
+    is_ditch = np.abs(ground[:, 0]) < 2 * GROUND.cell_size_m
+    ground[is_ditch, 2] -= 1.0
+    pole = np.array([(0.1, 0, -0.5)])
+    mask = is_ground(np.vstack([pole, ground]))
+    assert not mask[0]
+    assert mask[1:][is_ditch].all()
 
 
 def test_empty():
@@ -144,10 +151,24 @@ def slow_ground_mask(points, settings):
     radius = round(settings.window_m / 2 / settings.cell_size_m)
     rise = settings.max_slope * settings.cell_size_m
 
-    def near(cell):
+    def near(cell, radius=radius):
         for x in range(max(0, cell[0] - radius), min(width, cell[0] + radius + 1)):
             for y in range(max(0, cell[1] - radius), min(depth, cell[1] + radius + 1)):
                 yield (x, y), rise * (abs(x - cell[0]) + abs(y - cell[1]))
+
+    def bottom(cell):
+        """The lowest cone from above all cells around, for a cell with a point."""
+        climbs = [
+            max(lowest[third] - climb for third, climb in near(other, 1) if third in lowest) + step
+            for other, step in near(cell, 1)
+        ]
+        return min(climbs)
+
+    lifted = {cell: bottom(cell) for cell in lowest}
+    lowest = {
+        cell: lifted[cell] if lifted[cell] - height > settings.margin_m else height
+        for cell, height in lowest.items()
+    }
 
     def apex(cell):
         return min(lowest.get(other, np.inf) + climb for other, climb in near(cell))

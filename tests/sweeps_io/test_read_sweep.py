@@ -6,6 +6,7 @@ import io
 import os
 import random
 import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,39 @@ def test_one_of_several_arrays(file):
         read_sweep(f"{path}:pc4")
     with pytest.raises(SweepFileError, match=r"array 'flow' has shape \(4,\), expected \(N, 3\)"):
         read_sweep(f"{path}:flow")
+
+
+def test_what_else_is_in_an_archive_does_not_matter(file):
+    path = file("a.npz", npz(meta=np.array([{"a": 1}]), names=np.array([["a", "b", "c"]]), p=XYZ))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("readme.txt", "not an array")
+    np.testing.assert_array_equal(read_sweep(str(path)).xyz, XYZ)
+    with pytest.raises(SweepFileError, match=r"no array 'readme'; it has meta, names, p$"):
+        read_sweep(f"{path}:readme")
+    with pytest.raises(SweepFileError, match=r"cut short|Object arrays|allow_pickle") as info:
+        read_sweep(f"{path}:meta")
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "text"),
+    [
+        (
+            {"stamp_ns": np.array([1, 2])},
+            r"stamp_ns has shape \(2,\) of int64, expected one integer",
+        ),
+        ({"stamp_ns": np.float64("nan")}, r"stamp_ns has shape \(\) of float64, expected one"),
+        ({"stamp_ns": np.array("12")}, r"of <U2, expected one integer"),
+        ({"pose": np.full((4, 4), np.nan)}, "pose has values that are not finite"),
+    ],
+)
+def test_stamp_or_pose_that_is_none(file, arrays, text):
+    with pytest.raises(SweepFileError, match=text):
+        read_sweep(str(file("a.npz", npz(xyz=XYZ, **arrays))))
+
+
+def test_stamp_in_an_array_of_one(file):
+    assert read_sweep(str(file("a.npz", npz(xyz=XYZ, stamp_ns=np.array([7]))))).stamp_ns == 7
 
 
 def test_stamp_and_pose_beside_the_points(file):

@@ -57,6 +57,40 @@ def test_what_is_there_is_not_replaced_unless_told(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out.npy"]
 
 
+class Racing:
+    """A flow during whose writing somebody else writes a file of the same name."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __array__(self, *_, **__):
+        self.path.write_bytes(b"precious")
+        return FLOW
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_file_that_appears_meanwhile_is_not_replaced(tmp_path, monkeypatch, links):
+    def no_links(*_):
+        raise OSError(1, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr("pathlib.Path.hardlink_to", no_links)
+    path = tmp_path / "out.npy"
+    with pytest.raises(SweepFileError, match=f"^{path}: exists already$"):
+        write_flow(path, FlowToWrite(XYZ, Racing(path), KEPT))
+    assert path.read_bytes() == b"precious"
+    assert [path.name for path in tmp_path.iterdir()] == ["out.npy"]
+
+
+def test_file_system_without_hard_links(tmp_path, monkeypatch):
+    def no_links(*_):
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr("pathlib.Path.hardlink_to", no_links)
+    write_flow(tmp_path / "out.npy", RESULT)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.npy"]
+
+
 def test_folder_is_never_replaced(tmp_path):
     (tmp_path / "out.npy").mkdir()
     with pytest.raises(SweepFileError, match="exists already"):

@@ -1,4 +1,4 @@
-"""What one mcap file really holds, whatever its index says."""
+"""What one storage file really holds, whatever its index says."""
 
 from __future__ import annotations
 
@@ -10,19 +10,18 @@ from pathlib import Path
 from mnsf_ros.recording.bag_errors import reason
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.mcap_messages import read_messages
 from mnsf_ros.recording.mcap_summary import read_summary
-from mnsf_ros.recording.sequential_mcap_reader import CDR
+from mnsf_ros.recording.stored_messages import ENCODINGS, stored_messages
 
 
 @dataclass(frozen=True)
-class McapContent:
+class FileContent:
     """What was found in one file.
 
     Attributes:
         file: The file.
         first_ns: Receive time of the earliest message, nanoseconds; infinite without any.
-        topics: Topic -> type and number of messages in the format of ROS 2.
+        topics: Topic -> type and number of messages that can be decoded.
         damages: What cannot be read.
         has_checksums: Whether every message is covered by a checksum.
     """
@@ -34,7 +33,7 @@ class McapContent:
     has_checksums: bool
 
     @staticmethod
-    def merged_topics(contents: Iterable[McapContent]) -> dict[str, TopicSummary]:
+    def merged_topics(contents: Iterable[FileContent]) -> dict[str, TopicSummary]:
         """Returns the topics of several files together, sorted by name."""
         merged: dict[str, TopicSummary] = {}
         for content in contents:
@@ -44,19 +43,19 @@ class McapContent:
         return dict(sorted(merged.items()))
 
 
-def read_content(file: Path) -> McapContent:
+def read_content(file: Path) -> FileContent:
     """Reads a file from front to end."""
     summary = read_summary(file)
-    channels = [channel for channel in summary.channels.values() if channel.encoding == CDR]
+    channels = [channel for channel in summary.channels.values() if channel.encoding in ENCODINGS]
     types = {channel.topic: channel.msgtype for channel in channels}
     counts: Counter[str] = Counter()
     damages: list[Damage] = []
     first_ns, has_checksums = float("inf"), True
     try:
-        for message in read_messages(file, summary):
+        for message in stored_messages(file, summary):
             if isinstance(message, Damage):
                 damages.append(message)
-            elif message.channel.encoding == CDR:
+            elif message.channel.encoding in ENCODINGS:
                 counts[message.channel.topic] += 1
                 types.setdefault(message.channel.topic, message.channel.msgtype)
                 first_ns = min(first_ns, message.received_ns)
@@ -69,4 +68,4 @@ def read_content(file: Path) -> McapContent:
                 text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
                 damages.append(Damage(str(file), "", text))
     topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
-    return McapContent(file, first_ns, topics, tuple(damages), has_checksums)
+    return FileContent(file, first_ns, topics, tuple(damages), has_checksums)

@@ -1,8 +1,8 @@
-"""Reading mcap files from front to end, around whatever is damaged."""
+"""Reading storage files from front to end, around whatever is damaged."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from rosbags.typesys import Stores, get_typestore
 
@@ -10,16 +10,16 @@ from mnsf_ros.recording.bag_errors import UNREADABLE, reason
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary, known_topic
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.mcap_messages import StoredMessage, read_messages
+from mnsf_ros.recording.stored_messages import ENCODINGS, as_cdr, stored_messages
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-CDR: Final = "cdr"
+    from mnsf_ros.recording.mcap_messages import StoredMessage
 
 
-class SequentialMcapReader(BagReader):
+class SequentialReader(BagReader):
     """A reader that needs no index, verifies checksums and goes on after damage.
 
     Messages come in the order of the files. Any number of scans may be under way at a time.
@@ -32,7 +32,7 @@ class SequentialMcapReader(BagReader):
 
         Args:
             path: The recording, for error texts.
-            files: Its mcap files in the order of time.
+            files: Its mcap files in the order of time, or one ROS 1 bag.
             topics: What is in them, see `inspect_recording`.
         """
         super().__init__(path)
@@ -40,7 +40,7 @@ class SequentialMcapReader(BagReader):
         self._known_topics = dict(topics)
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
 
-    def __enter__(self) -> SequentialMcapReader:
+    def __enter__(self) -> SequentialReader:
         """Opens the recording; the files themselves are opened by each scan."""
         self.topics = dict(self._known_topics)
         return self
@@ -94,15 +94,25 @@ class SequentialMcapReader(BagReader):
 
 def _messages_of_file(file: Path, topic: str) -> Iterator[StoredMessage | Damage]:
     try:
-        for message in read_messages(file):
-            if isinstance(message, Damage) or _is_wanted(message, topic):
+        for message in stored_messages(file):
+            if isinstance(message, Damage):
                 yield message
+            elif _is_wanted(message, topic):
+                yield _with_cdr(file, message)
     except OSError as error:
         yield Damage(str(file), "", f"cannot be read: {reason(error)}")
 
 
+def _with_cdr(file: Path, message: StoredMessage) -> StoredMessage | Damage:
+    try:
+        return message._replace(raw=as_cdr(message))
+    except UNREADABLE as error:
+        text = f"damaged message on {message.channel.topic!r}: {reason(error)}"
+        return Damage(str(file), f"byte {message.offset}", text)
+
+
 def _is_wanted(message: StoredMessage, topic: str) -> bool:
-    return message.channel.topic == topic and message.channel.encoding == CDR
+    return message.channel.topic == topic and message.channel.encoding in ENCODINGS
 
 
 def _is_within(received_ns: int, start_ns: int | None, stop_ns: int | None) -> bool:

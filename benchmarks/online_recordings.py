@@ -1,0 +1,84 @@
+"""The sweeps that the online benchmark runs on: real ones, and simulated streets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import simulate_sweeps
+from mnsf_ros.sweeps.sweep import Sweep
+
+DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
+INTERVAL_NS = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class TrueSweep:
+    """A sweep with its truth, as far as there is one.
+
+    Attributes:
+        sweep: The sweep.
+        pose: (4, 4) world_from_sensor by the recording.
+        flow: (N, 3) metres to the next sweep, or None.
+        dynamic: (N,) bool.
+        scored: (N,) bool: labelled, not ground.
+        ground: (N,) bool.
+    """
+
+    sweep: Sweep
+    pose: NDArray[np.float64]
+    flow: NDArray[np.float32] | None = None
+    dynamic: NDArray[np.bool_] | None = None
+    scored: NDArray[np.bool_] | None = None
+    ground: NDArray[np.bool_] | None = None
+
+
+def real_sweeps(name: str) -> list[TrueSweep]:
+    """The sweeps of a folder of the shared data; none where it is absent."""
+    return [_real(path) for path in sorted((DATA / name).glob("sweep_*.npz"))]
+
+
+def _real(path: Path) -> TrueSweep:
+    with np.load(path) as content:
+        arrays: dict[str, NDArray[Any]] = dict(content)
+    sweep = Sweep(np.ascontiguousarray(arrays["xyz"], np.float32), int(arrays["stamp_ns"]), "lidar")
+    if "flow" not in arrays:
+        return TrueSweep(sweep, arrays["pose"])
+    # Movers are labelled only where the camera looks; outside of it they would count as standing.
+    scored = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_ground"]
+    truth = arrays["flow"], arrays["is_dynamic"], scored, arrays["is_ground"]
+    return TrueSweep(sweep, arrays["pose"], *truth)
+
+
+def simulated_sweeps(seed: int, number: int, **settings: int) -> list[TrueSweep]:
+    """Sweeps of a simulated street."""
+    simulation = SimulationSettings(seed=seed, duration_s=number / 10, **settings)
+    return [
+        TrueSweep(
+            Sweep(item.xyz, item.stamp_ns, "lidar"),
+            item.world_from_sensor,
+            item.flow,
+            item.dynamic,
+            ~item.ground,
+            item.ground,
+        )
+        for item in simulate_sweeps(simulation)
+    ]
+
+
+def to_and_fro(sweeps: Sequence[Sweep], number: int) -> Iterator[Sweep]:
+    """As many sweeps as wanted, 10 a second: the given ones forward, backward, and again.
+
+    No jump in it: a robot that drives back as it came.
+    """
+    turns = [*range(len(sweeps)), *range(len(sweeps) - 2, 0, -1)]
+    for index in range(number):
+        sweep = sweeps[turns[index % len(turns)]]
+        yield Sweep(sweep.xyz, 10**18 + index * INTERVAL_NS, sweep.frame_id)

@@ -1,0 +1,180 @@
+"""The tables of `paper_table.py`: for the terminal, and as the Markdown file docs/benchmark.md."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from authors_figures import ACC5, AUTHORS, DECIMALS, DYNAMIC, EPE, STATIC, verdict
+from kitti_examples import SCALES
+from paper_figures import Measured, measured_of
+
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
+
+_TABLES: Mapping[str, str] = {
+    "Methods": "zero ego ego-estimated nsfp nsfp-linear fnsf fnsf-linear fnsf-joint fnsf-time"
+    " mnsf-cycle mnsf authors/mnsf mnsf-objects online/mnsf",
+    "Ablations": "fnsf mnsf-no-backward mnsf-mean mnsf-no-inversion mnsf",
+    "Fusion operation": "mnsf-mean mnsf-weighted-sum mnsf-mlp",
+    "Fusion depth": "mnsf-depth2 mnsf-depth3 mnsf-depth5 mnsf-depth7",
+    "Sweeps": "mnsf-frames2 mnsf-frames3 mnsf-frames4 mnsf-frames5",
+}
+_POINTS = {"8192": "8,192 points", "full": "full sweeps"}
+
+_INTRODUCTION = """\
+# The paper's tables on real sweeps
+
+Written by `make benchmark`; [methods.md](methods.md) says what the rows are and what to read from
+them. Four moments of KITTI raw drive 0005 (HDL-64E, in town) as triplets without ground, within
+80 m and 4 m of height, in the sensor's frame, ego motion not removed: 8,192 points a sweep in the
+layout of the authors' data, and the same sweeps in full, 44,000 points each. Preset `paper`, every
+triplet from scratch; `authors/mnsf` is the preset `authors`, `online/mnsf` that of the live node.
+Without the networks of others ([methods.md](methods.md#learned-networks)).
+
+Every value is the mean over the moments and the seeds. The paper's figures are over all points;
+*EPE dynamic* and *EPE static* are over the points where movers were labelled at all, about a fifth.
+`ego` has its motion from the poses that the pseudo ground truth was made with: it is an oracle.
+"""
+_BESIDE = """\
+The authors' figures are of their released code on the same triplets, one seed. ± is the standard
+deviation of ours from seed to seed. *No worse, within the seeds*: worse by less than that.
+"""
+
+
+def document(
+    rows: Sequence[ResultRow],
+    sessions: Sequence[Mapping[str, Any]],
+    missing: Sequence[str],
+    outdated: Sequence[str] = (),
+) -> str:
+    """Returns the Markdown file.
+
+    Args:
+        rows: All result rows.
+        sessions: The records of the runs that computed them.
+        missing: What was planned and is not there.
+        outdated: Methods whose settings have changed since, and which settings.
+    """
+    parts = [_INTRODUCTION, _provenance(sessions)]
+    failures = [f"{row.method}, {row.recording}: {row.failure}" for row in rows if row.failure]
+    if failures:
+        parts.append("Gave no flow:\n\n" + "".join(f"* {text}\n" for text in failures))
+    if missing:
+        rest = "".join(f"* {text}\n" for text in missing)
+        parts.append(f"Not computed yet; `make benchmark` goes on there:\n\n{rest}")
+    if outdated:
+        lines = "".join(f"* {text}\n" for text in outdated)
+        parts.append(
+            "Computed with other settings than there are now; `make benchmark "
+            f"BENCHMARK_OPTIONS='--again METHOD'` computes a method again:\n\n{lines}"
+        )
+    beside = _beside_the_authors(rows)
+    if beside.rows:
+        parts += ["## Beside the authors' own code\n", _BESIDE, beside.markdown()]
+    for title, table in tables(rows):
+        parts += [f"## {title}\n", table.markdown()]
+    return "\n".join(parts)
+
+
+def printed(rows: Sequence[ResultRow]) -> list[TextTable]:
+    """All tables for the terminal, with their titles."""
+    named = [("Beside the authors' own code", _beside_the_authors(rows)), *tables(rows)]
+    return [replace(table, title=title) for title, table in named if table.rows]
+
+
+def tables(rows: Sequence[ResultRow]) -> list[tuple[str, TextTable]]:
+    """Title and table of all that is there."""
+    found = []
+    for scale in SCALES:
+        for title, methods in _TABLES.items():
+            summaries = {name: measured_of(rows, scale, name) for name in methods.split()}
+            known = {name: item for name, item in summaries.items() if item}
+            if known:
+                found.append((f"{title}, {_POINTS[scale]}", _errors(known)))
+    return found
+
+
+def _errors(summaries: Mapping[str, Measured]) -> TextTable:
+    plain = errors_table(
+        {name: item.errors["all"] for name, item in summaries.items()},
+        times_ms={name: item.time_ms for name, item in summaries.items()},
+    )
+    header = [*plain.header, "EPE dynamic", "EPE static", "seeds"]
+    rows = [
+        [
+            *row,
+            format_number(item.errors["dynamic"].epe_m, 3),
+            format_number(item.errors["static"].epe_m, 3),
+            str(item.num_seeds),
+        ]
+        for row, item in zip(plain.rows, summaries.values(), strict=True)
+    ]
+    return TextTable(header, rows)
+
+
+def _beside_the_authors(rows: Sequence[ResultRow]) -> TextTable:
+    lines = []
+    for method, authors in AUTHORS.items():
+        measured = measured_of(rows, "8192", method)
+        if measured is None:
+            continue
+        of_seeds = [_columns(*parts) for parts in zip(*measured.of_seeds.values(), strict=True)]
+        ours = _columns(*measured.errors.values())
+        spreads = {column: _deviation([seed[column] for seed in of_seeds]) for column in ours}
+        cells = [_with_spread(ours[name], spreads[name], DECIMALS[name]) for name in ours]
+        lines.append([method, *cells, verdict(authors, ours, spreads)])
+        theirs = [f"{authors[name]:.{DECIMALS[name]}f}" for name in ours]
+        lines.append([f"authors' {method.upper()}", *theirs, ""])
+    return TextTable(("8,192 points", *DECIMALS, "verdict"), lines)
+
+
+def _columns(over_all: FlowErrors, dynamic: FlowErrors, static: FlowErrors) -> dict[str, float]:
+    return {
+        EPE: over_all.epe_m,
+        ACC5: 100.0 * over_all.acc5,
+        DYNAMIC: dynamic.epe_m,
+        STATIC: static.epe_m,
+    }
+
+
+def _with_spread(value: float, spread: float, decimals: int) -> str:
+    text = f"{value:.{decimals}f}"
+    return text if math.isnan(spread) else f"{text} ± {spread:.{decimals}f}"
+
+
+def _deviation(values: Sequence[float]) -> float:
+    return statistics.stdev(values) if len(values) > 1 else math.nan
+
+
+def _provenance(sessions: Sequence[Mapping[str, Any]]) -> str:
+    facts = {
+        "Machine": [_machine(session["machine"]) for session in sessions],
+        "Threads": [
+            "1, at low priority beside other work: times are rough. They are those of the core; "
+            "of the rows of the first sessions those of the clock"
+        ],
+        "Versions": [
+            ", ".join(f"{name} {number}" for name, number in session["versions"].items())
+            for session in sessions
+        ],
+        "Commit": [_commit(session["git_commit"]) for session in sessions],
+        "Started": [session["started"][:10] for session in sessions],
+    }
+    # Most runs of a folder are alike.
+    return "".join(f"* {key}: {'; '.join(dict.fromkeys(texts))}\n" for key, texts in facts.items())
+
+
+def _machine(machine: Mapping[str, Any]) -> str:
+    gpu = machine["gpu"] or "no GPU"
+    cores = f"{machine['cores']} cores"
+    return f"{machine['name']}: {machine['processor']}, {cores}, {gpu}, {machine['system']}"
+
+
+def _commit(commit: str | None) -> str:
+    name = commit or "unknown"
+    return name[:12] + (" and changes" if "+changes" in name else "")

@@ -1,0 +1,81 @@
+"""With which settings the rows of each method were computed: others belong into another table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from paper_plan import preset_of
+
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.presets import preset
+
+_OBJECTS = ("mnsf-objects", "online/mnsf")
+_GROUPS_OF_OBJECTS = ("crop", "ground", "field", "ego_motion", "objects", "compute")
+# Groups of settings that nobody else looks at.
+_ONLY_FOR = {
+    "ego_motion": (*_OBJECTS, "ego-estimated"),
+    "objects": _OBJECTS,
+    "nsfp": ("nsfp", "nsfp-linear"),
+    "linear": ("nsfp-linear", "fnsf-linear"),
+    "mnsf_cycle": ("mnsf-cycle",),
+    "node": (),
+}
+
+
+def settings_of(method: str) -> dict[str, Any]:
+    """The settings that a method has now; those that it does not look at are left out."""
+    return _its_own(method, preset(preset_of(method)).to_mapping())
+
+
+def recorded_settings(run: Mapping[str, Any], methods: Iterable[str]) -> dict[str, Any]:
+    """Method to the settings that its rows were computed with."""
+    recorded = run["settings"]
+    # The first records had them for each preset.
+    return {
+        method: _its_own(method, recorded.get(method) or recorded.get(preset_of(method), {}))
+        for method in methods
+    }
+
+
+def changed(method: str, recorded: Mapping[str, Any]) -> list[str]:
+    """Names of the settings that are others now. What was no setting then had no other value."""
+    now = settings_of(method)
+    return [name for name, value in recorded.items() if now.get(name) != value]
+
+
+def outdated(run: Mapping[str, Any], methods: Iterable[str]) -> list[str]:
+    """One line for each method whose rows were computed with other settings than it has now."""
+    recorded = recorded_settings(run, methods)
+    names = {method: changed(method, values) for method, values in recorded.items()}
+    return [f"{method}: {', '.join(found)}" for method, found in names.items() if found]
+
+
+def merged_settings(
+    run: Mapping[str, Any], done: Iterable[str], todo: Iterable[str]
+) -> dict[str, Any]:
+    """Method to settings, of rows that are there and of rows to come.
+
+    Raises:
+        EvaluationError: A method has rows that were computed with other settings.
+    """
+    recorded = recorded_settings(run, done)
+    for method in todo:
+        names = changed(method, recorded.get(method, {}))
+        if names:
+            raise EvaluationError(
+                f"the rows of {method} were computed with another {names[0]}; "
+                f"`--again {method}` computes them again"
+            )
+        recorded[method] = settings_of(method)
+    return recorded
+
+
+def _its_own(method: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    def matters(name: str) -> bool:
+        group = name.partition(".")[0]
+        if method in _OBJECTS:
+            return group in _GROUPS_OF_OBJECTS
+        return method in _ONLY_FOR.get(group, (method,))
+
+    return {name: value for name, value in settings.items() if matters(name)}

@@ -1,0 +1,124 @@
+"""The paper's tables on four moments of KITTI raw drive 0005, beside what the authors' code gets.
+
+    python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:mnsf:1]
+
+Estimates with the preset `paper`, one thread; a plan is SCALE:METHODS:SEEDS, where METHODS may be
+groups of paper_plan.py. Every row goes to OUT/rows.jsonl as it gets ready, and rows that are there
+are not computed again: interrupt it and start it again as you like. Where the settings of a method
+have changed since, --again METHODS computes its rows of the plan anew. At its end, or with --tables
+alone, the tables are printed and written to --document. The data is looked for beside the
+checkout, or where the environment variable MNSF_DATA says; without it nothing is done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+
+# Before torch is loaded: whoever shares the machine gets the other cores.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from kitti_examples import KittiExample, missing_data, read_example
+from paper_document import document, printed
+from paper_plan import PLAN, Job, done_jobs, method_names, missing, planned
+from paper_settings import merged_settings, outdated
+from rich.console import Console
+
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import session_record
+from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.warm_up import warm_up
+from mnsf_ros.methods import make_method
+
+
+def main() -> None:
+    """Does what is still to do, and writes the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=_Raw)
+    parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
+    parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:METHODS:SEEDS")
+    parser.add_argument("--again", default="", metavar="METHODS", help="drop their rows first")
+    parser.add_argument("--document", type=Path, metavar="FILE", help="Markdown to write")
+    parser.add_argument("--tables", action="store_true", help="only print what is there")
+    options = parser.parse_args()
+    console = Console(width=120)
+    if missing_data():
+        console.print(f"Nothing to measure: {missing_data()}. Set MNSF_DATA to their folder.")
+        return
+    try:
+        jobs = list(dict.fromkeys(job for part in options.plan for job in planned(part)))
+    except ValueError as error:
+        parser.error(str(error))
+    folder = RunFolder(options.out)
+    try:
+        if not options.tables:
+            folder.path.mkdir(parents=True, exist_ok=True)
+            with folder.locked():
+                run(jobs, folder, method_names(options.again), console)
+    except KeyboardInterrupt:
+        console.print("Interrupted; what is finished is kept.")
+    except MnsfError as error:
+        parser.error(str(error))
+    rows = folder.read_rows()
+    for table in printed(rows):
+        console.print(table.rich())
+    if options.document:
+        record = folder.read_run()
+        others = outdated(record, {row.method: None for row in rows})
+        # What is missing of the whole plan, whatever part of it this run was asked for.
+        whole = dict.fromkeys(job for part in (*PLAN, *options.plan) for job in planned(part))
+        text = document(rows, record["sessions"], missing(whole, rows), others)
+        options.document.write_text(text, encoding="utf-8")
+
+
+def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:
+    """Computes the rows that are not there yet, and those of the methods to compute again."""
+    folder.cut_off_unfinished_lines()
+    folder.drop_rows_of({(job.recording, job.method) for job in jobs if job.method in again})
+    done = done_jobs(folder.read_rows())
+    todo = [job for job in jobs if job not in done]
+    if todo:
+        earlier = folder.read_run() if done else {"sessions": [], "settings": {}}
+        settings = merged_settings(
+            earlier, {job.method for job in done}, {job.method for job in todo}
+        )
+        sessions = [*earlier["sessions"], session_record(sys.argv)]
+        folder.write_run({"sessions": sessions, "settings": settings})
+    for number, job in enumerate(todo, start=1):
+        row = measured(job, read_example(job.scale, job.moment))
+        folder.append_row(row)
+        result = row.failure or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"
+        place = f"{number}/{len(todo)} {job.scale} {job.method} seed {job.seed} {job.moment:03d}"
+        console.print(f"{place}: {result}", highlight=False)
+
+
+def measured(job: Job, example: KittiExample) -> ResultRow:
+    """The result row of one estimate, or of its failure."""
+    method = job.method.rpartition("/")[2]
+    unscored = Example(job.recording, job.moment, example.triplet)
+    try:
+        estimator = make_method(method, job.settings)
+        warm_up(method, job.settings)
+        # Of the core, not of the clock: it may be lent to other work, or stopped, for a while.
+        start = time.process_time()
+        estimate = estimator.estimate(example.triplet)
+        time_ms = (time.process_time() - start) * 1e3
+    except MnsfError as error:
+        return failed_row(unscored, job.method, str(error))
+    row = scored_row(unscored, job.method, estimate, time_ms)
+    return replace(row, errors=example.errors(estimate))
+
+
+class _Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
+    """Keeps the lines of the docstring."""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""The report at the end of `mnsf evaluate`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rich.console import Console
+
+from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording
+from mnsf_ros.evaluation.run_folder import RunFolder
+
+_PICTURES_LIMIT_S: Final = 60.0
+
+
+def write_run_report(
+    folder: RunFolder,
+    recordings: Sequence[EvaluatedRecording],
+    num_pictured: int,
+    console: Console,
+    *,
+    estimate_again: bool,
+) -> None:
+    """Writes the report and says where it is. What goes wrong is said and costs no results.
+
+    Args:
+        folder: The run.
+        recordings: The recordings of the run.
+        num_pictured: So many of the worst examples get pictures.
+        console: Where to print.
+        estimate_again: Whether to estimate these once more, for a minute at most, where the run
+            wrote no flow.
+    """
+    from mnsf_ros.report.run_report import report_run
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False)
+
+    try:
+        path = report_run(
+            folder.path,
+            num_pictured=max(0, num_pictured),
+            estimate_again=estimate_again,
+            limit_s=_PICTURES_LIMIT_S,
+            recordings=recordings,
+            say=say,
+        )
+    except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
+        text = f"no report: {error!r}; `mnsf report {folder.path}` tries again"
+        console.print(text, markup=False, highlight=False, style="yellow")
+    else:
+        say(f"Report: {path}")

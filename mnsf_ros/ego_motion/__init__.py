@@ -1,0 +1,1 @@
+"""How the sensor itself moved from sweep to sweep."""

@@ -1,0 +1,54 @@
+"""The forward and the backward field: one translation for each object, fitted to one target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.target import Target
+
+# How far points look for the target: at first as far as a vote may be off, then less.
+_FIRST_REACH_M: Final = 0.6
+_REACH_M: Final = 0.4
+_NUM_FIRST: Final = 2
+# Nearest points slide along surfaces and pull too little: a longer step gets there sooner.
+_STEP: Final = 1.8
+
+
+@dataclass(frozen=True, eq=False)
+class MotionField:
+    """What a fit found for K objects.
+
+    Attributes:
+        flows: (K, 3) float32, metres, from the current sweep to the target.
+        num_matched: (K,) number of points that the target has a counterpart of.
+    """
+
+    flows: NDArray[np.float32]
+    num_matched: NDArray[np.int64]
+
+
+def fit_motion_field(
+    objects: ObjectPoints, target: Target, start: NDArray[np.float32], num_iterations: int
+) -> MotionField:
+    """Moves each object until it lies on the target.
+
+    Args:
+        objects: K objects of the current sweep.
+        target: The sweep at t+1 for the forward field, at t-1 for the backward field.
+        start: (K, 3) metres, motion to the next sweep to start from.
+        num_iterations: Steps.
+    """
+    flows = np.float32(target.steps) * start
+    num_matched: NDArray[np.int64] = np.zeros(len(objects), np.int64)
+    for iteration in range(num_iterations):
+        reach_m = _FIRST_REACH_M if iteration < _NUM_FIRST else _REACH_M
+        pulls, is_matched = target.pulls(objects.positions + flows[objects.owners], reach_m)
+        num_matched = objects.sums(is_matched.astype(np.int64))
+        steps = objects.sums(pulls) / np.maximum(num_matched, 1)[:, None]
+        flows = flows + (_STEP * steps).astype(np.float32)
+    return MotionField(flows, num_matched)

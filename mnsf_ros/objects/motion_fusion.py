@@ -1,0 +1,124 @@
+"""Fusion: of forward flow, inverted backward flow and their mean, what explains all sweeps best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.objects.motion_field import MotionField
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.target import Target
+
+# A candidate must be better by this to replace one before it, for the noise not to choose.
+_MIN_BETTER_M: Final = 0.0025
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMotions:
+    """Motions of K objects, and how well they explain the other sweeps.
+
+    Attributes:
+        motions: (K, 3) float32, metres, over ground, to the next sweep.
+        near: (K, 2) metres, unexplained by the next and by the previous sweep, see
+            `Target.unexplained`; (K, 1) without a previous one.
+        past: (K, 1) metres, unexplained by an older sweep; (K, 0) without one.
+        disagreement: (K,) metres, between forward and inverted backward flow.
+    """
+
+    motions: NDArray[np.float32]
+    near: NDArray[np.float64]
+    past: NDArray[np.float64]
+    disagreement: NDArray[np.float32]
+
+    @property
+    def cost(self) -> NDArray[np.float64]:
+        """(K,) metres, what next and previous sweep leave unexplained on the average."""
+        cost: NDArray[np.float64] = self.near.mean(axis=1)
+        return cost
+
+    def only(self, wanted: NDArray[np.bool_]) -> JudgedMotions:
+        """The objects of the (K,) mask."""
+        return JudgedMotions(
+            self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
+        )
+
+    def better(self, other: JudgedMotions) -> JudgedMotions:
+        """Of each object the motion with the lower cost, in doubt our own."""
+        wins = other.cost < self.cost - _MIN_BETTER_M
+        return JudgedMotions(
+            np.where(wins[:, None], other.motions, self.motions),
+            np.where(wins[:, None], other.near, self.near),
+            np.where(wins[:, None], other.past, self.past),
+            np.where(wins, other.disagreement, self.disagreement),
+        )
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The sweeps that motions are measured on.
+
+    Attributes:
+        near: Next sweep, and previous sweep where there is one.
+        past: An older sweep, where there is one.
+    """
+
+    near: Sequence[Target]
+    past: Sequence[Target]
+
+
+def judge(
+    objects: ObjectPoints,
+    targets: Targets,
+    motions: NDArray[np.float32],
+    disagreement: NDArray[np.float32] | None = None,
+) -> JudgedMotions:
+    """Measures motions (K, 3) on all targets."""
+    if disagreement is None:
+        disagreement = np.zeros(len(objects), np.float32)
+    near, past = (
+        np.stack([target.unexplained(objects, motions) for target in group], axis=1)
+        if group
+        else np.zeros((len(objects), 0))
+        for group in (targets.near, targets.past)
+    )
+    return JudgedMotions(motions, near, past, disagreement)
+
+
+def best_of(candidates: Iterable[JudgedMotions]) -> JudgedMotions:
+    """Of each object the best motion of several, in doubt the first."""
+    first, *others = candidates
+    for other in others:
+        first = first.better(other)
+    return first
+
+
+def fuse_motions(
+    objects: ObjectPoints,
+    targets: Targets,
+    forward: MotionField,
+    backward: MotionField,
+    inverted: NDArray[np.float32],
+) -> JudgedMotions:
+    """Makes one motion of two (section 3 of the paper; here without a network).
+
+    Args:
+        objects: K objects.
+        targets: What the candidates are measured on.
+        forward: The forward field.
+        backward: The backward field.
+        inverted: (K, 3) metres, the inverted backward flow.
+    """
+    weight = forward.num_matched / np.maximum(forward.num_matched + backward.num_matched, 1)
+    weight = weight[:, None].astype(np.float32)
+    mean = weight * forward.flows + (1 - weight) * inverted
+    disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
+    near = Targets(targets.near, past=())
+    best = best_of(
+        judge(objects, near, motions, disagreement) for motions in (mean, forward.flows, inverted)
+    )
+    past = judge(objects, Targets((), targets.past), best.motions).past
+    return replace(best, past=past)

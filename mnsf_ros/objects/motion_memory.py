@@ -1,0 +1,186 @@
+"""What one triplet hands to the next: sweeps made ready, and how objects moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.errors import SweepError
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.target import Target
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.rigid_motion import transformed, turned
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+
+# How far back an object is followed: three sweeps at 10 Hz. A pedestrian has then moved by more
+# than the noise, and a car has not turned by much.
+_PAST_S: Final = 0.3
+_PAST_TOLERANCE_S: Final = 0.12
+_MAX_SWEEPS: Final = 12
+# An object is the same as one of the last triplet if it is this close to where that would be.
+_SAME_OBJECT_M: Final = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class KnownMotions:
+    """Objects that moved.
+
+    Attributes:
+        stamp_ns: When.
+        frame_id: The sensor's frame.
+        centers: (K, 3) metres, world.
+        velocities: (K, 3) metres per second, world.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    centers: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+
+
+class MotionMemory:
+    """Remembers the last sweeps and motions, as long as time goes on and the frame is the same."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._ego_motion = EgoMotion(settings.ego_motion)
+        self._sweeps: dict[Sweep, ObjectSweep] = {}
+        self._known: KnownMotions | None = None
+
+    @staticmethod
+    def needs(settings: Settings) -> tuple[object, ...]:
+        """The settings that must stay the same for a memory to be of use."""
+        return settings.crop, settings.ground, settings.objects, settings.ego_motion
+
+    def with_settings(self, settings: Settings) -> MotionMemory:
+        """A memory for other settings; it knows what this one does if that still holds."""
+        other = MotionMemory(settings)
+        if self.needs(settings) == self.needs(self._settings):
+            other._ego_motion, other._sweeps = self._ego_motion, self._sweeps
+            other._known = self._known
+        return other
+
+    def prepared(self, *sweeps: Sweep) -> list[ObjectSweep]:
+        """The sweeps made ready, in the order of the arguments, oldest first.
+
+        Raises:
+            SweepError: If too few points of one are left, or if one cannot follow that before it:
+                it is older, of another frame, or comes after too long a gap.
+        """
+        for sweep in sweeps:
+            if sweep not in self._sweeps:
+                self._add(sweep)
+        if any(sweep not in self._sweeps for sweep in sweeps):
+            # A new world began on the way: nobody knows where its sensor is in the last one.
+            raise SweepError(
+                f"sweep {sweeps[-2].stamp_ns}: the sweeps of its triplet do not follow each other, "
+                f"expected one frame_id, rising stamps and no gap above ego_motion.max_gap_s, "
+                f"which is {self._settings.ego_motion.max_gap_s:g}"
+            )
+        return [self._sweeps[sweep] for sweep in sweeps]
+
+    def start(self, triplet: SweepTriplet) -> Start:
+        """Whether the motions of the last triplet help with this one, and if not, why."""
+        if not self._settings.warm_start.enabled:
+            return Start.COLD_BY_SETTING
+        known = self._known
+        if known is None:
+            return Start.COLD_FIRST
+        if known.frame_id != triplet.current.frame_id:
+            return Start.COLD_FRAME
+        elapsed_s = (triplet.current.stamp_ns - known.stamp_ns) / NANOSECONDS
+        if elapsed_s < 0:
+            return Start.COLD_TIME_JUMP
+        return Start.COLD_GAP if elapsed_s > self._settings.warm_start.max_gap_s else Start.WARM
+
+    @property
+    def is_blank(self) -> bool:
+        """Whether nothing is known of how objects moved."""
+        return self._known is None
+
+    def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
+        """An older sweep to test motions on, if there is one.
+
+        Args:
+            current: The current sweep.
+            interval_s: Time to the next sweep.
+        """
+        if interval_s <= 0:
+            return []
+        ages: dict[ObjectSweep, float] = {}
+        for other, sweep in reversed(self._sweeps.items()):
+            age = (current.sweep.stamp_ns - other.stamp_ns) / NANOSECONDS
+            if age > 0:
+                ages[sweep] = age
+            if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
+                # Nobody knows where it was taken beside those before it.
+                break
+        near = {
+            abs(age - _PAST_S): sweep
+            for sweep, age in ages.items()
+            if abs(age - _PAST_S) < _PAST_TOLERANCE_S and age > 1.5 * interval_s
+        }
+        if not near:
+            return []
+        sweep = near[min(near)]
+        return [Target.of(sweep, current, -ages[sweep] / interval_s)]
+
+    def keep(
+        self,
+        current: ObjectSweep,
+        objects: ObjectPoints,
+        motions: NDArray[np.float32],
+        interval_s: float,
+    ) -> None:
+        """Remembers the motions (K, 3), metres to the next sweep, of objects that moved."""
+        if not self._settings.warm_start.enabled or interval_s <= 0:
+            return
+        turn = current.pose.world_from_sensor[:3, :3]
+        self._known = KnownMotions(
+            current.sweep.stamp_ns,
+            current.sweep.frame_id,
+            transformed(objects.centers, current.pose.world_from_sensor).astype(np.float64),
+            turned(motions.astype(np.float64), turn) / interval_s,
+        )
+
+    def expected(
+        self, current: ObjectSweep, objects: ObjectPoints, interval_s: float
+    ) -> NDArray[np.float32] | None:
+        """(K, 3) metres to the next sweep, by the last triplet; 0 for objects it did not know.
+
+        None if it knew none of them.
+        """
+        known = self._known
+        if known is None or len(known.centers) == 0 or len(objects) == 0:
+            return None
+        elapsed_s = (current.sweep.stamp_ns - known.stamp_ns) / NANOSECONDS
+        if not 0 < elapsed_s <= self._settings.warm_start.max_gap_s:
+            return None
+        now = known.centers + known.velocities * elapsed_s
+        centers = transformed(objects.centers, current.pose.world_from_sensor)
+        distances, rows = cKDTree(now).query(centers, distance_upper_bound=_SAME_OBJECT_M)
+        is_known = np.isfinite(distances)
+        if not is_known.any():
+            return None
+        expected = np.zeros((len(objects), 3))
+        turn = current.pose.world_from_sensor[:3, :3]
+        expected[is_known] = turned(known.velocities[rows[is_known]], turn.T) * interval_s
+        return expected.astype(np.float32)
+
+    def _add(self, sweep: Sweep) -> None:
+        pose = self._ego_motion.pose_of(sweep)
+        if pose.source is EgoSource.START:
+            # Another world: what is known was seen in the last one.
+            self._sweeps.clear()
+            self._known = None
+        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        # Here, not after a whole triplet: there may never be one if every third sweep is refused.
+        while len(self._sweeps) > _MAX_SWEEPS:
+            del self._sweeps[next(iter(self._sweeps))]

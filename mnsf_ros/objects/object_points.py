@@ -1,0 +1,123 @@
+"""The points that stand for each object, and sums over them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.settings import ObjectSettings
+
+# How far a point of a surface is from the points of the same surface in another sweep: noise and
+# thinning near by, the spacing of the beams far off.
+_SPACING_M: Final = 0.02
+_SPACING_PER_M: Final = 0.0035
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPoints:
+    """Points of K objects, ordered by object.
+
+    Attributes:
+        numbers: (K,) int, the objects' numbers in their sweep.
+        positions: (P, 3) float32, metres, frame of the current sweep.
+        owners: (P,) int from 0 to K - 1, rising.
+        spacing: (P,) float32, metres: a nearest point this far off is no sign of motion.
+    """
+
+    numbers: NDArray[np.int64]
+    positions: NDArray[np.float32]
+    owners: NDArray[np.int64]
+    spacing: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> ObjectPoints:
+        """Chooses points of each object that is neither too small nor too large to move."""
+        # Sorting short numbers is several times faster.
+        fits = sweep.num_objects <= np.iinfo(np.uint16).max
+        keys = sweep.thinned_objects.astype(np.uint16 if fits else np.int64)
+        order = np.argsort(keys, kind="stable")
+        points, numbers = sweep.thinned[order], sweep.thinned_objects[order]
+        counts = np.bincount(numbers, minlength=sweep.num_objects)
+        starts = np.cumsum(counts) - counts
+        is_object = (counts >= settings.min_points) & (np.arange(len(counts)) > 0)
+        is_object &= _sizes(points, starts, counts) < settings.max_size_m
+        # Evenly over the object: every rank where the share of those wanted makes a step.
+        ranks, count = np.arange(len(points)) - starts[numbers], counts[numbers]
+        wanted = np.minimum(count, settings.points_per_object)
+        is_chosen = is_object[numbers] & (ranks * wanted // count != (ranks + 1) * wanted // count)
+        chosen, owners = points[is_chosen], np.cumsum(is_object)[numbers[is_chosen]] - 1
+        ranges = np.sqrt((chosen * chosen).sum(axis=1))
+        spacing = (_SPACING_M + _SPACING_PER_M * ranges).astype(np.float32)
+        return cls(np.flatnonzero(is_object), chosen, owners, spacing)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def only(self, wanted: NDArray[np.bool_]) -> ObjectPoints:
+        """The objects of the (K,) mask."""
+        is_chosen = wanted[self.owners]
+        owners = (np.cumsum(wanted) - 1)[self.owners[is_chosen]]
+        return ObjectPoints(
+            self.numbers[wanted], self.positions[is_chosen], owners, self.spacing[is_chosen]
+        )
+
+    def are_nearest(self, number: int) -> NDArray[np.bool_]:
+        """(K,) mask of so many objects at most, those nearest to the sensor."""
+        nearest = np.ones(len(self), dtype=bool)
+        if len(self) > number:
+            ranges = (self.centers**2).sum(axis=1)
+            nearest[np.argsort(ranges, kind="stable")[number:]] = False
+        return nearest
+
+    def thinner(self, points_per_object: int) -> ObjectPoints:
+        """The same objects with fewer points each."""
+        step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]
+        is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
+        return ObjectPoints(
+            self.numbers,
+            self.positions[is_chosen],
+            self.owners[is_chosen],
+            self.spacing[is_chosen],
+        )
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """(K,) the number of points of each object."""
+        counts: NDArray[np.int64] = np.bincount(self.owners, minlength=len(self))
+        return counts
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """(K,) the first point of each object."""
+        counts = self.counts
+        starts: NDArray[np.int64] = np.cumsum(counts) - counts
+        return starts
+
+    @property
+    def centers(self) -> NDArray[np.float32]:
+        """(K, 3) metres, the middle of each object's points."""
+        sums: NDArray[np.float32] = self.sums(self.positions)
+        centers: NDArray[np.float32] = np.divide(sums, self.counts[:, None], dtype=np.float32)
+        return centers
+
+    def sums(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(K, ...) sums over each object's points of values (P, ...)."""
+        if len(self) == 0:
+            return np.zeros((0, *values.shape[1:]), values.dtype)
+        return np.add.reduceat(values, self.starts, axis=0)
+
+
+def _sizes(
+    points: NDArray[np.float32], starts: NDArray[np.int64], counts: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    """(K,) metres, the longer horizontal side of the box around each object; 0 without points."""
+    has_points = counts > 0
+    low = np.minimum.reduceat(points[:, :2], starts[has_points], axis=0)
+    high = np.maximum.reduceat(points[:, :2], starts[has_points], axis=0)
+    sizes = np.zeros(len(counts), np.float32)
+    sizes[has_points] = (high - low).max(axis=1)
+    return sizes

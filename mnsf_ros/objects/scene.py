@@ -1,0 +1,127 @@
+"""The three sweeps of one estimate, seen from the middle one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import OverGround, Start
+from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.objects.confidence import (
+    doubtful_confidence,
+    moving_confidence,
+    standing_confidence,
+)
+from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.motion_memory import MotionMemory
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.target import Target
+from mnsf_ros.sweeps.rigid_motion import turned
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+# Without stamps nobody knows how fast anything is; lidars turn ten times a second.
+_USUAL_INTERVAL_S: Final = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What one estimate looks at.
+
+    Attributes:
+        current: The middle sweep.
+        targets: What its objects are measured on.
+        interval_s: Time to the next sweep; 0 without stamps.
+        start: Whether anything is known from triplets before.
+    """
+
+    current: ObjectSweep
+    targets: Targets
+    interval_s: float
+    start: Start
+
+    @classmethod
+    def of(cls, triplet: SweepTriplet, memory: MotionMemory) -> Scene:
+        """Makes the sweeps of a triplet ready.
+
+        Raises:
+            SweepError: If too few points of one are left.
+        """
+        start = memory.start(triplet)
+        *before, current, next_ = memory.prepared(
+            *triplet.before[:1], triplet.current, triplet.next
+        )
+        if start is Start.WARM and memory.is_blank:
+            # The gap was short for objects, but too long to know where the sensor went.
+            start = Start.COLD_GAP
+        near = [Target.of(next_, current, 1.0)]
+        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
+            # Else nobody knows where the current sweep was taken beside the one before it.
+            near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
+        interval_s = max(0.0, triplet.interval_s)
+        past = memory.past(current, interval_s)
+        return cls(current, Targets(near, past), interval_s, start)
+
+    @property
+    def usual_interval_s(self) -> float:
+        """Time to the next sweep, or what it usually is."""
+        return self.interval_s or _USUAL_INTERVAL_S
+
+    def over_ground(
+        self,
+        movers: ObjectPoints,
+        moving: JudgedMotions,
+        doubtful: ObjectPoints,
+        standing: JudgedMotions,
+    ) -> OverGround:
+        """Spreads what is known of objects over all points of the current sweep.
+
+        Args:
+            movers: Objects that move.
+            moving: Their motions.
+            doubtful: Objects of which neither motion nor standing still explains enough, or that
+                nobody looked at.
+            standing: How these stand.
+        """
+        current, sweep = self.current, self.current.sweep
+        owners = current.objects()
+        rows = _rows_of(movers, current)[owners]
+        is_moving = rows >= 0
+        motion = np.zeros((len(sweep), 3), np.float32)
+        motion[is_moving] = moving.motions[rows[is_moving]]
+        confidence = standing_confidence(sweep.xyz)
+        confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
+        rows = _rows_of(doubtful, current)[owners]
+        is_doubtful = rows >= 0
+        confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
+        pose = self.targets.near[0].sweep.pose
+        if pose.source is EgoSource.CONSTANT_VELOCITY:
+            # Nobody knows how the sensor moved, so nobody knows the flow of anything.
+            confidence[:] = 0
+        return OverGround(
+            motion=motion,
+            dynamic=is_moving,
+            confidence=confidence,
+            world_from_sensor=current.pose.world_from_sensor,
+            next_from_current=self.targets.near[0].from_current,
+            source=pose.source.value,
+        )
+
+    def flow(self, over_ground: OverGround) -> NDArray[np.float32]:
+        """(N, 3) metres, the flow of all points: motion over ground, then that of the sensor."""
+        xyz, motion = self.current.sweep.xyz, over_ground.next_from_current
+        # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
+        flow = turned(xyz, motion[:3, :3] - np.eye(3)) + motion[:3, 3].astype(np.float32)
+        moving = over_ground.dynamic
+        flow[moving] += turned(over_ground.motion[moving], motion[:3, :3])
+        return flow
+
+
+def _rows_of(objects: ObjectPoints, current: ObjectSweep) -> NDArray[np.int64]:
+    """(all objects of the sweep,) the row of each among `objects`, -1 for the others."""
+    rows = np.full(current.num_objects, -1)
+    rows[objects.numbers] = np.arange(len(objects))
+    return rows

@@ -1,0 +1,84 @@
+"""Another sweep, seen from the current one: what moved points are measured against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.sweeps.rigid_motion import transformed, turned
+
+# Farther than this a point is simply unexplained.
+_TRUNCATION_M: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A sweep to compare with.
+
+    Attributes:
+        sweep: The sweep.
+        from_current: (4, 4), target_from_current of what stands still.
+        steps: How often an object has made its motion to the next sweep by then: 1 for the next
+            sweep, -1 for the previous one, if the intervals are equal.
+    """
+
+    sweep: ObjectSweep
+    from_current: NDArray[np.float64]
+    steps: float
+
+    @classmethod
+    def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> Target:
+        """Another sweep as a target for the current one."""
+        target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
+        from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
+        return cls(sweep, from_current, steps)
+
+    def points(self, step: int = 1) -> NDArray[np.float32]:
+        """(T, 3) metres, the target's thinned points (of each `step` one), current frame."""
+        current_from_target = np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
+        return transformed(self.sweep.thinned[::step], current_from_target)
+
+    def pulls(
+        self, positions: NDArray[np.float32], reach_m: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What leads to the nearest points of the target.
+
+        Args:
+            positions: (P, 3) metres, current frame.
+            reach_m: Points farther off do not pull.
+
+        Returns:
+            (P, 3) metres, axes of the current frame, and (P,) whether there is a point in reach.
+        """
+        here = transformed(positions, self.from_current)
+        distances, rows = self.sweep.tree.query(here, distance_upper_bound=reach_m)
+        is_near = np.isfinite(distances)
+        pulls = np.zeros_like(here)
+        pulls[is_near] = self.sweep.thinned[rows[is_near]] - here[is_near]
+        return turned(pulls, self.from_current[:3, :3].T), is_near
+
+    def unexplained(
+        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float64]:
+        """How far objects are from the target, beyond the spacing of its points.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep; none if not given.
+
+        Returns:
+            (K,) metres, mean over each object's points, truncated.
+        """
+        positions = objects.positions
+        if motions is not None:
+            positions = positions + np.float32(self.steps) * motions[objects.owners]
+        here = transformed(positions, self.from_current)
+        distances, _ = self.sweep.tree.query(here, distance_upper_bound=_TRUNCATION_M)
+        costs = np.maximum(np.minimum(distances, _TRUNCATION_M) - objects.spacing, 0.0)
+        means: NDArray[np.float64] = objects.sums(costs) / objects.counts
+        return means

@@ -1,0 +1,277 @@
+"""Poses of a sensor on a street of boxes, by registration, by odometry, and when either is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from box_street import BoxStreet, angle_deg, distance_m, pose, unrelated_sweep
+
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.settings import EgoMotionSettings, Settings
+from mnsf_ros.sweeps.sweep import Sweep
+
+STREET = BoxStreet()
+REGISTRATION = EgoMotionSettings()
+ODOMETRY = Settings().changed({"ego_motion.source": "odometry"}).ego_motion
+
+# The world of the odometry has nothing to do with that of the sweeps.
+ODOMETRY_WORLD = pose(200, -50, 3, yaw_deg=70)
+
+
+def moved(step_m=0.6, turn_deg=1.0):
+    """Number of a sweep to true pose; the sensor drives with constant speed and turn rate."""
+    return lambda index: pose(step_m * index, 0.1 * index, yaw_deg=turn_deg * index)
+
+
+def sweep_at(path, index, *, with_odometry=False, error_m=0.0, **how):
+    """The sweep of a number; its odometry is as wrong as told, in the direction of x."""
+    if with_odometry:
+        how["odometry"] = ODOMETRY_WORLD @ pose(error_m) @ path(index)
+    return STREET.sweep(path(index), index, **how)
+
+
+def assert_near(found, expected, within_m=0.01, within_deg=0.1):
+    assert distance_m(found, expected) < within_m
+    assert angle_deg(found, expected) < within_deg
+
+
+def poses_of(ego_motion, sweeps):
+    return [ego_motion.pose_of(sweep) for sweep in sweeps]
+
+
+class TestRegistration:
+    @pytest.mark.parametrize(
+        "path",
+        [moved(0, 0), moved(0.6, 1), moved(1.5, -2), moved(-0.5, 0), moved(0, 4)],
+        ids=["standing", "city", "curve", "backward", "turning on the spot"],
+    )
+    def test_finds_the_motion_within_a_centimetre(self, path):
+        found = poses_of(EgoMotion(REGISTRATION), [sweep_at(path, index) for index in range(5)])
+        assert [item.source for item in found] == [EgoSource.START] + 4 * [EgoSource.REGISTRATION]
+        for index, item in enumerate(found):
+            assert_near(item.world_from_sensor, path(index))
+
+    @pytest.mark.parametrize("seed", range(4))
+    @pytest.mark.parametrize("step_m", [3.0, -3.0, 4.0])
+    def test_finds_a_first_motion_that_nobody_expects(self, seed, step_m):
+        """3 m a sweep are 108 km/h: from the last place alone half of the streets mislead it."""
+        street, ego_motion = BoxStreet(seed), EgoMotion(REGISTRATION)
+        for index in range(3):
+            found = ego_motion.pose_of(street.sweep(pose(step_m * index), index))
+        assert_near(found.world_from_sensor, pose(2 * step_m))
+
+    def test_expects_the_motion_of_the_time_that_went_by(self):
+        """Sweeps that are left out make no difference: velocity is constant, not the step."""
+        path = moved(2.0, 1.5)
+        ego_motion = EgoMotion(REGISTRATION)
+        for index in (0, 1, 2, 4, 5, 8, 9):
+            found = ego_motion.pose_of(sweep_at(path, index))
+        assert found.source is EgoSource.REGISTRATION
+        assert_near(found.world_from_sensor, path(9))
+
+    def test_finds_tilt_and_climb(self):
+        ego_motion = EgoMotion(REGISTRATION)
+        truth = pose(0.5, 0, 0.05, pitch_deg=1.5)
+        for sweep in (STREET.sweep(pose(), 0), STREET.sweep(truth, 1)):
+            found = ego_motion.pose_of(sweep)
+        assert_near(found.world_from_sensor, truth)
+
+    def test_gives_the_same_bits_again(self):
+        sweeps = [sweep_at(moved(), index) for index in range(4)]
+        first, second = (poses_of(EgoMotion(REGISTRATION), sweeps) for _ in range(2))
+        for one, other in zip(first, second, strict=True):
+            np.testing.assert_array_equal(one.world_from_sensor, other.world_from_sensor)
+
+
+def with_few_points(index, num_points):
+    whole = sweep_at(moved(), index)
+    return Sweep(whole.xyz[:num_points], whole.stamp_ns, whole.frame_id)
+
+
+class TestWhatCannotBeRegistered:
+    @pytest.mark.parametrize(
+        "bad",
+        [with_few_points(3, 0), with_few_points(3, 1), with_few_points(3, 40)],
+        ids=["empty", "one point", "forty points"],
+    )
+    def test_of_too_few_points_goes_on_with_constant_velocity_and_the_same_map(self, bad):
+        path, ego_motion = moved(0.6, 0), EgoMotion(REGISTRATION)
+        poses_of(ego_motion, [sweep_at(path, index) for index in range(3)])
+        found = [ego_motion.pose_of(bad)]
+        found += poses_of(ego_motion, [sweep_at(path, index) for index in (4, 5)])
+        assert [item.source for item in found] == [
+            EgoSource.CONSTANT_VELOCITY,
+            *(2 * [EgoSource.REGISTRATION]),
+        ]
+        for index, item in enumerate(found, start=3):
+            assert_near(item.world_from_sensor, path(index), within_m=0.03)
+
+    def test_of_another_place_goes_on_with_constant_velocity_and_then_with_a_new_map(self):
+        bad = unrelated_sweep(3)
+        path, ego_motion = moved(0.6, 0), EgoMotion(REGISTRATION)
+        poses_of(ego_motion, [sweep_at(path, index) for index in range(3)])
+        found = [ego_motion.pose_of(bad)]
+        found += poses_of(ego_motion, [sweep_at(path, index) for index in (4, 5, 6)])
+        assert [item.source for item in found] == [
+            *(2 * [EgoSource.CONSTANT_VELOCITY]),
+            *(2 * [EgoSource.REGISTRATION]),
+        ]
+        for index, item in enumerate(found, start=3):
+            assert_near(item.world_from_sensor, path(index), within_m=0.03)
+
+    def test_of_a_longer_interval_goes_on_for_as_long(self):
+        path, ego_motion = moved(0.6, 2), EgoMotion(REGISTRATION)
+        poses_of(ego_motion, [sweep_at(path, index) for index in range(3)])
+        before = pose(1.2, 0.2, yaw_deg=4)
+        found = ego_motion.pose_of(unrelated_sweep(4))
+        step = np.linalg.inv(before) @ found.world_from_sensor
+        # Twice the time: twice as far and twice the turn.
+        assert distance_m(step, np.eye(4)) == pytest.approx(2 * np.hypot(0.6, 0.1), abs=0.02)
+        assert angle_deg(step, np.eye(4)) == pytest.approx(4, abs=0.1)
+
+    @pytest.mark.parametrize("num_points", [0, 1, 40])
+    def test_from_the_start_stands(self, num_points):
+        ego_motion = EgoMotion(REGISTRATION)
+        found = poses_of(ego_motion, [with_few_points(index, num_points) for index in range(3)])
+        assert [item.source for item in found] == [
+            EgoSource.START,
+            *(2 * [EgoSource.CONSTANT_VELOCITY]),
+        ]
+        for item in found:
+            np.testing.assert_array_equal(item.world_from_sensor, np.eye(4))
+
+    def test_points_far_away_and_far_up_are_no_harm(self):
+        path, ego_motion = moved(), EgoMotion(REGISTRATION)
+        far = np.array([[1e6, 0, 0], [0, -1e20, 0], [500, 500, 500]], np.float32)
+        for index in range(3):
+            sweep = sweep_at(path, index)
+            more = Sweep(np.vstack([far, sweep.xyz]), sweep.stamp_ns, sweep.frame_id)
+            found = ego_motion.pose_of(more)
+        assert_near(found.world_from_sensor, path(2))
+
+
+class TestTheSameSweepAgain:
+    @pytest.mark.parametrize("is_bad", [False, True])
+    def test_has_its_pose_and_changes_nothing(self, is_bad):
+        path, once, often = moved(1.5, 0), EgoMotion(REGISTRATION), EgoMotion(REGISTRATION)
+        sweeps = [sweep_at(path, index) for index in range(6)]
+        sweeps[3] = with_few_points(3, 0) if is_bad else sweeps[3]
+        for sweep in sweeps:
+            expected = once.pose_of(sweep)
+            found = [often.pose_of(sweep) for _ in range(3)]
+            for item in found:
+                assert item.source is expected.source
+                np.testing.assert_array_equal(item.world_from_sensor, expected.world_from_sensor)
+
+
+class TestNewStart:
+    @pytest.mark.parametrize(
+        "odd",
+        [
+            {"index": 2.5 + 20},
+            {"index": -3},
+            {"index": 3, "frame_id": "other"},
+        ],
+        ids=["gap", "time went back", "other frame"],
+    )
+    def test_after_what_does_not_continue_the_stream(self, odd):
+        path, ego_motion = moved(), EgoMotion(REGISTRATION)
+        poses_of(ego_motion, [sweep_at(path, index) for index in range(3)])
+        index, frame = odd["index"], {"frame_id": odd.get("frame_id", "lidar")}
+        found = poses_of(
+            ego_motion, [sweep_at(path, index, **frame), sweep_at(path, index + 1, **frame)]
+        )
+        assert [item.source for item in found] == [EgoSource.START, EgoSource.REGISTRATION]
+        np.testing.assert_array_equal(found[0].world_from_sensor, np.eye(4))
+        step = np.linalg.inv(path(index)) @ path(index + 1)
+        assert_near(found[1].world_from_sensor, step)
+
+    def test_not_after_the_longest_gap_that_is_allowed(self):
+        path, ego_motion = moved(0.01, 0), EgoMotion(REGISTRATION)
+        found = poses_of(ego_motion, [sweep_at(path, index) for index in (0, 20)])
+        assert found[1].source is EgoSource.REGISTRATION
+
+    def test_not_with_equal_stamps(self):
+        path, ego_motion = moved(), EgoMotion(REGISTRATION)
+        for index in range(4):
+            found = ego_motion.pose_of(Sweep(sweep_at(path, index).xyz))
+        assert found.source is EgoSource.REGISTRATION
+        assert_near(found.world_from_sensor, path(3))
+
+
+class TestOdometry:
+    def test_is_taken_as_it_is(self):
+        """Wrong odometry shows that nothing else was used; only its motion counts."""
+        ego_motion = EgoMotion(ODOMETRY)
+        errors_m = [0.0, 0.1, 0.3]
+        found = [
+            ego_motion.pose_of(sweep_at(moved(), index, with_odometry=True, error_m=error_m))
+            for index, error_m in enumerate(errors_m)
+        ]
+        assert [item.source for item in found] == [EgoSource.START] + 2 * [EgoSource.ODOMETRY]
+        expected = pose(0.3) @ moved()(2)
+        np.testing.assert_allclose(found[2].world_from_sensor, expected, atol=1e-9)
+
+    def test_is_not_looked_at_unless_it_is_wanted(self):
+        ego_motion = EgoMotion(REGISTRATION)
+        sweeps = [
+            sweep_at(moved(), index, with_odometry=True, error_m=float(index)) for index in (0, 1)
+        ]
+        assert_near(poses_of(ego_motion, sweeps)[1].world_from_sensor, moved()(1))
+
+    def test_lost_and_found_makes_no_jump(self):
+        ego_motion, path = EgoMotion(ODOMETRY), moved()
+        has_odometry = [True] * 3 + [False] * 3 + [True] * 3
+        found = [
+            ego_motion.pose_of(sweep_at(path, index, with_odometry=known))
+            for index, known in enumerate(has_odometry)
+        ]
+        words = [item.source for item in found]
+        # Two poses make a motion: the first sweep with odometry again is still registered.
+        assert words == [
+            EgoSource.START,
+            *(2 * [EgoSource.ODOMETRY]),
+            *(4 * [EgoSource.REGISTRATION]),
+            *(2 * [EgoSource.ODOMETRY]),
+        ]
+        for index, item in enumerate(found):
+            assert_near(item.world_from_sensor, path(index))
+
+    def test_that_starts_elsewhere_after_a_loss_makes_no_jump(self):
+        ego_motion, path = EgoMotion(ODOMETRY), moved()
+        for index in range(6):
+            error_m = 0.0 if index < 3 else 1000.0
+            sweep = sweep_at(path, index, with_odometry=index != 3, error_m=error_m)
+            found = ego_motion.pose_of(sweep)
+        assert found.source is EgoSource.ODOMETRY
+        assert_near(found.world_from_sensor, path(5))
+
+    @pytest.mark.parametrize("jump_m", [12.0, -500.0, 1e200])
+    def test_that_jumps_leaves_registration_for_one_sweep(self, jump_m):
+        ego_motion, path = EgoMotion(ODOMETRY), moved()
+        found = []
+        for index in range(6):
+            error_m = 0.0 if index < 3 else jump_m
+            sweep = sweep_at(path, index, with_odometry=True, error_m=error_m)
+            found.append(ego_motion.pose_of(sweep))
+        is_jump = abs(jump_m) < 1e100
+        words = [item.source for item in found]
+        assert words[1:4] == [*(2 * [EgoSource.ODOMETRY]), EgoSource.REGISTRATION]
+        if is_jump:
+            assert words[4:] == 2 * [EgoSource.ODOMETRY]
+            assert_near(found[-1].world_from_sensor, path(5))
+        assert all(np.isfinite(item.world_from_sensor).all() for item in found)
+
+    def test_that_never_comes_leaves_registration(self):
+        ego_motion, path = EgoMotion(ODOMETRY), moved()
+        found = poses_of(ego_motion, [sweep_at(path, index) for index in range(3)])
+        assert [item.source for item in found[1:]] == 2 * [EgoSource.REGISTRATION]
+        assert_near(found[2].world_from_sensor, path(2))
+
+
+def test_the_map_forgets_and_the_path_goes_on():
+    short = Settings().changed({"ego_motion.map_sweeps": 1}).ego_motion
+    path, ego_motion = moved(0.8, 0), EgoMotion(short)
+    for index in range(8):
+        found = ego_motion.pose_of(sweep_at(path, index))
+    assert_near(found.world_from_sensor, path(7), within_m=0.05)

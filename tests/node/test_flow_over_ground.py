@@ -1,0 +1,281 @@
+"""What the node says beside the flow: what moves over ground, and how the sensor itself does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from box_street import INTERVAL_NS, BoxStreet, pose
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from scene_flow_peer import stamp_of
+from scene_flow_process import QUICK
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from synthetic_clouds import column, flow_columns, velocity_columns, xyz_columns, xyz_message
+
+STREET = BoxStreet()
+POINTS_PER_CAR = 400
+ON_STREET = QUICK | {"ground.remove": "true"}
+STEP_M, TURN_DEG = 0.6, 1.0
+CAR_STEP_M = 0.9
+START_NS = 500_000 * 10**9
+
+BAD_ODOMETRY = "odometry_undecodable"
+ODOMETRY_WORLD = pose(50, 20, 1, yaw_deg=120)
+
+
+def path(index):
+    return pose(STEP_M * index, yaw_deg=TURN_DEG * index)
+
+
+def street_message(index, drive_number=0):
+    """The street with a car that drives ahead; the points of the car are the last ones."""
+    car = (8 + CAR_STEP_M * index, -2.0)
+    xyz = STREET.xyz(path(index), seed=index, cars=[car], points_per_box=POINTS_PER_CAR)
+    return xyz_message(xyz, stamp_ns=START_NS + drive_number * 10**12 + index * INTERVAL_NS)
+
+
+def odometry_message(index, drive_number=0, orientation=None):
+    """The robot where it is at a sweep, in a world of its own."""
+    world_from_robot = ODOMETRY_WORLD @ path(index)
+    message = Odometry(child_frame_id="base_link")
+    message.header.frame_id = "odom"
+    stamp_ns = START_NS + drive_number * 10**12 + round(index * INTERVAL_NS)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    position, turn = message.pose.pose.position, message.pose.pose.orientation
+    position.x, position.y, position.z = world_from_robot[:3, 3].tolist()
+    quaternion = Rotation.from_matrix(world_from_robot[:3, :3]).as_quat().tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternion if orientation is None else orientation
+    return message
+
+
+def matrix_of(message):
+    """(4, 4) the pose of an odometry message."""
+    position, turn = message.pose.pose.position, message.pose.pose.orientation
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    matrix[:3, 3] = position.x, position.y, position.z
+    return matrix
+
+
+class Heard:
+    """All that came on a topic, by stamp if it has one."""
+
+    def __init__(self, peer, message_type, topic, *, latched=False):
+        policy = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        qos = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=policy)
+        self.messages = []
+        self._peer, self._topic = peer, topic
+        self._subscription = peer.node.create_subscription(
+            message_type, topic, self.messages.append, qos
+        )
+
+    def wait_for_publisher(self):
+        self._peer.spin_until(
+            lambda: self._peer.node.count_publishers(self._topic) == 1, f"{self._topic}"
+        )
+
+    def of(self, cloud):
+        """The message with the stamp of a cloud."""
+
+        def found():
+            return next((m for m in self.messages if stamp_of(m) == stamp_of(cloud)), None)
+
+        return self._peer.spin_until(found, f"{self._topic} of {stamp_of(cloud)}")
+
+    def close(self):
+        self._peer.node.destroy_subscription(self._subscription)
+
+
+@pytest.fixture(scope="module")
+def process(start_node):
+    process = start_node(ON_STREET, "-r", "__node:=street")
+    yield process
+    assert process.stop() == 0
+    assert "Traceback" not in process.log
+
+
+@pytest.fixture(scope="module")
+def street_peer(process, make_peer):
+    peer = make_peer(process, node_name="/street")
+    peer.wait_for_node()
+    return peer
+
+
+@pytest.fixture
+def hear(street_peer):
+    """Subscribes to a topic of the node for a test."""
+    heard = []
+
+    def start(message_type, name, **options):
+        heard.append(Heard(street_peer, message_type, f"/street/{name}", **options))
+        heard[-1].wait_for_publisher()
+        return heard[-1]
+
+    yield start
+    for each in heard:
+        each.close()
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    """Numbers of drives, each with a time of its own."""
+    return iter(range(1000))
+
+
+def test_moving_and_standing_points_are_the_two_parts_of_the_flow(street_peer, hear, numbers):
+    moving, standing = (hear(PointCloud2, f"flow/{name}") for name in ("moving", "standing"))
+    number = next(numbers)
+    # A subscriber that is just being found may miss the first.
+    clouds = [street_message(index, number) for index in range(6)]
+    street_peer.send(*clouds)
+    flow = street_peer.flow_of(clouds[4])
+    is_moving = column(flow, "dynamic").astype(bool)
+    assert 0 < is_moving.sum() < POINTS_PER_CAR * 1.2
+    assert is_moving[-POINTS_PER_CAR:].mean() > 0.7
+    for heard, mask in ((moving, is_moving), (standing, ~is_moving)):
+        part = heard.of(clouds[4])
+        assert part.header == flow.header
+        assert (part.height, part.width, part.is_dense) == (1, int(mask.sum()), True)
+        assert list(part.fields) == list(flow.fields)
+        for name in ("intensity", "dynamic", "confidence", "vx", "flow_x"):
+            np.testing.assert_array_equal(column(part, name), column(flow, name)[mask])
+        np.testing.assert_array_equal(xyz_columns(part), xyz_columns(flow)[mask])
+
+
+def test_velocity_is_over_ground_in_metres_per_second(street_peer, numbers):
+    number = next(numbers)
+    clouds = [street_message(index, number) for index in range(4)]
+    street_peer.send(*clouds)
+    flow = street_peer.flow_of(clouds[2])
+    is_moving = column(flow, "dynamic").astype(bool)[-POINTS_PER_CAR:]
+    velocities = velocity_columns(flow)[-POINTS_PER_CAR:][is_moving]
+    expected = 10 * CAR_STEP_M * path(2)[0, :3]
+    np.testing.assert_allclose(velocities, np.broadcast_to(expected, velocities.shape), atol=0.4)
+    # The flow itself has the sensor's motion in it: the car drives ahead of it slowly.
+    ahead = flow_columns(flow)[-POINTS_PER_CAR:][is_moving]
+    assert np.median(ahead[:, 0]) == pytest.approx(CAR_STEP_M - STEP_M, abs=0.08)
+
+
+def test_ego_motion_is_the_pose_and_the_twist_of_the_sensor(street_peer, hear, numbers):
+    ego_motion, number = hear(Odometry, "ego_motion"), next(numbers)
+    clouds = [street_message(index, number) for index in range(6)]
+    street_peer.send(*clouds)
+    street_peer.flow_of(clouds[4])
+    message = ego_motion.of(clouds[4])
+    assert (message.header.frame_id, message.child_frame_id) == ("scene_flow_odom", "lidar")
+    assert message.header.stamp == clouds[4].header.stamp
+    np.testing.assert_allclose(matrix_of(message), path(4), atol=0.03)
+    twist = message.twist.twist
+    # In the sensor's own axes, forward and to the left positive; the street goes along x.
+    linear = (twist.linear.x, twist.linear.y, twist.linear.z)
+    np.testing.assert_allclose(linear, 10 * STEP_M * path(4)[0, :3], atol=0.15)
+    assert twist.angular.z == pytest.approx(np.radians(10 * TURN_DEG), abs=0.02)
+
+
+def test_source_is_latched(street_peer, hear, numbers):
+    number = next(numbers)
+    clouds = [street_message(index, number) for index in range(4)]
+    street_peer.send(*clouds)
+    street_peer.flow_of(clouds[2])
+    source = hear(String, "ego_motion/source", latched=True)
+    street_peer.spin_until(lambda: source.messages, "the source, though it was said before")
+    assert source.messages[-1].data == "registration"
+
+
+class TestOdometry:
+    @pytest.fixture(autouse=True)
+    def odometry_wanted(self, street_peer):
+        assert street_peer.set({"ego_motion.source": "odometry"})[0].successful
+        yield
+        assert street_peer.set({"ego_motion.source": "registration"})[0].successful
+
+    @pytest.fixture
+    def publish_odometry(self, street_peer):
+        """Publishes odometry once the node has heard some, of the kind that is only counted."""
+        publisher = street_peer.node.create_publisher(Odometry, "/street/odometry", 100)
+        before, bad = street_peer.count(BAD_ODOMETRY), odometry_message(0, orientation=4 * (0.0,))
+
+        def is_heard():
+            publisher.publish(bad)
+            return street_peer.count(BAD_ODOMETRY) > before
+
+        street_peer.spin_until(is_heard, "odometry to be heard")
+        street_peer.wait_for_diagnostics()
+        yield publisher.publish
+        street_peer.node.destroy_publisher(publisher)
+
+    def send(self, peer, publish, index, number, *, with_odometry=True):
+        """A sweep, and before it the odometry of its time, as a robot sends it."""
+        if with_odometry:
+            for step in (0.4, 0.2, 0.0):
+                publish(odometry_message(index - step, number))
+            # Two topics have no order between each other.
+            peer.wait_for_diagnostics()
+        cloud = street_message(index, number)
+        peer.send(cloud)
+        return cloud
+
+    def test_is_used_and_its_loss_is_degraded_but_no_jump(
+        self, street_peer, publish_odometry, hear, numbers
+    ):
+        peer, number = street_peer, next(numbers)
+        ego_motion, source = (
+            hear(Odometry, "ego_motion"),
+            hear(String, "ego_motion/source", latched=True),
+        )
+        has_odometry = 5 * [True] + 4 * [False] + 4 * [True]
+        clouds, words, levels = [], [], []
+        for index, known in enumerate(has_odometry):
+            clouds.append(self.send(peer, publish_odometry, index, number, with_odometry=known))
+            if index >= 2:
+                peer.flow_of(clouds[-2])
+                peer.wait_until_settled()
+                words.append(peer.values("ego motion")["source"])
+                levels.append(peer.status("ego motion").level)
+        # The motion is that to the next sweep, 2 to 12. Odometry holds a tenth of a second longer,
+        # and two poses make a motion.
+        assert words == 4 * ["odometry"] + 4 * ["registration"] + 3 * ["odometry"]
+        ok, warn = DiagnosticStatus.OK, DiagnosticStatus.WARN
+        assert levels == 4 * [ok] + 4 * [warn] + 3 * [ok]
+        texts = {item["ego motion"].message for item in peer.diagnostics}
+        assert "degraded: no odometry, registration instead" in texts
+        assert [item.data for item in source.messages[-3:]] == [
+            *("odometry", "registration", "odometry")
+        ]
+        for index in range(1, len(clouds) - 1):
+            pose_there = matrix_of(ego_motion.of(clouds[index]))
+            np.testing.assert_allclose(pose_there, path(index), atol=0.03)
+
+    def test_that_is_not_newer_is_left_out_and_counted(
+        self, street_peer, publish_odometry, numbers
+    ):
+        peer, number = street_peer, next(numbers)
+        before = peer.count("odometry_out_of_order")
+        for index in (1.0, 1.0, 0.5):
+            publish_odometry(odometry_message(index, number))
+        peer.spin_until(
+            lambda: peer.count("odometry_out_of_order") == before + 2, "two to be counted"
+        )
+
+    def test_that_makes_no_sense_is_left_out_and_counted(
+        self, street_peer, publish_odometry, numbers, process
+    ):
+        peer, number = street_peer, next(numbers)
+        before = peer.count(BAD_ODOMETRY)
+        bad = [
+            odometry_message(0, number, orientation=(0.0, 0.0, 0.0, 0.0)),
+            odometry_message(0, number, orientation=(0.0, 0.0, 0.0, float("nan"))),
+            odometry_message(0, number),
+            odometry_message(0, number),
+        ]
+        bad[2].pose.pose.position.x = float("inf")
+        bad[3].pose.pose.position.x = 1e300
+        for message in bad:
+            publish_odometry(message)
+        peer.spin_until(lambda: peer.count(BAD_ODOMETRY) == before + 4, "four to be counted")
+        assert process.log.count("an odometry message is left out: odometry: got position") == 1
+        clouds = [self.send(peer, publish_odometry, index, number) for index in range(3)]
+        assert np.isfinite(flow_columns(peer.flow_of(clouds[1]))).all()

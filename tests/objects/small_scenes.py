@@ -1,0 +1,47 @@
+"""Sweeps of a few boxes in empty space, made ready without ground removal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.target import Target
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep
+
+SETTINGS = Settings().changed({"ground.remove": False, "objects.thinning_m": 0.02})
+
+
+def surface(center, size=(2.0, 1.5, 1.5), num_points=300):
+    """(N, 3) points of a box's sides, the same at every place."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.5, 0.5, (num_points, 3))
+    rows, axes = np.arange(num_points), rng.integers(0, 3, num_points)
+    points[rows, axes] = np.copysign(0.5, points[rows, axes])
+    return (points * size + center).astype(np.float32)
+
+
+def prepared(*parts, world_from_sensor=None, stamp_ns=0, settings=SETTINGS):
+    """A sweep of these points, made ready."""
+    pose = np.eye(4) if world_from_sensor is None else world_from_sensor
+    xyz = np.concatenate([np.asarray(part, np.float32).reshape(-1, 3) for part in parts])
+    sweep = Sweep(xyz, stamp_ns, "lidar")
+    return ObjectSweep(sweep, SensorPose(pose, EgoSource.START), settings)
+
+
+def objects_of(sweep, **changes):
+    """The objects of a prepared sweep."""
+    settings = SETTINGS.changed({f"objects.{name}": value for name, value in changes.items()})
+    return ObjectPoints.of(sweep, settings.objects)
+
+
+def target(of, current, steps=1.0):
+    """Another prepared sweep as a target for the current one."""
+    return Target.of(of, current, steps)
+
+
+def rows(*values):
+    """(K, 3) float32."""
+    return np.array(values, np.float32).reshape(-1, 3)

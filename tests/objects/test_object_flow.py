@@ -1,0 +1,285 @@
+"""The online estimator on a street of boxes, one of which drives while the sensor does, too."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from box_street import BoxStreet, pose, stamp_ns, triplets_of, unrelated_sweep
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.rigid_motion import rigid_flow
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+STREET = BoxStreet()
+SETTINGS = Settings().changed({"compute.device": "cpu"})
+POINTS_PER_CAR = 400
+# Over the ground, metres per tenth of a second.
+VELOCITY = np.array([0.8, 0.05, 0.0])
+
+
+def path(index):
+    return pose(0.6 * index, yaw_deg=1.0 * index)
+
+
+def sweep(index, velocity=VELOCITY, **how):
+    car = np.array([8.0, -2.0]) + index * np.asarray(velocity)[:2]
+    return STREET.sweep(path(index), index, cars=[car], points_per_box=POINTS_PER_CAR, **how)
+
+
+def drive(*indices, **how):
+    return [sweep(index, **how) for index in indices]
+
+
+def triplet(*indices, **how):
+    return SweepTriplet(*drive(*indices, **how))
+
+
+def estimate(triplet, **changes):
+    return ObjectFlowEstimator(SETTINGS.changed(changes)).estimate(triplet)
+
+
+def of_car(sweep):
+    """(N,) the points of the car that are too high above the road for ground."""
+    height_m = sweep.xyz[:, 2] + 1.8
+    return (np.arange(len(sweep)) >= len(sweep) - POINTS_PER_CAR) & (height_m > 0.4)
+
+
+def truth(index, next_index, sweep, velocity=VELOCITY):
+    """(N, 3) true flow and true motion over ground."""
+    motion = np.zeros((len(sweep), 3))
+    motion[of_car(sweep)] = (next_index - index) * np.asarray(velocity) @ path(index)[:3, :3]
+    next_from_current = np.linalg.inv(path(next_index)) @ path(index)
+    return rigid_flow(sweep.xyz + motion, next_from_current) + motion, motion
+
+
+def assert_right(result, current, index, next_index, velocity=VELOCITY):
+    """Flow, mask and motion over ground are right to a few centimetres."""
+    car, known = of_car(current), result.over_ground
+    flow, motion = truth(index, next_index, current, velocity)
+    # What of the car is lower than 0.4 m may count as ground or not.
+    rest = np.arange(len(current)) < len(current) - POINTS_PER_CAR
+    assert known.dynamic[car].all()
+    assert known.dynamic[rest].mean() < 0.01
+    errors_m = np.linalg.norm(result.flow - flow, axis=1)
+    assert errors_m[car].max() < 0.05
+    assert errors_m[rest].mean() < 0.02
+    np.testing.assert_allclose(known.motion[car], motion[car], atol=0.04)
+    assert not known.motion[~known.dynamic].any()
+    assert np.isfinite(result.flow).all()
+    assert ((known.confidence >= 0) & (known.confidence <= 1)).all()
+
+
+@pytest.mark.parametrize(
+    "velocity",
+    [VELOCITY, (0.3, 0, 0), (-1.2, 0.1, 0), (2.5, 0, 0), (0.0, 0.15, 0)],
+    ids=["as fast", "slow", "oncoming", "very fast", "crossing"],
+)
+def test_ego_motion_and_one_car_are_told_apart(velocity):
+    current = sweep(1, velocity)
+    result = estimate(SweepTriplet(sweep(0, velocity), current, sweep(2, velocity)))
+    assert_right(result, current, 1, 2, velocity)
+    assert result.over_ground.source == "registration"
+
+
+def test_each_triplet_of_a_drive_from_a_warm_start():
+    estimator, starts = ObjectFlowEstimator(SETTINGS), []
+    for index, each in enumerate(triplets_of(drive(*range(7))), start=1):
+        result = estimator.estimate(each)
+        assert_right(result, each.current, index, index + 1)
+        expected = np.linalg.inv(path(0)) @ path(index)
+        np.testing.assert_allclose(result.over_ground.world_from_sensor, expected, atol=0.02)
+        starts.append(result.start)
+    assert starts == [Start.COLD_FIRST] + 4 * [Start.WARM]
+
+
+def test_two_sweeps_are_enough():
+    pair = SweepTriplet(None, *drive(1, 2))
+    result = estimate(pair)
+    assert_right(result, pair.current, 1, 2)
+    assert "backward" not in result.times_ms
+
+
+@pytest.mark.parametrize("indices", [(0, 1, 3), (0, 2, 3), (0, 1, 1.5)])
+def test_unequal_intervals(indices):
+    each = triplet(*indices)
+    assert_right(estimate(each), each.current, *indices[1:])
+
+
+def test_without_stamps_the_intervals_are_taken_for_equal():
+    sweeps = [Sweep(each.xyz) for each in drive(0, 1, 2)]
+    result = estimate(SweepTriplet(*sweeps))
+    assert_right(result, sweeps[1], 1, 2)
+    assert result.start is Start.COLD_FIRST
+
+
+def test_start_is_cold_after_a_gap_that_ends_the_world():
+    estimator = ObjectFlowEstimator(SETTINGS)
+    estimator.estimate(triplet(0, 1, 2))
+    assert estimator.estimate(triplet(30, 31, 32)).start is Start.COLD_GAP
+
+
+def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
+    estimator, sweeps = ObjectFlowEstimator(SETTINGS), drive(*range(6))
+    # Nothing of the street, so that neither it nor the sweep after it can be registered.
+    sweeps[3] = unrelated_sweep(3)
+    results = [estimator.estimate(each) for each in triplets_of(sweeps)]
+    sources = [result.over_ground.source for result in results]
+    assert sources == ["registration", *(2 * ["constant velocity"]), "registration"]
+    for result in results[1:3]:
+        assert not result.over_ground.confidence.any()
+    assert "backward" not in results[3].times_ms
+    assert_right(results[3], sweeps[4], 4, 5)
+
+
+def test_nothing_moves_on_a_street_without_the_car():
+    sweeps = [STREET.sweep(path(index), index) for index in range(3)]
+    known = estimate(SweepTriplet(*sweeps)).over_ground
+    assert known.dynamic.mean() < 0.01
+
+
+def test_ground_walls_and_nothing_else():
+    """No object at all: fewer points than any object needs, and a wall too long for one."""
+    ground = np.random.default_rng(0).uniform((-30, -10, -1.8), (30, 10, -1.8), (3000, 3))
+    wall = np.stack(np.meshgrid(np.arange(-20, 20, 0.2), 8, np.arange(-1.5, 1, 0.3)), -1)
+    xyz = np.vstack([ground, wall.reshape(-1, 3)]).astype(np.float32)
+    result = estimate(SweepTriplet(*(Sweep(xyz, stamp_ns(index)) for index in range(3))))
+    assert not result.over_ground.dynamic.any()
+    # Nothing holds the sensor along the wall but the pattern of its points.
+    np.testing.assert_allclose(result.flow, 0, atol=0.01)
+
+
+def points(num_points):
+    angles = np.linspace(0, 2 * np.pi, num_points, endpoint=False)
+    return np.stack([10 * np.cos(angles), 10 * np.sin(angles), 0 * angles], 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("num_points", [10, 60])
+def test_very_few_points(num_points):
+    sweeps = [Sweep(points(num_points), stamp_ns(index)) for index in range(3)]
+    result = estimate(SweepTriplet(*sweeps), **{"ground.remove": False})
+    np.testing.assert_allclose(result.flow, 0, atol=1e-6)
+    expected = "constant velocity" if num_points < 50 else "registration"
+    assert result.over_ground.source == expected
+
+
+@pytest.mark.parametrize("num_points", [0, 1, 9])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_too_few_points_are_refused_and_the_next_triplet_is_fine(num_points, place):
+    estimator, sweeps = ObjectFlowEstimator(SETTINGS), drive(0, 1, 2)
+    sweeps[place] = Sweep(points(num_points), stamp_ns(place), "lidar")
+    text = rf"^sweep {stamp_ns(place)}: \d of {num_points} points are left"
+    with pytest.raises(SweepError, match=text):
+        estimator.estimate(SweepTriplet(*sweeps))
+    each = triplet(3, 4, 5)
+    assert_right(estimator.estimate(each), each.current, 4, 5)
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e20, 3e38])
+def test_points_at_huge_coordinates_do_no_harm(far):
+    corners = np.array(list(itertools.product((-far, 0, far), repeat=3)), np.float32)
+    sweeps = [
+        Sweep(np.vstack([corners, each.xyz]), each.stamp_ns, each.frame_id)
+        for each in drive(0, 1, 2)
+    ]
+    result = estimate(SweepTriplet(*sweeps))
+    plain = estimate(triplet(0, 1, 2))
+    np.testing.assert_allclose(result.flow[27:], plain.flow, atol=0.03)
+    assert not np.isnan(result.over_ground.confidence).any()
+    assert not result.over_ground.dynamic[:27].any()
+
+
+def test_estimate_can_be_abandoned_before_each_step():
+    each = triplet(0, 1, 2)
+    num_steps = len(estimate(each).times_ms)
+    assert num_steps >= 7
+    for allowed in range(num_steps):
+        answers = iter([False] * allowed + [True])
+        with pytest.raises(CancelledError):
+            ObjectFlowEstimator(SETTINGS).estimate(each, lambda answers=answers: next(answers))
+
+
+def test_after_an_abandoned_estimate_the_next_one_is_fine():
+    estimator = ObjectFlowEstimator(SETTINGS)
+    with pytest.raises(CancelledError):
+        estimator.estimate(triplet(0, 1, 2), lambda: True)
+    each = triplet(1, 2, 3)
+    assert_right(estimator.estimate(each), each.current, 2, 3)
+
+
+class TestManyMovers:
+    CARS = tuple((x, -2.0) for x in (-16, -8, 8, 16))
+
+    def triplet(self):
+        def at(index):
+            cars = [(x + 0.6 * index, y) for x, y in self.CARS]
+            return STREET.sweep(pose(0.2 * index), index, cars=cars)
+
+        return SweepTriplet(at(0), at(1), at(2))
+
+    def moving_share(self, result):
+        """Of each car the share of points that are said to move."""
+        cars = result.over_ground.dynamic[-1600:].reshape(4, 400)
+        return cars.mean(axis=1)
+
+    def test_all_are_found(self):
+        result = estimate(self.triplet())
+        assert (self.moving_share(result) > 0.8).all()
+        assert result.num_left_out == 0
+
+    def test_the_nearest_ones_are_looked_at_and_the_others_counted(self):
+        result = estimate(self.triplet(), **{"objects.max_suspects": 2})
+        np.testing.assert_array_equal(self.moving_share(result) > 0.5, [False, True, True, False])
+        assert result.num_left_out >= 2
+        # Nobody looked whether they move: that they stand is doubtful, as of all suspects.
+        left_out = result.over_ground.confidence[-1600:].reshape(4, 400)[[0, 3]]
+        assert (np.median(left_out, axis=1) < 0.9).all()
+
+    def test_faster_than_the_fastest_object_none_is_found(self):
+        each = self.triplet()
+        result = estimate(each, **{"objects.max_speed_m_s": 1.0, "objects.max_iterations": 1})
+        known = result.over_ground
+        speeds = np.linalg.norm(known.motion, axis=1)
+        # One step of the fit from where nothing was found to move by more than a cell.
+        assert speeds.max() < 0.6
+
+
+class TestChangedSettings:
+    def test_that_change_nothing_about_objects_keep_what_is_known(self):
+        estimator, (first, second) = ObjectFlowEstimator(SETTINGS), triplets_of(drive(*range(4)))
+        estimator.estimate(first)
+        other = estimator.with_settings(SETTINGS.changed({"node.stale_after_s": 5.0}))
+        assert other.estimate(second).start is Start.WARM
+        assert other.settings.node.stale_after_s == 5.0
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            {"crop.max_range_m": 50.0},
+            {"ground.margin_m": 0.25},
+            {"objects.cell_size_m": 0.4},
+            {"ego_motion.thinning_m": 0.4},
+        ],
+    )
+    def test_that_change_what_an_object_is_forget_it(self, change):
+        estimator = ObjectFlowEstimator(SETTINGS)
+        estimator.estimate(triplet(0, 1, 2))
+        other = estimator.with_settings(SETTINGS.changed(change))
+        assert other.estimate(triplet(1, 2, 3)).start is Start.COLD_FIRST
+
+    def test_of_the_warm_start_hold_at_once(self):
+        estimator = ObjectFlowEstimator(SETTINGS)
+        estimator.estimate(triplet(0, 1, 2))
+        off = estimator.with_settings(SETTINGS.changed({"warm_start.enabled": False}))
+        assert off.estimate(triplet(1, 2, 3)).start is Start.COLD_BY_SETTING
+        short = estimator.with_settings(SETTINGS.changed({"warm_start.max_gap_s": 0.05}))
+        assert short.estimate(triplet(4, 5, 6)).start is Start.COLD_GAP
+
+    def test_without_warm_start_nothing_is_known(self):
+        estimator = ObjectFlowEstimator(SETTINGS.changed({"warm_start.enabled": False}))
+        results = [estimator.estimate(each) for each in triplets_of(drive(*range(4)))]
+        assert [result.start for result in results] == 2 * [Start.COLD_BY_SETTING]

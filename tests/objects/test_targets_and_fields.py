@@ -1,0 +1,207 @@
+"""Another sweep as a target, votes for a shift, and the fields that settle it."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from box_street import pose
+from small_scenes import objects_of, prepared, rows, surface, target
+
+from mnsf_ros.objects.motion_field import MotionField, fit_motion_field
+from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse_motions, judge
+from mnsf_ros.objects.motion_votes import voted_motions
+from mnsf_ros.objects.voting_grid import VotingGrid
+
+BOX_AT = (10.0, 2.0, 0.0)
+MOTION = np.array([0.9, -0.4, 0.0], np.float32)
+
+
+def moved_box(factor=1.0):
+    return surface(np.add(BOX_AT, factor * MOTION))
+
+
+@pytest.fixture(scope="module")
+def current():
+    return prepared(moved_box(0))
+
+
+@pytest.fixture(scope="module")
+def objects(current):
+    return objects_of(current)
+
+
+@pytest.fixture(scope="module")
+def near(current):
+    """The next and the previous sweep of a box that moves."""
+    return [
+        target(prepared(moved_box(1)), current),
+        target(prepared(moved_box(-1)), current, -1.0),
+    ]
+
+
+class TestTarget:
+    def test_what_is_there_is_explained(self, current, objects):
+        assert target(current, current).unexplained(objects) == pytest.approx(0, abs=1e-6)
+
+    def test_what_is_far_off_counts_as_half_a_metre_less_the_spacing(self, current, objects):
+        away = target(prepared(surface((40, 0, 0))), current)
+        expected = 0.5 - objects.spacing.mean()
+        assert away.unexplained(objects) == pytest.approx([expected], abs=1e-4)
+
+    def test_the_right_motion_explains_and_the_wrong_one_does_not(self, objects, near):
+        for each in near:
+            assert each.unexplained(objects, rows(MOTION)) == pytest.approx(0, abs=0.01)
+            assert each.unexplained(objects, rows(-MOTION)) > 0.3
+            assert each.unexplained(objects) > 0.1
+
+    def test_the_sensor_s_own_motion_is_taken_out(self, current, objects):
+        """The same place, seen from another one."""
+        elsewhere = pose(3, -1, 0.2, yaw_deg=25)
+        back = np.linalg.inv(elsewhere)
+        seen = moved_box(1) @ back[:3, :3].T.astype(np.float32) + back[:3, 3].astype(np.float32)
+        other = target(prepared(seen, world_from_sensor=elsewhere), current)
+        np.testing.assert_allclose(other.from_current, back, atol=1e-12)
+        assert other.unexplained(objects, rows(MOTION)) == pytest.approx(0, abs=0.01)
+        pulls, is_near = other.pulls(objects.positions + MOTION + (0, 0, 0.01), 0.5)
+        assert is_near.all()
+        # Thinning moves a few points; the axes are those of the current sweep.
+        np.testing.assert_allclose(np.median(pulls, axis=0), (0, 0, -0.01), atol=2e-3)
+
+    def test_points_out_of_reach_do_not_pull(self, current):
+        pulls, is_near = target(current, current).pulls(rows((50, 0, 0)), 0.4)
+        assert not is_near.any()
+        assert not pulls.any()
+
+
+class TestVotingGrid:
+    def test_a_step_adds_what_a_shift_does(self):
+        points = np.random.default_rng(0).uniform(-5, 5, (50, 3)).astype(np.float32) * (1, 1, 0.1)
+        grid = VotingGrid(points.astype(np.float32), margin_m=3.0)
+        shifts = np.array([[1, 0], [0, 1], [-4, 3]])
+        cells = grid.cells_of(points.astype(np.float32))
+        for shift, step in zip(shifts, grid.steps(shifts), strict=True):
+            shifted = points + np.append(shift, 0) * grid.cell_m
+            difference = grid.cells_of(shifted.astype(np.float32)) - cells
+            # But for points on the edge of a cell.
+            assert np.mean(difference == step) > 0.9
+
+    @pytest.mark.parametrize("extent_m", [10.0, 2e3, 1e6])
+    def test_memory_is_bounded_whatever_the_extent(self, extent_m, current):
+        points = rows((0, 0, 0), (extent_m, extent_m, 50))
+        grid = VotingGrid(points, margin_m=5.0)
+        occupied = grid.occupied(target(current, current))
+        assert occupied.nbytes < 50e6
+        assert grid.cells_of(points).max() < len(occupied)
+        assert grid.cell_m >= extent_m / 1024
+
+    def test_a_cell_above_and_below_a_point_counts_and_beside_it_does_not(self, current):
+        single = prepared(np.repeat(rows((5, 0, 0)), 20, axis=0))
+        grid = VotingGrid(rows((5, 0, 0), (8, 3, 1)), margin_m=2.0)
+        occupied = grid.occupied(target(single, single))
+        assert occupied.sum() == 3
+        asked = rows((5, 0, 0), (5, 0, 0.3), (5, 0, -0.3), (5, 0, 0.7), (5.4, 0, 0))
+        assert occupied[grid.cells_of(asked)].tolist() == [True, True, True, False, False]
+
+
+class TestVotes:
+    @pytest.mark.parametrize("factor", [1.0, 3.0, -2.0, 0.0])
+    def test_find_the_shift_to_within_a_cell(self, current, objects, factor):
+        sweeps = [prepared(moved_box(factor)), prepared(moved_box(-factor))]
+        targets = [target(sweeps[0], current), target(sweeps[1], current, -1.0)]
+        voted = voted_motions(objects, targets, 3.6)
+        assert np.linalg.norm(voted - factor * MOTION, axis=1) < 0.35
+
+    def test_do_without_a_previous_sweep(self, objects, near):
+        voted = voted_motions(objects, near[:1], 3.6)
+        assert np.linalg.norm(voted - MOTION, axis=1) < 0.35
+
+    def test_take_the_short_way_where_nothing_tells(self, current, objects):
+        away = target(prepared(surface((60, 40, 0))), current)
+        np.testing.assert_array_equal(voted_motions(objects, [away], 3.6), [[0, 0, 0]])
+
+    @pytest.mark.parametrize("reach_m", [18.0, 2000.0])
+    def test_of_a_long_time_need_a_bounded_memory(self, current, objects, reach_m):
+        """Half a second at 36 m/s: all shifts times all points at once would be 500 MB."""
+        many = objects_of(
+            prepared(*(surface((x, y, 0)) for x in range(-60, 61, 8) for y in range(-60, 61, 8)))
+        )
+        tracemalloc.start()
+        voted_motions(many, [target(current, current)], reach_m)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < 150e6
+
+    def test_do_not_depend_on_how_many_objects_are_tried_at_once(self, near, current, monkeypatch):
+        many = objects_of(prepared(*(surface((10.0, y, 0)) for y in range(-40, 41, 8))))
+        at_once = voted_motions(many, near, 3.6)
+        monkeypatch.setattr("mnsf_ros.objects.motion_votes._MAX_TRIES", 1)
+        np.testing.assert_array_equal(voted_motions(many, near, 3.6), at_once)
+
+
+class TestMotionField:
+    @pytest.mark.parametrize("steps", [1.0, -1.0, -0.5, 2.0])
+    def test_recovers_a_known_shift(self, current, objects, steps):
+        there = target(prepared(moved_box(steps)), current, steps)
+        start = rows(np.add(MOTION, (0.15, 0.1, 0)))
+        field = fit_motion_field(objects, there, start, 6)
+        np.testing.assert_allclose(field.flows, [steps * MOTION], atol=0.02)
+        assert field.num_matched.tolist() == objects.counts.tolist()
+
+    def test_stays_where_nothing_is(self, current, objects):
+        away = target(prepared(surface((40, 0, 0))), current)
+        field = fit_motion_field(objects, away, rows(MOTION), 6)
+        np.testing.assert_array_equal(field.flows, [MOTION])
+        assert field.num_matched.tolist() == [0]
+
+    def test_of_no_objects_is_empty(self, objects, near):
+        none = objects.only(np.zeros(1, bool))
+        field = fit_motion_field(none, near[0], rows(), 6)
+        assert field.flows.shape == (0, 3)
+
+
+class TestFusion:
+    WRONG = rows((2.0, 2.0, 0.0))
+
+    @pytest.mark.parametrize("wrong", ["forward", "backward", "neither"])
+    def test_chooses_what_explains_both_neighbours(self, objects, near, wrong):
+        matched = objects.counts
+        forward = MotionField(self.WRONG if wrong == "forward" else rows(MOTION), matched)
+        inverted = self.WRONG if wrong == "backward" else rows(MOTION)
+        backward = MotionField(-inverted, matched)
+        fused = fuse_motions(objects, Targets(near, ()), forward, backward, inverted)
+        np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
+        expected = 0 if wrong == "neither" else np.linalg.norm(self.WRONG - MOTION)
+        assert fused.disagreement == pytest.approx([expected], abs=1e-5)
+
+    def test_mean_is_weighted_by_what_was_matched(self, objects, near):
+        """Three quarters of the points agree with the forward field."""
+        off = rows((0.04, 0.0, 0.0))
+        forward, backward = MotionField(rows(MOTION) + off, np.array([3])), np.array([1])
+        inverted = rows(MOTION) - 3 * off
+        fused = fuse_motions(
+            objects, Targets(near, ()), forward, MotionField(-inverted, backward), inverted
+        )
+        np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
+
+    def test_what_has_no_match_at_all_is_no_division_by_zero(self, objects, near):
+        nothing = MotionField(rows((0, 0, 0)), np.array([0]))
+        fused = fuse_motions(objects, Targets(near, ()), nothing, nothing, rows((0, 0, 0)))
+        assert np.isfinite(fused.motions).all()
+
+    def test_in_doubt_the_first_wins(self):
+        first = judged(rows((1, 0, 0)), 0.1)
+        assert best_of([first, judged(rows((2, 0, 0)), 0.098)]).motions[0, 0] == 1
+        assert best_of([first, judged(rows((2, 0, 0)), 0.097)]).motions[0, 0] == 2
+
+    def test_cost_is_the_mean_of_both_neighbours(self, objects, near):
+        standing = judge(objects, Targets(near, near[:1]), rows((0, 0, 0)))
+        each = [float(item.unexplained(objects)[0]) for item in near]
+        assert standing.cost == pytest.approx([np.mean(each)])
+        assert standing.past == pytest.approx(np.array([each[:1]]))
+
+
+def judged(motions, cost):
+    near = np.full((len(motions), 2), cost)
+    return JudgedMotions(motions, near, near[:, :0], np.zeros(len(motions), np.float32))
