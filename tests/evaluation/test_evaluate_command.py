@@ -6,6 +6,7 @@ import argparse
 import itertools
 import json
 import re
+from importlib.util import find_spec
 
 import pytest
 import small_evaluations as small
@@ -201,7 +202,11 @@ def test_number_of_points_is_a_number_or_all(bag, tmp_path, capsys, number):
         (["--num-points", "0"], "num_points: got 0"),
         (["--realtime", "-1"], "realtime rate: got -1.0"),
         (["--workers", "0"], "workers: got 0"),
-        (["--ray", "127.0.0.1:9"], "no Ray cluster at '127.0.0.1:9'"),
+        pytest.param(
+            ["--ray", "127.0.0.1:9"],
+            "no Ray cluster at '127.0.0.1:9'",
+            marks=pytest.mark.skipif(find_spec("ray") is None, reason="Ray is not installed"),
+        ),
     ],
 )
 def test_what_cannot_be_used_is_said_before_anything_is_written(bag, tmp_path, arguments, text):
