@@ -59,7 +59,7 @@ def scored_row(
         stage_times_ms=dict(estimate.times_ms),
         stop_reasons=estimate.stop_reasons,
         iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
-        start=estimate.start.value if estimate.fits else "",
+        start=estimate.start.value if estimate.fits or estimate.over_ground else "",
         device=estimate.device,
     )
     answered = _answered(example, estimate)

@@ -348,3 +348,10 @@ def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
 def test_settings_error_before_anything_is_written(bag):
     with pytest.raises(SettingsError, match="unknown method"):
         list(run_task(small.task_at(bag, "nothing"), small.options()))
+
+
+def test_rows_of_the_online_method_say_whether_it_knew_the_sweeps_before(bag):
+    options = small.options({"warm_start.enabled": True})
+    starts = [row.start for row in rows_of(small.task_at(bag, "mnsf-objects"), options)]
+    assert starts[0] == "cold: first triplet"
+    assert set(starts[1:]) == {"warm"}
