@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.cli.setting_values import parse_assignments
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.cli.setting_values import add_setting_arguments, parse_assignments
+from mnsf_ros.presets import preset
 
 EXIT_DAMAGED = 3
 ALL_POINTS = "all"
@@ -48,15 +48,7 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
         help="methods; file:DIR for predictions that another program wrote, command:LINE for a "
         "program that makes them; may be repeated (default: mnsf)",
     )
-    group.add_argument("--preset", choices=PRESET_NAMES, default="paper")
-    group.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="change a setting, for example crop.max_range_m=35; may be repeated",
-    )
+    add_setting_arguments(group)
     group.add_argument(
         "--num-points",
         type=_num_points,

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterable
 from contextlib import suppress
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.presets import PRESET_NAMES
 from mnsf_ros.settings import SettingValue, declared_setting
 
 _WORDS = {"true": True, "false": False}
+
+
+def add_setting_arguments(group: argparse._ActionsContainer) -> None:
+    """Adds `--preset` and `--set` to a parser or one of its groups."""
+    group.add_argument("--preset", choices=PRESET_NAMES, default="paper")
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="change a setting, for example crop.max_range_m=35; may be repeated",
+    )
 
 
 def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.cli.setting_values import add_setting_arguments, parse_assignments
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.presets import preset
 
 _NAMES = {
     "ablation": "FNSF and the parts (a) to (d) of the method",
@@ -40,15 +40,7 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--out", type=Path, metavar="DIR", help="folder for results (default: study_NAME)"
     )
     parser.add_argument("--resume", action="store_true", help="go on with what is in DIR")
-    parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="change a setting, for example crop.max_range_m=35; may be repeated",
-    )
+    add_setting_arguments(parser)
     parser.add_argument(
         "--num-points", default="", metavar="N", help="random points of a sweep, or all"
     )
