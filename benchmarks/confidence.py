@@ -34,7 +34,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CLOSE_M: Final = 0.1
 _EDGES: Final = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0001)
-# Points of one sweep that are looked at; neighbours say the same.
+# Points of one sweep that are looked at; neighbors say the same.
 _MAX_POINTS: Final = 4000
 
 _KINDS: Final = ("moving", "doubtful", "standing")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import array
 import os
 import struct
 import tempfile
@@ -15,10 +14,11 @@ from typing import Final
 import numpy as np
 from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
 
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.node.cloud_messages import encoded_message
 from mnsf_ros.node.process_environment import prepare_environment
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.sweeps.sweep import Sweep
@@ -75,7 +75,7 @@ def _live_row(name: str, sweeps: Sequence[Sweep], limit_ms: int, duration_s: int
         for stamp in arrived_s
         if stamp >= first_ns
     ]
-    # Neither the first nor the last sweep has neighbours on both sides.
+    # Neither the first nor the last sweep has neighbors on both sides.
     wanted = [stamp for stamp in list(published_s)[1:-1] if stamp >= first_ns]
     dropped = sum(stamp not in arrived_s for stamp in wanted)
     p95_ms = float(np.percentile(latencies_ms, 95))
@@ -132,17 +132,5 @@ def _serialized(sweep: Sweep) -> bytearray:
     columns = {axis: np.ascontiguousarray(sweep.xyz[:, i]) for i, axis in enumerate("xyz")}
     columns["intensity"] = np.zeros(len(sweep), np.float32)
     encoded = encode_columns(columns, 1, len(sweep))
-    message = PointCloud2(
-        height=1,
-        width=len(sweep),
-        fields=[
-            PointField(name=item.name, offset=item.offset, datatype=item.datatype, count=item.count)
-            for item in encoded.fields
-        ],
-        point_step=encoded.point_step,
-        row_step=encoded.row_step,
-        is_dense=True,
-    )
-    message.data = array.array("B", encoded.data.tobytes())
-    message.header.frame_id = "lidar"
+    message = encoded_message(Header(frame_id="lidar"), encoded, is_dense=True)
     return bytearray(serialize_message(message))

@@ -71,7 +71,7 @@ def flow_message(sweep: Sweep, estimate: FlowEstimate, interval_s: float) -> Poi
     """
     source: CloudSource = sweep.source
     encoded = encode_with_columns(source.message, flow_columns(source, estimate, interval_s))
-    return _message(source.message.header, encoded, is_dense=bool(source.finite.all()))
+    return encoded_message(source.message.header, encoded, is_dense=bool(source.finite.all()))
 
 
 def part_message(sweep: Sweep, flow_message: PointCloud2, wanted: NDArray[np.bool_]) -> PointCloud2:
@@ -134,7 +134,8 @@ def _spread(source: CloudSource, values: NDArray[Any], missing: float) -> NDArra
     return spread
 
 
-def _message(header: Header, encoded: EncodedCloud, *, is_dense: bool) -> PointCloud2:
+def encoded_message(header: Header, encoded: EncodedCloud, *, is_dense: bool) -> PointCloud2:
+    """The message of an encoded cloud."""
     data = array("B")
     data.frombytes(encoded.data.data)
     message = PointCloud2(

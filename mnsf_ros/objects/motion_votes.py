@@ -1,4 +1,4 @@
-"""A first guess of each object's motion: the shift under which both neighbours agree with it."""
+"""A first guess of each object's motion: the shift under which both neighbors agree with it."""
 
 from __future__ import annotations
 

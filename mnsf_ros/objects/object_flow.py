@@ -108,7 +108,7 @@ class ObjectFlowEstimator:
         guesses = [voted_motions(objects, scene.targets.near, reach_m)]
         expected = self._memory.expected(scene.current, objects, scene.interval_s)
         guesses += [] if expected is None else [expected]
-        # Guesses are rough, so that half the points and the neighbours will do.
+        # Guesses are rough, so that half the points and the neighbors will do.
         some, near = objects.thinner(_POINTS_TO_GUESS), Targets(scene.targets.near, past=())
         judged = (judge(some, near, guess) for guess in (standing.motions, *guesses))
         return best_of(judged).motions

@@ -11,7 +11,7 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.settings import ObjectSettings
 
-# An object that fits into both neighbours, and into the past, without moving is not looked at.
+# An object that fits into both neighbors, and into the past, without moving is not looked at.
 _MIN_EACH_M: Final = 0.015
 _MIN_MEAN_M: Final = 0.025
 _MIN_PAST_M: Final = 0.08
@@ -29,7 +29,7 @@ _MAX_CLIMB_M: Final = 0.25
 def suspects(objects: ObjectPoints, targets: Targets) -> tuple[ObjectPoints, JudgedMotions]:
     """The objects that no other sweep explains without motion, and how they stand.
 
-    A surface that one neighbour does not show may just be hidden there; one that neither shows,
+    A surface that one neighbor does not show may just be hidden there; one that neither shows,
     nor the past, was not there.
     """
     # The past first: it tells best, and leaves little to measure on the others.

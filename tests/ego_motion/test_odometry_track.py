@@ -70,7 +70,7 @@ class TestBesideThePoses:
         assert pose_at(track, 200.001) is None
 
     def test_the_noise_of_close_poses_does_not_grow(self):
-        """At 500 Hz a millimetre between neighbours would be 50 after a tenth of a second."""
+        """At 500 Hz a millimetre between neighbors would be 50 after a tenth of a second."""
         track = OdometryTrack(EgoMotionSettings())
         for number, time_ms in enumerate(range(0, 102, 2)):
             noise = pose(y=0.001 * (-1) ** number)

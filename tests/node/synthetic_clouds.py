@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import array
 import itertools
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointField
+from std_msgs.msg import Header
 
+from mnsf_ros.node.cloud_messages import encoded_message
 from msg_utils.point_cloud2 import decode_points, encode_columns
 
 # Metres per sweep.
@@ -51,19 +52,7 @@ def cloud_message(columns, *, stamp_ns, height=1, frame_id="lidar"):
     """A cloud of columns of equal length."""
     num_points = len(next(iter(columns.values())))
     encoded = encode_columns(columns, height, num_points // height)
-    message = PointCloud2(
-        height=encoded.height,
-        width=encoded.width,
-        fields=[
-            PointField(name=item.name, offset=item.offset, datatype=item.datatype, count=item.count)
-            for item in encoded.fields
-        ],
-        point_step=encoded.point_step,
-        row_step=encoded.row_step,
-        is_dense=True,
-    )
-    message.data = array.array("B", encoded.data.tobytes())
-    message.header.frame_id = frame_id
+    message = encoded_message(Header(frame_id=frame_id), encoded, is_dense=True)
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
     return message
 

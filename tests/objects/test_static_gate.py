@@ -35,7 +35,7 @@ class TestMoves:
         assert not gate(self.STANDING, judged((0.131, 0.131)))
         assert gate(self.STANDING, judged((0.131, 0.131)), max_unexplained=0.7)
 
-    def test_share_is_of_the_mean_of_both_neighbours(self):
+    def test_share_is_of_the_mean_of_both_neighbors(self):
         """Hidden in one of them, an object may be well explained in the other."""
         assert gate(self.STANDING, judged((0.0, 0.25)))
         assert not gate(self.STANDING, judged((0.0, 0.27)))

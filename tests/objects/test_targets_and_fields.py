@@ -165,7 +165,7 @@ class TestFusion:
     WRONG = rows((2.0, 2.0, 0.0))
 
     @pytest.mark.parametrize("wrong", ["forward", "backward", "neither"])
-    def test_chooses_what_explains_both_neighbours(self, objects, near, wrong):
+    def test_chooses_what_explains_both_neighbors(self, objects, near, wrong):
         matched = objects.counts
         forward = MotionField(self.WRONG if wrong == "forward" else rows(MOTION), matched)
         inverted = self.WRONG if wrong == "backward" else rows(MOTION)
@@ -195,7 +195,7 @@ class TestFusion:
         assert best_of([first, judged(rows((2, 0, 0)), 0.098)]).motions[0, 0] == 1
         assert best_of([first, judged(rows((2, 0, 0)), 0.097)]).motions[0, 0] == 2
 
-    def test_cost_is_the_mean_of_both_neighbours(self, objects, near):
+    def test_cost_is_the_mean_of_both_neighbors(self, objects, near):
         standing = judge(objects, Targets(near, near[:1]), rows((0, 0, 0)))
         each = [float(item.unexplained(objects)[0]) for item in near]
         assert standing.cost == pytest.approx([np.mean(each)])
