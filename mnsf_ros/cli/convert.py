@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> None:
     console = Console()
     with counting_progress(console) as progress:
         task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)
-        num_sweeps = write_recording(
+        summary = write_recording(
             source,
             options.out,
             settings,
@@ -76,4 +76,6 @@ def _run(options: argparse.Namespace) -> None:
             overwrite=options.force,
             compress=options.compress,
         )
-    console.print(f"{num_sweeps} sweeps in {options.out}", highlight=False, soft_wrap=True)
+    lines = [f"{summary.num_sweeps} sweeps in {options.out}", str(summary)]
+    for line in (*lines, *(f"warning: {text}" for text in summary.warnings())):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import signal
 import sys
 from types import FrameType
@@ -24,7 +25,11 @@ def main(arguments: list[str] | None = None) -> None:
     Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
     130: interrupted; any other is the subcommand's own.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        # What nohup ignores stays so.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
+    _print_any_text()
     sys.exit(run(arguments))
 
 
@@ -51,6 +56,13 @@ def run(arguments: list[str] | None = None) -> int:
     return status or 0
 
 
+def _print_any_text() -> None:
+    r"""A path that the terminal's encoding does not know is shown as `\xff`; it costs no result."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """SIGTERM is a Ctrl-C: child processes are ended, half-written files removed."""
+    """SIGTERM and SIGHUP are a Ctrl-C: child processes are ended, half-written files removed."""
     raise KeyboardInterrupt

@@ -8,8 +8,8 @@ import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import poses_from_quaternions
-from mnsf_ros.datasets.source_files import files_in, read_json, reading, stamp_in
+from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
+from mnsf_ros.datasets.source_files import as_type, files_in, read_json, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse1_class
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps_io.ply import read_vertices
@@ -48,19 +48,20 @@ def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
     missing = [axis for axis in "xyz" if axis not in points]
     if missing:
         raise DatasetError(f"{file}: has no property {', '.join(missing)}")
-    return LabelledSweep(
-        stamp_ns=stamp_ns,
-        xyz=np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float32),
-        columns={
-            name: points[found].astype(dtype)
-            for found, (name, dtype) in _EXTRA.items()
-            if found in points
-        },
-        pose=_read_pose(source / "poses" / f"city_SE3_egovehicle_{stamp_ns}.json"),
-        boxes=_read_boxes(
-            source / "per_sweep_annotations_amodal" / f"tracked_object_labels_{stamp_ns}.json"
-        ),
-    )
+    with reading(file):
+        return LabelledSweep(
+            stamp_ns=stamp_ns,
+            xyz=as_type(np.stack([points[axis] for axis in "xyz"], axis=1), np.float32),
+            columns={
+                name: as_type(points[found], dtype)
+                for found, (name, dtype) in _EXTRA.items()
+                if found in points
+            },
+            pose=_read_pose(source / "poses" / f"city_SE3_egovehicle_{stamp_ns}.json"),
+            boxes=_read_boxes(
+                source / "per_sweep_annotations_amodal" / f"tracked_object_labels_{stamp_ns}.json"
+            ),
+        )
 
 
 def _read_points(file: Path) -> dict[str, NDArray[Any]]:
@@ -73,7 +74,7 @@ def _read_points(file: Path) -> dict[str, NDArray[Any]]:
 def _read_pose(path: Path) -> NDArray[np.float64]:
     entry = read_json(path)
     with reading(path):
-        return poses_from_quaternions(entry["rotation"], entry["translation"])
+        return rigid_pose(poses_from_quaternions(entry["rotation"], entry["translation"]))
 
 
 def _read_boxes(path: Path) -> tuple[Box, ...] | None:

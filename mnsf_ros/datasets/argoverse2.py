@@ -11,8 +11,8 @@ from mnsf_ros.datasets.argoverse2_labels import FlowLabels
 from mnsf_ros.datasets.arrow_tables import read_feather
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import poses_from_quaternions
-from mnsf_ros.datasets.source_files import files_in, reading, stamp_in
+from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
+from mnsf_ros.datasets.source_files import as_type, files_in, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse2_class
 
 if TYPE_CHECKING:
@@ -65,34 +65,40 @@ class _Log:
         columns = read_feather(file, ("x", "y", "z", "intensity", "laser_number", "offset_ns"))
         if stamp_ns not in self._poses:
             raise DatasetError(f"{self._pose_file}: has no pose of stamp {stamp_ns}")
-        xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float32)
-        return LabelledSweep(
-            stamp_ns=stamp_ns,
-            xyz=xyz,
-            columns={
-                "intensity": columns["intensity"].astype(np.float32),
-                "ring": columns["laser_number"].astype(np.uint16),
-                "time_offset": (columns["offset_ns"] * 1e-9).astype(np.float32),
-            },
-            pose=self._poses[stamp_ns],
-            boxes=self._boxes.get(stamp_ns),
-            given=None if self._labels is None else self._labels.of_sweep(stamp_ns, len(xyz)),
-        )
+        with reading(self._pose_file, f"pose of stamp {stamp_ns}"):
+            pose = rigid_pose(self._poses[stamp_ns])
+        with reading(file):
+            xyz = as_type(np.stack([columns[axis] for axis in "xyz"], axis=1), np.float32)
+            return LabelledSweep(
+                stamp_ns=stamp_ns,
+                xyz=xyz,
+                columns={
+                    "intensity": as_type(columns["intensity"], np.float32),
+                    "ring": as_type(columns["laser_number"], np.uint16),
+                    "time_offset": as_type(columns["offset_ns"] * 1e-9, np.float32),
+                },
+                pose=pose,
+                boxes=self._boxes.get(stamp_ns),
+                given=None if self._labels is None else self._labels.of_sweep(stamp_ns, len(xyz)),
+            )
 
 
 def _read_boxes(path: Path) -> Mapping[int, tuple[Box, ...]]:
     columns = read_feather(path, ["timestamp_ns", "track_uuid", "category", *_SIZE, *_POSE])
-    with reading(path):
-        poses = _poses(columns)
-    sizes = np.stack([columns[name] for name in _SIZE], axis=1).astype(np.float64)
     boxes: dict[int, list[Box]] = defaultdict(list)
     for row, stamp_ns in enumerate(columns["timestamp_ns"].tolist()):
-        class_id = argoverse2_class(str(columns["category"][row]))
-        track_id = str(columns["track_uuid"][row])
-        boxes[stamp_ns].append(Box(poses[row], sizes[row], class_id, track_id))
+        with reading(path, f"sweep of stamp {stamp_ns}"):
+            box = Box(
+                pose=_poses({name: columns[name][row] for name in _POSE}),
+                size_m=np.array([columns[name][row] for name in _SIZE], dtype=np.float64),
+                class_id=argoverse2_class(str(columns["category"][row])),
+                track_id=str(columns["track_uuid"][row]),
+            )
+        boxes[stamp_ns].append(box)
     return {stamp_ns: tuple(found) for stamp_ns, found in boxes.items()}
 
 
 def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    numbers = np.stack([columns[name] for name in _POSE], axis=1)
-    return poses_from_quaternions(numbers[:, :4], numbers[:, 4:])
+    """(..., 4, 4) poses from columns (...)."""
+    numbers = np.stack([columns[name] for name in _POSE], axis=-1)
+    return poses_from_quaternions(numbers[..., :4], numbers[..., 4:])

@@ -9,7 +9,7 @@ import numpy as np
 from mnsf_ros.datasets.arrow_tables import feather_columns, read_feather
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import GivenFlow
-from mnsf_ros.datasets.source_files import files_in, reading
+from mnsf_ros.datasets.source_files import as_type, files_in, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ _CATEGORY: Final = {"category_indices": 0, "classes": 0, "classes_0": -1}
 
 
 class FlowLabels:
-    """A folder with one Feather file for each sweep but the last.
+    """A folder with a Feather file for each sweep but the last, or for the first ones only.
 
-    Files are named by the stamp of their sweep, or only counted, as some tools do.
+    Files are named by the stamp of their sweep, or counted from 0 or 1, as some tools do.
     """
 
     def __init__(self, folder: Path, stamps_ns: list[int]) -> None:
@@ -39,16 +39,20 @@ class FlowLabels:
             DatasetError: If there is none, or names and stamps do not fit.
         """
         self._folder = folder
-        files = files_in(folder, "*.feather")
-        self._files = {int(file.stem): file for file in files if file.stem.isdigit()}
-        if self._files.keys() <= set(stamps_ns) and len(self._files) == len(files):
+        self._files = {stamp_in(file.stem, file): file for file in files_in(folder, "*.feather")}
+        unknown = sorted(self._files.keys() - set(stamps_ns))
+        if not unknown:
             return
-        if len(files) != len(stamps_ns) - 1:
+        counts = sorted(self._files)
+        num_files = len(counts)
+        is_counted = counts[0] in (0, 1) and counts[-1] - counts[0] == num_files - 1
+        if not is_counted or num_files >= len(stamps_ns):
             raise DatasetError(
-                f"{folder}: {files[0].name!r} has the stamp of no sweep, and {len(files)} "
-                f"files cannot be counted off against {len(stamps_ns)} sweeps"
+                f"{folder}: {self._files[unknown[0]].name!r} has the stamp of no sweep, and "
+                f"{num_files} files cannot be counted off against {len(stamps_ns)} sweeps"
             )
-        self._files = dict(zip(stamps_ns, files, strict=False))
+        ordered = [self._files[count] for count in counts]
+        self._files = dict(zip(stamps_ns, ordered, strict=False))
 
     def of_sweep(self, stamp_ns: int, num_points: int) -> GivenFlow | None:
         """Returns the flow of a sweep, None if it has no labels.
@@ -72,12 +76,13 @@ class FlowLabels:
             )
         class_id = None
         if category_name is not None:
-            numbers = columns[category_name].astype(np.int64) - _CATEGORY[category_name]
             with reading(path):
+                numbers = as_type(columns[category_name], np.int64) - _CATEGORY[category_name]
                 class_id = argoverse2_classes(numbers)
-        return GivenFlow(
-            flow=np.stack([columns[name] for name in _FLOW], axis=1).astype(np.float32),
-            valid=columns[valid_name].astype(bool),
-            dynamic=None if dynamic_name is None else columns[dynamic_name].astype(bool),
-            class_id=class_id,
-        )
+        with reading(path):
+            return GivenFlow(
+                flow=as_type(np.stack([columns[name] for name in _FLOW], axis=1), np.float32),
+                valid=columns[valid_name].astype(bool),
+                dynamic=None if dynamic_name is None else columns[dynamic_name].astype(bool),
+                class_id=class_id,
+            )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.simulation.transforms import apply
 
@@ -32,7 +33,8 @@ class CameraView:
 
     def sees(self, xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (N,) bool for (N, 3) points in the lidar frame, in meters."""
-        u, v, depth = apply(self.image_from_lidar, xyz.astype(np.float64)).T
+        with np.errstate(invalid="ignore"):
+            u, v, depth = apply(self.image_from_lidar, xyz.astype(np.float64)).T
         # Not divided by the depth, which may be zero.
         inside: NDArray[np.bool_] = (
             (depth > 0) & (u >= 0) & (u < self.width * depth) & (v >= 0) & (v < self.height * depth)
@@ -44,13 +46,14 @@ def read_rigid(path: Path) -> NDArray[np.float64]:
     """Returns the (4, 4) transform of a calibration file with R and T.
 
     Raises:
-        DatasetError: If the file is missing or has no such entries.
+        DatasetError: If the file is missing, has no such entries, or R is no rotation.
     """
     entries = _read_entries(path)
     transform = np.eye(4)
     transform[:3, :3] = _entry(path, entries, "R", (3, 3))
     transform[:3, 3] = _entry(path, entries, "T", (3,))
-    return transform
+    with reading(path):
+        return rigid_pose(transform)
 
 
 def read_camera_view(folder: Path) -> CameraView:

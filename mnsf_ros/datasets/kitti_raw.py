@@ -64,14 +64,15 @@ class _Drive:
         number = stamp_in(file.stem, file)
         rows = read_float_rows(file, 4)
         xyz = np.ascontiguousarray(rows[:, :3])
-        return LabelledSweep(
-            stamp_ns=self._stamp_ns(number),
-            xyz=xyz,
-            columns={"intensity": rows[:, 3]},
-            pose=self._world_from_imu(number) @ self._imu_from_lidar,
-            boxes=None if self._boxes is None else self._boxes.get(number, ()),
-            labelled=None if self._view is None else self._view.sees(xyz),
-        )
+        with reading(file):
+            return LabelledSweep(
+                stamp_ns=self._stamp_ns(number),
+                xyz=xyz,
+                columns={"intensity": rows[:, 3]},
+                pose=self._world_from_imu(number) @ self._imu_from_lidar,
+                boxes=None if self._boxes is None else self._boxes.get(number, ()),
+                labelled=None if self._view is None else self._view.sees(xyz),
+            )
 
     def _stamp_ns(self, number: int) -> int:
         # The line of a sweep that was lost is empty, and its file is not there.
@@ -103,6 +104,8 @@ class _Drive:
             values = tuple(float(word) for word in path.read_text(encoding="ascii").split()[:6])
         if len(values) < 6:
             raise DatasetError(f"{path}: has {len(values)} numbers, expected 30")
+        if not np.isfinite(values).all():
+            raise DatasetError(f"{path}: holds {values}, expected finite numbers")
         return values
 
 

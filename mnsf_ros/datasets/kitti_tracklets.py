@@ -31,20 +31,24 @@ def read_tracklets(path: Path) -> dict[int, tuple[Box, ...]]:
         if tracklets is None:
             raise ValueError("has no element 'tracklets'")
         for track_id, tracklet in enumerate(tracklets.findall("item")):
-            for number, box in _boxes_of(tracklet, track_id):
+            for number, box in _boxes_of(path, tracklet, track_id):
                 boxes[number].append(box)
     return {number: tuple(found) for number, found in boxes.items()}
 
 
-def _boxes_of(tracklet: ElementTree.Element, track_id: int) -> Iterator[tuple[int, Box]]:
+def _boxes_of(
+    path: Path, tracklet: ElementTree.Element, track_id: int
+) -> Iterator[tuple[int, Box]]:
     height = _number(tracklet, "h")
     size = np.array([_number(tracklet, "l"), _number(tracklet, "w"), height])
     class_id = kitti_class(tracklet.findtext("objectType", ""))
     first = int(_number(tracklet, "first_frame"))
     for number, pose in enumerate(tracklet.findall("poses/item"), start=first):
-        x, y, z, yaw = (_number(pose, name) for name in ("tx", "ty", "tz", "rz"))
-        # A tracklet stands on its position, a Box has it in the middle.
-        yield number, Box(planar_pose(x, y, yaw, z + height / 2), size, class_id, track_id)
+        with reading(path, f"sweep {number}"):
+            x, y, z, yaw = (_number(pose, name) for name in ("tx", "ty", "tz", "rz"))
+            # A tracklet stands on its position, a Box has it in the middle.
+            box = Box(planar_pose(x, y, yaw, z + height / 2), size, class_id, track_id)
+        yield number, box
 
 
 def _number(element: ElementTree.Element, name: str) -> float:

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.recording.poses import is_rigid
 from mnsf_ros.simulation.transforms import FloatArray
+
+# Farther than any lidar sees; such numbers come from damaged files.
+_FARTHEST_M: Final = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +28,10 @@ class Box:
         class_id: Kind of surface, see `docs/recordings.md`.
         track_id: What the same object is called in other sweeps; None if its motion is unknown.
         hidden: Whether none of it was seen, so that points in it belong to something else.
+
+    Raises:
+        ValueError: On construction, if the pose is no rigid motion, a size is not above 0, or
+            the track has another type.
     """
 
     pose: FloatArray
@@ -31,6 +39,17 @@ class Box:
     class_id: int
     track_id: str | int | None
     hidden: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks what would make flow wrong without anybody noticing."""
+        name = f"box of track {self.track_id!r}"
+        if not isinstance(self.track_id, str | int | None):
+            raise ValueError(f"{name}: expected a text or an integer")
+        if not is_rigid(self.pose):
+            raise ValueError(f"{name}: its pose is no rigid motion: {self.pose.tolist()}")
+        # Comparisons with NaN are false.
+        if self.size_m.shape != (3,) or not ((self.size_m > 0) & (self.size_m < np.inf)).all():
+            raise ValueError(f"{name}: its size is {self.size_m.tolist()}, expected 3 above 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +61,15 @@ class GivenFlow:
         valid: (N,) bool, the flow is known.
         dynamic: (N,) bool, the surface itself moves; None: find out from the flow.
         class_id: (N,) uint8 kind of surface; None: ask the boxes.
-        background: (N,) bool, points that surely stand still, from whose flow the ego motion can
-            be read; None: the poses tell it.
+        next_from_current: (4, 4) float64, the rigid motion that the flow gives to what stands
+            still; None: the poses tell it.
     """
 
     flow: NDArray[np.float32]
     valid: NDArray[np.bool_]
     dynamic: NDArray[np.bool_] | None = None
     class_id: NDArray[np.uint8] | None = None
-    background: NDArray[np.bool_] | None = None
+    next_from_current: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +85,12 @@ class LabelledSweep:
         given: Flow of the data set's own; None: it follows from poses and boxes.
         labelled: (N,) bool, where an object would have been annotated; None: everywhere.
         ground: (N,) bool; None: find it.
+        own_vehicle: (N,) bool, returns of the vehicle that carries the lidar, which move along
+            with it; None: there are none.
 
     Raises:
-        DatasetError: On construction, if an array does not fit.
+        ValueError: On construction, if an array does not fit, a coordinate is farther away than
+            any lidar sees, or the pose is no rigid motion. Rows that are not finite are allowed.
     """
 
     stamp_ns: int
@@ -79,22 +101,25 @@ class LabelledSweep:
     given: GivenFlow | None = None
     labelled: NDArray[np.bool_] | None = None
     ground: NDArray[np.bool_] | None = None
+    own_vehicle: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         """Checks that all arrays are about the same points."""
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3:
-            raise DatasetError(f"{self._name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
-        rows = {**self.columns, "labelled": self.labelled, "ground": self.ground}
+            raise ValueError(f"{self._name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
+        astray = self.xyz[np.isfinite(self.xyz) & (np.abs(self.xyz) > _FARTHEST_M)]
+        if len(astray):
+            raise ValueError(f"{self._name}: a point has the coordinate {astray[0]:.4g} m")
+        rows = dict(self.columns)
+        rows |= {name: getattr(self, name) for name in ("labelled", "ground", "own_vehicle")}
         if self.given is not None:
             rows |= {name: getattr(self.given, name) for name in _GIVEN_ROWS}
             self._check("flow", self.given.flow, self.xyz.shape)
         for name, column in rows.items():
             if column is not None:
                 self._check(name, column, (len(self.xyz),))
-        if self.pose is not None:
-            self._check("pose", self.pose, (4, 4))
-            if not np.isfinite(self.pose).all():
-                raise DatasetError(f"{self._name}: its pose is not finite: {self.pose.tolist()}")
+        if self.pose is not None and not is_rigid(self.pose):
+            raise ValueError(f"{self._name}: its pose is no rigid motion: {self.pose.tolist()}")
 
     def __len__(self) -> int:
         """Returns the number of points."""
@@ -106,10 +131,10 @@ class LabelledSweep:
 
     def _check(self, name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
         if array.shape != shape:
-            raise DatasetError(f"{self._name}: {name} has shape {array.shape}, expected {shape}")
+            raise ValueError(f"{self._name}: {name} has shape {array.shape}, expected {shape}")
 
 
-_GIVEN_ROWS = ("valid", "dynamic", "class_id", "background")
+_GIVEN_ROWS: Final = ("valid", "dynamic", "class_id")
 
 
 @dataclass(frozen=True)

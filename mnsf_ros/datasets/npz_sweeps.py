@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import files_in, read_json, read_npz, reading
+from mnsf_ros.datasets.poses import rigid_pose
+from mnsf_ros.datasets.source_files import as_type, files_in, read_json, read_npz, reading
 from mnsf_ros.datasets.surface_classes import kitti_class
 from mnsf_ros.simulation.transforms import planar_pose
 
@@ -42,13 +43,13 @@ def _sweep(file: Path, boxes: tuple[Box, ...] | None) -> LabelledSweep:
     with reading(file):
         return LabelledSweep(
             stamp_ns=int(arrays["stamp_ns"]),
-            xyz=arrays["xyz"].astype(np.float32),
+            xyz=as_type(arrays["xyz"], np.float32),
             columns={
-                name: arrays[name].astype(dtype)
+                name: as_type(arrays[name], dtype)
                 for name, dtype in _COLUMNS.items()
                 if name in arrays
             },
-            pose=arrays["pose"].astype(np.float64) if "pose" in arrays else None,
+            pose=rigid_pose(arrays["pose"]) if "pose" in arrays else None,
             boxes=boxes,
             given=_given(arrays) if "flow" in arrays else None,
             labelled=_flags(arrays, "label_valid"),
@@ -59,24 +60,25 @@ def _sweep(file: Path, boxes: tuple[Box, ...] | None) -> LabelledSweep:
 def _given(arrays: Mapping[str, NDArray[Any]]) -> GivenFlow:
     valid = _flags(arrays, "flow_valid")
     return GivenFlow(
-        flow=arrays["flow"].astype(np.float32),
+        flow=as_type(arrays["flow"], np.float32),
         valid=np.ones(len(arrays["flow"]), dtype=bool) if valid is None else valid,
         dynamic=_flags(arrays, "is_dynamic"),
     )
 
 
 def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.bool_] | None:
-    return arrays[name].astype(bool) if name in arrays else None
+    return as_type(arrays[name], bool) if name in arrays else None
 
 
 def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
     """Boxes by the number of the sweep, counted from 0."""
     content = read_json(path)
+    boxes: dict[int, tuple[Box, ...]] = {}
     with reading(path):
-        return {
-            int(number): tuple(_box(entry) for entry in entries)
-            for number, entries in content.items()
-        }
+        for number, entries in content.items():
+            with reading(path, f"sweep {number}"):
+                boxes[int(number)] = tuple(_box(entry) for entry in entries)
+    return boxes
 
 
 def _box(entry: Mapping[str, Any]) -> Box:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import files_in, read_npz
+from mnsf_ros.datasets.source_files import as_type, files_in, read_npz, reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,7 +67,9 @@ def _sweeps(files: list[Path]) -> Iterator[LabelledSweep]:
                     f"{file}: {flow_name} has shape {flow.shape}, expected that of "
                     f"pc{index + 1}, {xyz.shape}"
                 )
-            yield _sweep(first_ns + index * _INTERVAL_NS, xyz, flow, labels)
+            with reading(file):
+                sweep = _sweep(first_ns + index * _INTERVAL_NS, xyz, flow, labels)
+            yield sweep
 
 
 def _sweep(
@@ -80,16 +82,16 @@ def _sweep(
     if flow is not None:
         dynamic = labels.get("is_dynamic")
         given = GivenFlow(
-            flow=flow.astype(np.float32),
+            flow=as_type(flow, np.float32),
             valid=np.ones(len(flow), dtype=bool),
-            dynamic=None if dynamic is None else dynamic.astype(bool),
+            dynamic=None if dynamic is None else as_type(dynamic, bool),
         )
     labelled = labels.get("label_valid")
     return LabelledSweep(
         stamp_ns=stamp_ns,
-        xyz=xyz.astype(np.float32),
+        xyz=as_type(xyz, np.float32),
         given=given,
-        labelled=None if labelled is None else labelled.astype(bool),
+        labelled=None if labelled is None else as_type(labelled, bool),
         # They come without ground, and the lowest of what is left would be taken for it.
         ground=np.zeros(len(xyz), dtype=bool),
     )

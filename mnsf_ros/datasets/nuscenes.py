@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.nuscenes_boxes import Keyframe, boxes_at
 from mnsf_ros.datasets.nuscenes_tables import (
     SweepRow,
@@ -15,13 +15,18 @@ from mnsf_ros.datasets.nuscenes_tables import (
     read_keyframes,
     read_sweep_rows,
 )
-from mnsf_ros.datasets.source_files import read_float_rows
+from mnsf_ros.datasets.source_files import as_type, read_float_rows, reading
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from mnsf_ros.datasets.read_options import ReadOptions
+
+# Half of the vehicle's width and length: what the lidar on its roof sees closer than this, to its
+# sides (x) and to its front and back (y), is the vehicle itself. The same as in OpenSceneFlow.
+_OWN_X_M: Final = 1.730 / 2
+_OWN_Y_M: Final = 4.084 / 2
 
 
 def open_sequence(source: Path, options: ReadOptions) -> SweepSource:
@@ -41,7 +46,7 @@ def open_sequence(source: Path, options: ReadOptions) -> SweepSource:
     if not rows:
         raise DatasetError(f"{tables}: has no lidar sweep of that scene")
     instants = list(keyframes.values())
-    sweeps = (_sweep(tables.parent, row, instants) for row in rows)
+    sweeps = (_sweep(tables, row, instants) for row in rows)
     return SweepSource("lidar_top", len(rows), sweeps)
 
 
@@ -57,14 +62,20 @@ def _tables_folder(source: Path) -> Path:
     return found[0]
 
 
-def _sweep(root: Path, row: SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
-    points = read_float_rows(root / row.file_name, 5)
+def _sweep(tables: Path, row: SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
+    path = tables.parent / row.file_name
+    points = read_float_rows(path, 5)
+    boxes: tuple[Box, ...] | None = None
     # A split without labels has keyframes, but no object in any of them.
-    labelled = any(keyframe.annotations for keyframe in keyframes)
-    return LabelledSweep(
-        stamp_ns=row.micros * 1000,
-        xyz=np.ascontiguousarray(points[:, :3]),
-        columns={"intensity": points[:, 3], "ring": points[:, 4].astype(np.uint16)},
-        pose=row.world_from_lidar,
-        boxes=boxes_at(row.micros, keyframes, row.world_from_lidar) if labelled else None,
-    )
+    if any(keyframe.annotations for keyframe in keyframes):
+        with reading(tables / "sample_annotation.json", f"sweep of {row.micros} microseconds"):
+            boxes = boxes_at(row.micros, keyframes, row.world_from_lidar)
+    with reading(path):
+        return LabelledSweep(
+            stamp_ns=row.micros * 1000,
+            xyz=np.ascontiguousarray(points[:, :3]),
+            columns={"intensity": points[:, 3], "ring": as_type(points[:, 4], np.uint16)},
+            pose=row.world_from_lidar,
+            boxes=boxes,
+            own_vehicle=(np.abs(points[:, 0]) < _OWN_X_M) & (np.abs(points[:, 1]) < _OWN_Y_M),
+        )

@@ -11,7 +11,7 @@ import numpy as np
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.json_rows import json_rows
 from mnsf_ros.datasets.nuscenes_boxes import Annotation, Keyframe
-from mnsf_ros.datasets.poses import poses_from_quaternions
+from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import nuscenes_class
 from mnsf_ros.simulation.transforms import FloatArray
@@ -68,8 +68,9 @@ def read_sweep_rows(tables: Path, sample_tokens: Collection[str]) -> list[SweepR
             SweepRow(
                 file_name=row["filename"],
                 micros=int(row["timestamp"]),
-                world_from_lidar=poses[row["ego_pose_token"]]
-                @ mounts[row["calibrated_sensor_token"]],
+                world_from_lidar=rigid_pose(
+                    poses[row["ego_pose_token"]] @ mounts[row["calibrated_sensor_token"]]
+                ),
             )
             for row in found
         ]
@@ -88,6 +89,11 @@ def read_keyframes(tables: Path, scene_token: str) -> dict[str, Keyframe]:
     for row in _rows(tables, "sample_annotation"):
         if row["sample_token"] in micros:
             instance = row["instance_token"]
+            if instance in annotations[row["sample_token"]]:
+                raise DatasetError(
+                    f"{tables / 'sample_annotation.json'}: instance {instance!r} occurs twice in "
+                    f"sample {row['sample_token']!r}"
+                )
             width, length, height = row["size"]
             annotations[row["sample_token"]][instance] = Annotation(
                 world_from_box=row.pose,

@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import reading, require
+from mnsf_ros.datasets.open_scene_flow_poses import LidarTrack
+from mnsf_ros.datasets.poses import rigid_pose
+from mnsf_ros.datasets.source_files import as_type, reading, require
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
+from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from mnsf_ros.datasets.read_options import ReadOptions
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17
+# What comes with flow.
+_FLOW: Final = ("flow_is_valid", "flow_category_indices")
+# Fewer points may all be on one thing, which tells little about a turn.
+_MIN_BACKGROUND: Final = 100
 
 
 def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
@@ -44,34 +54,53 @@ def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
 
 
 def _sweeps(source: Path, keys: list[str], h5py: Any) -> Iterator[LabelledSweep]:  # noqa: ANN401
+    track = LidarTrack()
     with reading(source), h5py.File(source, "r") as file:
         for key in keys:
-            yield _sweep(int(key), file[key])
+            with reading(source, f"group {key!r}"):
+                sweep = _sweep(int(key), file[key])
+                world_from_vehicle = rigid_pose(file[key]["pose"])
+            motion = None if sweep.given is None else sweep.given.next_from_current
+            yield replace(sweep, pose=track.advance(world_from_vehicle, motion))
 
 
 def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
-    points = np.asarray(group["lidar"], dtype=np.float32)
-    ground = np.asarray(group["ground_mask"], dtype=bool) if "ground_mask" in group else None
+    flow_names = _FLOW if "flow" in group else ()
+    missing = [name for name in ("lidar", "pose", *flow_names) if name not in group]
+    if missing:
+        raise ValueError(f"has no data set {', '.join(missing)}; it has {', '.join(group)}")
+    points = as_type(group["lidar"], np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
-        columns["time_offset"] = np.asarray(group["lidar_dt"], dtype=np.float32)
-    return LabelledSweep(
+        columns["time_offset"] = as_type(group["lidar_dt"], np.float32)
+    sweep = LabelledSweep(
         stamp_ns=stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000,
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
-        pose=np.asarray(group["pose"], dtype=np.float64),
         given=_given(group) if "flow" in group else None,
-        ground=ground,
+        ground=as_type(group["ground_mask"], bool) if "ground_mask" in group else None,
     )
+    if sweep.given is None:
+        return sweep
+    motion = _background_motion(sweep.xyz, sweep.given, group)
+    return replace(sweep, given=replace(sweep.given, next_from_current=motion))
 
 
 def _given(group: Any) -> GivenFlow:  # noqa: ANN401
-    categories = np.asarray(group["flow_category_indices"]).astype(np.int64)
     return GivenFlow(
-        flow=np.asarray(group["flow"], dtype=np.float32),
-        valid=np.asarray(group["flow_is_valid"], dtype=bool),
-        class_id=argoverse2_classes(categories),
-        # The poses do not tell what moves: some are those of the vehicle, while the points are
-        # in the frame of the lidar.
-        background=categories == 0,
+        flow=as_type(group["flow"], np.float32),
+        valid=as_type(group["flow_is_valid"], bool),
+        class_id=argoverse2_classes(as_type(group["flow_category_indices"], np.int64)),
     )
+
+
+def _background_motion(
+    xyz: NDArray[np.float32],
+    given: GivenFlow,
+    group: Any,  # noqa: ANN401
+) -> NDArray[np.float64] | None:
+    """(4, 4) next_from_current of what has no category, None if that is too little."""
+    still = given.valid & (np.asarray(group["flow_category_indices"]) == 0)
+    if np.count_nonzero(still) < _MIN_BACKGROUND:
+        return None
+    return fit_rigid_motion(xyz[still], given.flow[still])

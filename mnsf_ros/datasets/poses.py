@@ -1,4 +1,4 @@
-"""Poses from quaternions, as the data sets store them."""
+"""Poses as the data sets store them: quaternions or matrices."""
 
 from __future__ import annotations
 
@@ -7,8 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.recording.poses import is_rigid
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+
+def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
+    """Returns 16 numbers, row by row, as a (4, 4) float64 pose.
+
+    Raises:
+        ValueError: If there are more or fewer, or they are no rotation and translation.
+    """
+    pose = np.asarray(numbers, dtype=np.float64).reshape(4, 4)
+    if not is_rigid(pose):
+        raise ValueError(f"pose is no rigid motion: {pose.tolist()}")
+    return pose
 
 
 def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[np.float64]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
@@ -10,12 +12,12 @@ from numpy.typing import NDArray
 from mnsf_ros.datasets.boxes import box_of_points
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import GroundSettings
-from mnsf_ros.simulation.transforms import invert
+from mnsf_ros.simulation.transforms import FloatArray, invert
 from mnsf_ros.sweeps.ground import ground_mask
 from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 
 if TYPE_CHECKING:
-    from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep
+    from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
     from mnsf_ros.datasets.truth_settings import TruthSettings
 
 # (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
@@ -49,6 +51,8 @@ def sweep_truth(
     flow, valid, dynamic = motion
     # A point in a box is labelled, wherever the box is.
     valid = valid & (_reach(sweep, settings) | (owner >= 0))
+    if sweep.own_vehicle is not None:
+        valid &= ~sweep.own_vehicle
     return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id)
 
 
@@ -66,10 +70,10 @@ def _labelled_motion(
         return _nothing_known(sweep)
     valid = _finite_rows(sweep.xyz)
     flow = rigid_flow(sweep.xyz, next_from_current)
-    counterparts = {box.track_id: box for box in following.boxes or ()}
+    tracks, counterparts = _tracks(sweep.boxes or ()), _tracks(following.boxes or ())
     for number, box in enumerate(sweep.boxes or ()):
         rows = np.flatnonzero(owner == number)
-        counterpart = None if box.track_id is None else counterparts.get(box.track_id)
+        counterpart = counterparts.get(box.track_id) if box.track_id in tracks else None
         if counterpart is None:
             valid[rows] = False
         else:
@@ -78,15 +82,24 @@ def _labelled_motion(
     return flow, valid, _dynamic(sweep, flow, next_from_current, following)
 
 
+def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
+    """Boxes by their track; of one that occurs twice nobody knows which box it is."""
+    counts = Counter(box.track_id for box in boxes)
+    return {
+        box.track_id: box for box in boxes if box.track_id is not None and counts[box.track_id] == 1
+    }
+
+
 def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSweep) -> _Motion:
     """What the data set brings."""
     valid = given.valid & _finite_rows(np.hstack([sweep.xyz, given.flow]))
     if given.dynamic is not None:
         return given.flow, valid, given.dynamic
-    motion = _ego_motion(sweep, following)
-    if motion is None or given.background is not None:
-        still = valid if given.background is None else valid & given.background
-        motion = fit_rigid_motion(sweep.xyz[still], given.flow[still])
+    motion = given.next_from_current
+    if motion is None:
+        motion = _ego_motion(sweep, following)
+    if motion is None:
+        motion = fit_rigid_motion(sweep.xyz[valid], given.flow[valid])
     return given.flow, valid, _dynamic(sweep, given.flow, motion, following)
 
 
@@ -100,12 +113,13 @@ def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.fl
 def _dynamic(
     sweep: LabelledSweep,
     flow: NDArray[np.float32],
-    next_from_current: NDArray[np.float64],
+    next_from_current: FloatArray,
     following: LabelledSweep,
 ) -> NDArray[np.bool_]:
     interval_s = (following.stamp_ns - sweep.stamp_ns) * 1e-9
     with np.errstate(invalid="ignore", over="ignore"):
-        residual = np.linalg.norm(residual_flow(sweep.xyz, flow, next_from_current), axis=1)
+        motion = np.asarray(next_from_current, dtype=np.float64)
+        residual = np.linalg.norm(residual_flow(sweep.xyz, flow, motion), axis=1)
         moves: NDArray[np.bool_] = residual > DYNAMIC_SPEED_M_S * interval_s
     return moves
 

@@ -12,6 +12,7 @@ import numpy as np
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
 from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.datasets.truth_summary import TruthSummary
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.conventions import (
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+    from mnsf_ros.recording.flow_truth import FlowTruth
 
 _FILE_SUFFIX: Final = ".mcap"
 
@@ -39,7 +41,7 @@ def write_recording(
     *,
     overwrite: bool = False,
     compress: bool = False,
-) -> int:
+) -> TruthSummary:
     """Writes a sequence with what is known about its motion.
 
     Only two sweeps are in memory at a time.
@@ -54,25 +56,26 @@ def write_recording(
         compress: Whether to compress the recording: smaller but slower to write and read.
 
     Returns:
-        The number of sweeps.
+        How many sweeps, and how much is known about them.
 
     Raises:
         DatasetError: If the data set is damaged, or its sweeps are out of order.
         RecordingError: If the recording cannot be written.
     """
-    settings, done = settings or TruthSettings(), 0
+    settings, summary = settings or TruthSettings(), TruthSummary()
     with (
         _target(Path(path), overwrite=overwrite) as folder,
         BagWriter(folder, overwrite=overwrite, compress=compress) as writer,
     ):
         for sweep, following in _with_next(source.sweeps):
-            _write_sweep(writer, source.frame_id, sweep, following, settings)
-            done += 1
+            truth = sweep_truth(sweep, following, settings)
+            _write_sweep(writer, source.frame_id, sweep, truth)
+            summary += TruthSummary.of_sweep(sweep, truth)
             if progress is not None:
-                progress(done)
-        if not done:
+                progress(summary.num_sweeps)
+        if not summary.num_sweeps:
             raise DatasetError("the sequence has no sweep there, nothing is written")
-    return done
+    return summary
 
 
 def check_out(path: Path, *, overwrite: bool) -> None:
@@ -109,16 +112,9 @@ def _with_next(
         yield current, None
 
 
-def _write_sweep(
-    writer: BagWriter,
-    frame_id: str,
-    sweep: LabelledSweep,
-    following: LabelledSweep | None,
-    settings: TruthSettings,
-) -> None:
+def _write_sweep(writer: BagWriter, frame_id: str, sweep: LabelledSweep, truth: FlowTruth) -> None:
     columns = {name: sweep.xyz[:, axis] for axis, name in enumerate("xyz")}
     points = encode_columns({**columns, **sweep.columns}, 1, len(sweep))
-    truth = sweep_truth(sweep, following, settings)
     is_dense = bool(np.isfinite(sweep.xyz).all())
     stamp_ns = sweep.stamp_ns
     writer.write_cloud(POINTS_TOPIC, points, stamp_ns, frame_id, is_dense=is_dense)

@@ -10,21 +10,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turns what parsers raise inside the block into a DatasetError that names the file."""
+def reading(path: Path, part: str = "") -> Iterator[None]:
+    """Turns what parsers raise inside the block into a DatasetError that names the file.
+
+    Args:
+        path: The file.
+        part: What is read of it, if that tells more.
+    """
     try:
         yield
     except FileNotFoundError as error:
         raise DatasetError(f"{path}: no such file") from error
     except UNREADABLE as error:
-        raise DatasetError(f"{path}: cannot be read: {reason(error)}") from error
+        what = f"{part}: {reason(error)}" if part else reason(error)
+        raise DatasetError(f"{path}: cannot be read: {what}") from error
 
 
 def require(module: str) -> Any:  # noqa: ANN401
@@ -73,16 +79,17 @@ def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     """Returns a file of little-endian float32 as (N, `num_columns`).
 
     Raises:
-        DatasetError: If it is missing or cut within a row.
+        DatasetError: If it is missing, empty or cut within a row.
     """
     with reading(path):
         raw = path.read_bytes()
     row_bytes = 4 * num_columns
-    if len(raw) % row_bytes:
-        raise DatasetError(
-            f"{path}: is cut short: {len(raw)} bytes, expected a multiple of {row_bytes}"
-        )
-    return np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
+    if not raw or len(raw) % row_bytes:
+        raise DatasetError(f"{path}: is cut short: {len(raw)} bytes, expected rows of {row_bytes}")
+    rows = np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
+    # A damaged file may hold NaN of the signaling kind, about which NumPy warns at the first use.
+    rows[np.isnan(rows)] = np.nan
+    return rows
 
 
 def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
@@ -104,6 +111,20 @@ def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
             f"{path}: has no array {', '.join(missing)}; it has {', '.join(sorted(arrays))}"
         )
     return arrays
+
+
+def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
+    """Returns numbers of a file in another type.
+
+    Raises:
+        ValueError: If they are complex.
+        FloatingPointError: If one of them does not exist in that type.
+    """
+    found = np.asarray(array)
+    if np.iscomplexobj(found):
+        raise ValueError(f"holds complex numbers ({found.dtype}), expected real ones")
+    with np.errstate(over="raise", invalid="raise"):
+        return found.astype(dtype)
 
 
 def stamp_in(name: str, path: Path) -> int:

@@ -13,37 +13,38 @@ if TYPE_CHECKING:
 
 UNKNOWN: Final = 0
 _CAR, _PERSON = int(SurfaceClass.CAR), int(SurfaceClass.PEDESTRIAN)
-_CYCLIST, _THING = int(SurfaceClass.CYCLIST), int(SurfaceClass.STREET_FURNITURE)
+_CYCLIST, _LARGE = int(SurfaceClass.CYCLIST), int(SurfaceClass.LARGE_VEHICLE)
+_OBSTACLE, _ANIMAL = int(SurfaceClass.OBSTACLE), int(SurfaceClass.ANIMAL)
 
 # In the order of the numbers that flow labels use, from 1; 0 is the background.
 _ARGOVERSE2: Final = {
-    "ANIMAL": UNKNOWN,
-    "ARTICULATED_BUS": _CAR,
+    "ANIMAL": _ANIMAL,
+    "ARTICULATED_BUS": _LARGE,
     "BICYCLE": _CYCLIST,
     "BICYCLIST": _CYCLIST,
-    "BOLLARD": _THING,
-    "BOX_TRUCK": _CAR,
-    "BUS": _CAR,
-    "CONSTRUCTION_BARREL": _THING,
-    "CONSTRUCTION_CONE": _THING,
-    "DOG": UNKNOWN,
-    "LARGE_VEHICLE": _CAR,
-    "MESSAGE_BOARD_TRAILER": _THING,
-    "MOBILE_PEDESTRIAN_CROSSING_SIGN": _THING,
+    "BOLLARD": _OBSTACLE,
+    "BOX_TRUCK": _LARGE,
+    "BUS": _LARGE,
+    "CONSTRUCTION_BARREL": _OBSTACLE,
+    "CONSTRUCTION_CONE": _OBSTACLE,
+    "DOG": _ANIMAL,
+    "LARGE_VEHICLE": _LARGE,
+    "MESSAGE_BOARD_TRAILER": _OBSTACLE,
+    "MOBILE_PEDESTRIAN_CROSSING_SIGN": _OBSTACLE,
     "MOTORCYCLE": _CYCLIST,
     "MOTORCYCLIST": _CYCLIST,
     "OFFICIAL_SIGNALER": _PERSON,
     "PEDESTRIAN": _PERSON,
-    "RAILED_VEHICLE": _CAR,
+    "RAILED_VEHICLE": _LARGE,
     "REGULAR_VEHICLE": _CAR,
-    "SCHOOL_BUS": _CAR,
-    "SIGN": _THING,
-    "STOP_SIGN": _THING,
+    "SCHOOL_BUS": _LARGE,
+    "SIGN": _OBSTACLE,
+    "STOP_SIGN": _OBSTACLE,
     "STROLLER": _PERSON,
-    "TRAFFIC_LIGHT_TRAILER": _THING,
-    "TRUCK": _CAR,
-    "TRUCK_CAB": _CAR,
-    "VEHICULAR_TRAILER": _CAR,
+    "TRAFFIC_LIGHT_TRAILER": _OBSTACLE,
+    "TRUCK": _LARGE,
+    "TRUCK_CAB": _LARGE,
+    "VEHICULAR_TRAILER": _LARGE,
     "WHEELCHAIR": _PERSON,
     "WHEELED_DEVICE": _CYCLIST,
     "WHEELED_RIDER": _CYCLIST,
@@ -51,38 +52,40 @@ _ARGOVERSE2: Final = {
 _ARGOVERSE1: Final = {
     "VEHICLE": _CAR,
     "PEDESTRIAN": _PERSON,
-    "ON_ROAD_OBSTACLE": _THING,
-    "LARGE_VEHICLE": _CAR,
+    "ON_ROAD_OBSTACLE": _OBSTACLE,
+    "LARGE_VEHICLE": _LARGE,
     "BICYCLE": _CYCLIST,
     "BICYCLIST": _CYCLIST,
-    "BUS": _CAR,
-    "TRAILER": _CAR,
+    "BUS": _LARGE,
+    "TRAILER": _LARGE,
     "MOTORCYCLIST": _CYCLIST,
     "MOPED": _CYCLIST,
     "MOTORCYCLE": _CYCLIST,
     "STROLLER": _PERSON,
-    "EMERGENCY_VEHICLE": _CAR,
+    "EMERGENCY_VEHICLE": _LARGE,
     "WHEELCHAIR": _PERSON,
-    "SCHOOL_BUS": _CAR,
+    "SCHOOL_BUS": _LARGE,
 }
 _KITTI: Final = {
     "Car": _CAR,
     "Van": _CAR,
-    "Truck": _CAR,
-    "Tram": _CAR,
+    "Truck": _LARGE,
+    "Tram": _LARGE,
     "Pedestrian": _PERSON,
     "Person (sitting)": _PERSON,
     "Cyclist": _CYCLIST,
 }
-_WAYMO: Final = {1: _CAR, 2: _PERSON, 3: _THING, 4: _CYCLIST}
+_WAYMO: Final = {1: _CAR, 2: _PERSON, 3: _OBSTACLE, 4: _CYCLIST}
 # The first prefix that fits counts.
 _NUSCENES: Final = (
     ("vehicle.bicycle", _CYCLIST),
     ("vehicle.motorcycle", _CYCLIST),
-    ("vehicle.", _CAR),
+    ("vehicle.car", _CAR),
+    ("vehicle.", _LARGE),
     ("human.", _PERSON),
-    ("movable_object.", _THING),
-    ("static_object.", _THING),
+    ("movable_object.", _OBSTACLE),
+    ("static_object.", _OBSTACLE),
+    ("animal", _ANIMAL),
 )
 
 

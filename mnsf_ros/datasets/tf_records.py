@@ -24,7 +24,7 @@ def tf_records(path: Path) -> Iterator[bytes]:
     its content is not, since without a library for it this takes longer than all the rest.
 
     Raises:
-        DatasetError: If the file is missing, is none of these, or is cut short.
+        DatasetError: If the file is missing, is none of these, is empty, or is cut short.
     """
     with reading(path), path.open("rb") as file:
         index = 0
@@ -42,6 +42,8 @@ def tf_records(path: Path) -> Iterator[bytes]:
                 raise DatasetError(f"{path}: is cut short in record {index}")
             yield record
             index += 1
+    if index == 0:
+        raise DatasetError(f"{path}: is empty")
 
 
 def _masked_checksum(data: bytes) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from mnsf_ros.datasets.arrow_tables import parquet_groups, read_parquet
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
+from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import files_in, reading
 from mnsf_ros.datasets.surface_classes import waymo_class
 from mnsf_ros.datasets.waymo_range_image import (
@@ -110,9 +111,11 @@ def _image(row: dict[str, Any], prefix: str, channels: int) -> NDArray[np.float3
 
 
 def _read_vehicle_poses(path: Path) -> dict[int, NDArray[np.float64]]:
-    rows = read_parquet(path, [_STAMP, _VEHICLE])
-    with reading(path):
-        return {row[_STAMP]: np.reshape(row[_VEHICLE], (4, 4)).astype(np.float64) for row in rows}
+    poses = {}
+    for row in read_parquet(path, [_STAMP, _VEHICLE]):
+        with reading(path, f"frame {row[_STAMP]}"):
+            poses[row[_STAMP]] = rigid_pose(row[_VEHICLE])
+    return poses
 
 
 def _read_calibrations(path: Path) -> dict[int, LaserCalibration]:
@@ -122,7 +125,7 @@ def _read_calibrations(path: Path) -> dict[int, LaserCalibration]:
     with reading(path):
         return {
             row[_LASER]: LaserCalibration(
-                vehicle_from_laser=np.reshape(row[extrinsic], (4, 4)).astype(np.float64),
+                vehicle_from_laser=rigid_pose(row[extrinsic]),
                 inclinations_rad=np.array(row[values] or [], dtype=np.float64),
                 range_rad=(row[low], row[high]),
             )
@@ -136,13 +139,13 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
     heading, kind = f"{_BOX}.box.heading", f"{_BOX}.type"
     boxes: dict[int, list[Box]] = defaultdict(list)
     for row in read_parquet(path, [_STAMP, _OBJECT, *center, *size, heading, kind]):
-        x, y, z = (row[name] for name in center)
-        boxes[row[_STAMP]].append(
-            Box(
+        with reading(path, f"frame {row[_STAMP]}"):
+            x, y, z = (row[name] for name in center)
+            box = Box(
                 pose=planar_pose(x, y, row[heading], z),
                 size_m=np.array([row[name] for name in size], dtype=np.float64),
                 class_id=waymo_class(row[kind]),
                 track_id=row[_OBJECT],
             )
-        )
+        boxes[row[_STAMP]].append(box)
     return {micros: tuple(found) for micros, found in boxes.items()}

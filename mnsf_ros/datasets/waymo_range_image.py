@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
+from mnsf_ros.datasets.source_files import as_type
 from mnsf_ros.simulation.transforms import FloatArray, apply, invert
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def waymo_sweep(
     """Returns the first returns of all lidars as one sweep in the vehicle frame.
 
     Raises:
-        ValueError: If an image does not fit its calibration.
+        ValueError: If an image does not fit its calibration, or the sweep is refused.
+        FloatingPointError: If a point is too far away for a float32.
     """
     points, numbers, measured = [], [], []
     for laser in sorted(returns, key=lambda one: one.laser):
@@ -100,7 +102,7 @@ def waymo_sweep(
     xyz = np.concatenate(points) if points else np.zeros((0, 3))
     return LabelledSweep(
         stamp_ns=stamp_ns,
-        xyz=xyz.astype(np.float32),
+        xyz=as_type(xyz, np.float32),
         columns={
             "intensity": np.ascontiguousarray(values[:, 1]),
             "elongation": np.ascontiguousarray(values[:, 2]),

@@ -9,6 +9,7 @@ import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
+from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.protobuf_wire import WireMessage
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import waymo_class
@@ -58,8 +59,8 @@ def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
 
 
 def _sweeps(path: Path) -> Iterator[LabelledSweep]:
-    for record in tf_records(path):
-        with reading(path):
+    for index, record in enumerate(tf_records(path)):
+        with reading(path, f"record {index}"):
             sweep = _sweep(WireMessage(record))
         yield sweep
 
@@ -109,7 +110,7 @@ def _matrix(compressed: bytes, channels: int) -> NDArray[np.float32] | None:
 
 
 def _transform(message: WireMessage) -> NDArray[np.float64]:
-    return message.doubles(_ONLY).reshape(4, 4)
+    return rigid_pose(message.doubles(_ONLY))
 
 
 def _box(label: WireMessage) -> Box:

@@ -1,11 +1,12 @@
 """The two metrics of the Argoverse 2 scene flow challenge.
 
 * Three-way EPE (2023): the mean of the EPE of foreground dynamic, foreground static and background
-  static points.
+  static points, as in the package av2: foreground is all that is labelled as an object.
 * Bucket-normalized error (2024): per class, points are sorted into buckets of 0.04 m by their true
   motion of their own in 0.1 s. Of the first bucket the EPE counts (static error), of each other
   one its EPE over its mean motion; the mean over these is the dynamic error. 1 is the error of
-  the sensor's own motion alone. Only points within 35 m count.
+  the sensor's own motion alone. Only points less than 35 m away along x and along y count, and not
+  those of signs, cones and animals, as in the package bucketed_scene_flow_eval.
 
 Both are means over all points of all examples, so an example gives sums, which can be added.
 """
@@ -31,14 +32,17 @@ THREE_WAY: Final = (FOREGROUND_DYNAMIC, FOREGROUND_STATIC, BACKGROUND_STATIC)
 DYNAMIC: Final = "dynamic"
 STATIC: Final = "static"
 
-_MAX_RANGE_M: Final = 35.0
+_REACH_M: Final = 35.0
 _EDGES_M: Final = np.append(np.linspace(0.0, 2.0, 51), np.inf)
-# OTHER_VEHICLES of the challenge is missing: recordings have one number for all vehicles.
 _BACKGROUND: Final = "BACKGROUND"
-_FOREGROUND: Final = {
-    int(SurfaceClass.CAR): "CAR",
-    int(SurfaceClass.PEDESTRIAN): "PEDESTRIAN",
-    int(SurfaceClass.CYCLIST): "WHEELED_VRU",
+_IGNORED: Final = ""
+_OBJECTS: Final = {
+    SurfaceClass.CAR: "CAR",
+    SurfaceClass.LARGE_VEHICLE: "OTHER_VEHICLES",
+    SurfaceClass.PEDESTRIAN: "PEDESTRIAN",
+    SurfaceClass.CYCLIST: "WHEELED_VRU",
+    SurfaceClass.OBSTACLE: _IGNORED,
+    SurfaceClass.ANIMAL: _IGNORED,
 }
 
 
@@ -55,7 +59,7 @@ def three_way_sums(
     Returns:
         Name of the group to its sums; groups without points are missing.
     """
-    foreground = np.isin(class_id, list(_FOREGROUND))
+    foreground = np.isin(class_id, list(_OBJECTS))
     groups = {
         FOREGROUND_DYNAMIC: foreground & dynamic,
         FOREGROUND_STATIC: foreground & ~dynamic,
@@ -70,7 +74,7 @@ def three_way_sums(
 def bucket_sums(
     errors_m: NDArray[np.float64],
     motion_m: NDArray[np.float64],
-    range_m: NDArray[np.float64],
+    xy: NDArray[np.floating[Any]],
     class_id: NDArray[np.uint8],
 ) -> Sums:
     """Adds up errors and motion of each class and bucket.
@@ -78,22 +82,22 @@ def bucket_sums(
     Args:
         errors_m: (N,) end point errors, metres in 0.1 s.
         motion_m: (N,) length of the true motion without that of the sensor, metres in 0.1 s.
-        range_m: (N,) horizontal distance from the sensor, metres.
+        xy: (N, 2) metres, sensor frame.
         class_id: (N,) kind of surface, see `docs/recordings.md`.
 
     Returns:
         `CLASS/bucket` to its sums; the first bucket is 0. Empty ones are missing.
     """
-    near = range_m <= _MAX_RANGE_M
+    near = (np.abs(xy) < _REACH_M).all(axis=1)
     errors_m, motion_m, class_id = errors_m[near], motion_m[near], class_id[near]
     buckets = np.searchsorted(_EDGES_M, motion_m, side="right") - 1
+    masks = {name: class_id == number for number, name in _OBJECTS.items() if name}
+    masks[_BACKGROUND] = ~np.isin(class_id, list(_OBJECTS))
     sums: Sums = {}
-    names = {**_FOREGROUND, -1: _BACKGROUND}
-    groups = np.where(np.isin(class_id, list(_FOREGROUND)), class_id.astype(np.int64), -1)
-    for group in np.unique(groups):
-        for bucket in np.unique(buckets[groups == group]):
-            mask = (groups == group) & (buckets == bucket)
-            sums[f"{names[int(group)]}/{bucket}"] = _sums(errors_m[mask], motion_m[mask])
+    for name, mask in masks.items():
+        for bucket in np.unique(buckets[mask]):
+            rows = mask & (buckets == bucket)
+            sums[f"{name}/{bucket}"] = _sums(errors_m[rows], motion_m[rows])
     return sums
 
 

@@ -25,6 +25,8 @@ from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, rigid_flow
 
 # Argoverse 2 counts motion per sweep of this length.
 _USUAL_INTERVAL_S = 0.1
+# Fewer standing points do not fix the sensor's motion.
+_MIN_STANDING = 20
 
 
 def empty_row(example: Example, method: str) -> ResultRow:
@@ -101,7 +103,7 @@ class _Comparison:
         truth: (M, 3) metres per sweep.
         dynamic: (M,) bool.
         class_id: (M,) kind of surface.
-        range_m: (M,) horizontal distance from the sensor.
+        xy: (M, 2) metres, sensor frame.
         motion_m: (M,) length of the true motion without that of the sensor.
         interval_s: Time between the two sweeps.
     """
@@ -110,7 +112,7 @@ class _Comparison:
     truth: NDArray[np.float32]
     dynamic: NDArray[np.bool_]
     class_id: NDArray[np.uint8]
-    range_m: NDArray[np.float64]
+    xy: NDArray[np.float64]
     motion_m: NDArray[np.float64]
     interval_s: float
 
@@ -125,20 +127,29 @@ class _Comparison:
         scored = truth.valid & answered
         xyz, true_flow = example.triplet.current.xyz[scored], truth.flow[scored]
         dynamic = truth.dynamic[scored]
-        motion = example.next_from_current
-        if motion is None:
-            # Without odometry, from the truth of what stands still.
-            motion = fit_rigid_motion(xyz[~dynamic], true_flow[~dynamic])
+        motion = _sensor_motion(xyz, true_flow, dynamic, example.next_from_current)
         own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
         return cls(
             estimate=flow[scored],
             truth=true_flow,
             dynamic=dynamic,
             class_id=truth.class_id[scored],
-            range_m=np.linalg.norm(xyz[:, :2].astype(np.float64), axis=1),
+            xy=xyz[:, :2].astype(np.float64),
             motion_m=np.linalg.norm(own, axis=1),
             interval_s=example.triplet.interval_s or _USUAL_INTERVAL_S,
         )
+
+
+def _sensor_motion(
+    xyz: NDArray[np.float32],
+    true_flow: NDArray[np.float32],
+    dynamic: NDArray[np.bool_],
+    odometry: NDArray[np.float64] | None,
+) -> NDArray[np.float64]:
+    """(4, 4) next_from_current: from the truth of what stands, as odometry may be worse."""
+    if odometry is not None and np.count_nonzero(~dynamic) < _MIN_STANDING:
+        return odometry
+    return fit_rigid_motion(xyz[~dynamic], true_flow[~dynamic])
 
 
 def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:
@@ -150,14 +161,15 @@ def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:
     buckets = bucket_sums(
         errors_m * per_usual_interval,
         compared.motion_m * per_usual_interval,
-        compared.range_m,
+        compared.xy,
         compared.class_id,
     )
+    range_m = np.linalg.norm(compared.xy, axis=1)
     speed_m_s = compared.motion_m / compared.interval_s
     return replace(
         row,
         errors=by_motion(estimate, truth, compared.dynamic),
-        by_range=errors_by_band(estimate, truth, every, compared.range_m, RANGE_LIMITS_M),
+        by_range=errors_by_band(estimate, truth, every, range_m, RANGE_LIMITS_M),
         by_speed=errors_by_band(estimate, truth, every, speed_m_s, SPEED_LIMITS_M_S),
         three_way_epe_m=three_way_epe_m(groups),
         bucketed=bucketed_errors(buckets),

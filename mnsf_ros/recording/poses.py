@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _NORM_TOLERANCE = 1e-3
+_RIGID_TOLERANCE = 1e-3
 
 
 class PointLike(Protocol):
@@ -44,8 +45,27 @@ class PoseLike(Protocol):
         """Rotation of the moving frame."""
 
 
+def is_rigid(pose: NDArray[np.floating[Any]]) -> bool:
+    """Whether a matrix is (4, 4), finite, and turns and shifts but does nothing else."""
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        return False
+    turn = pose[:3, :3].astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        excess = np.abs(turn @ turn.T - np.eye(3)).max()
+        last_row = np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).max()
+        # A mirrored frame has all its axes at right angles, too.
+        is_proper = np.linalg.det(turn) > 0
+    return bool(excess <= _RIGID_TOLERANCE and last_row <= _RIGID_TOLERANCE and is_proper)
+
+
 def quaternion_of(pose: NDArray[np.floating[Any]]) -> tuple[float, float, float, float]:
-    """Return x, y, z, w of the rotation of a (4, 4) pose, w at least 0."""
+    """Return x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
+
+    Raises:
+        RecordingError: The matrix is no rigid motion.
+    """
+    if not is_rigid(pose):
+        raise RecordingError(f"pose is no rigid motion: {pose.tolist()}")
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
     sign = -1.0 if w < 0 else 1.0
     return float(sign * x), float(sign * y), float(sign * z), float(sign * w)

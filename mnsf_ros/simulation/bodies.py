@@ -25,6 +25,9 @@ class SurfaceClass(IntEnum):
     PEDESTRIAN = 7
     CYCLIST = 8
     STREET_FURNITURE = 9
+    LARGE_VEHICLE = 10  # bus, truck, trailer, tram
+    OBSTACLE = 11  # cone, barrel, sign: what a data set labels as objects, though they stand
+    ANIMAL = 12
 
 
 @dataclass(frozen=True)

@@ -107,6 +107,16 @@ def test_a_sweep_without_labels_has_no_valid_flow(tmp_path):
         ("poses/city_SE3_egovehicle_{}.json", lambda raw: raw[:30], r"\.json: cannot be read"),
         ("poses/city_SE3_egovehicle_{}.json", lambda raw: b"{}", "it has no 'rotation'"),
         (BOXES + "_{}.json", lambda raw: b'[{"center": 1}]', r"labels_\d+\.json: cannot be read"),
+        (
+            BOXES + "_{}.json",
+            lambda raw: raw.replace(b'"width": ', b'"width": -'),
+            r"labels_\d+\.json: cannot be read: box of track .*: its size is",
+        ),
+        (
+            "poses/city_SE3_egovehicle_{}.json",
+            lambda raw: raw.replace(b'"translation": [', b'"translation": [NaN, 0, 0], "x": ['),
+            r"egovehicle_\d+\.json: cannot be read: pose is no rigid motion",
+        ),
     ],
 )
 def test_damage_is_named_and_nothing_is_left_behind(tmp_path, name, change, message):

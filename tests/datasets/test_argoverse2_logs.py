@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import tiny_world
@@ -131,6 +133,64 @@ def test_labels_that_do_not_fit_are_refused(tmp_path):
         convert(log, tmp_path / "out", labels=labels)
     with pytest.raises(DatasetError, match="nowhere: no such folder"):
         convert(log, tmp_path / "out", labels=tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_the_first_sweeps_alone_may_have_labels(tmp_path, first):
+    written = write_labels(tmp_path / "written", "counted")
+    labels = tmp_path / "labels"
+    labels.mkdir()
+    (written / f"{0:010d}.feather").rename(labels / f"{first:010d}.feather")
+    found = tiny_world.read(convert(write_log(tmp_path), tmp_path / "out", labels=labels))
+    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
+
+
+@pytest.mark.parametrize("names", [[5, 6], [0, 2], [0, 1, 2], [tiny_world.STEP_NS]])
+def test_other_names_of_labels_are_refused(tmp_path, names):
+    log = write_log(tmp_path)
+    for name in names:
+        write_feather(tmp_path / "labels" / f"{name}.feather", {"a": [1]})
+    with pytest.raises(DatasetError, match=rf"has the stamp of no sweep, and {len(names)} files"):
+        convert(log, tmp_path / "out", labels=tmp_path / "labels")
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("tx_m", math.nan, "its pose is no rigid motion"),
+        ("qw", math.nan, "rotation|rigid|norm"),
+        ("length_m", math.nan, "its size is"),
+        ("length_m", -4.0, "its size is"),
+        ("height_m", None, "its size is"),
+    ],
+)
+def test_a_damaged_box_is_named_with_its_sweep(tmp_path, column, value, message):
+    path = write_log(tmp_path) / "annotations.feather"
+    rows = feather.read_table(path).to_pylist()
+    rows[3][column] = value
+    feather.write_feather(pa.Table.from_pylist(rows), path)
+    where = rf"annotations\.feather: cannot be read: sweep of stamp {tiny_world.stamp_ns(1)}: "
+    with pytest.raises(DatasetError, match=f"{where}.*({message})"):
+        convert(path.parent, tmp_path / "out")
+
+
+def test_a_pose_that_is_not_finite_is_named_with_its_sweep(tmp_path):
+    path = write_log(tmp_path) / "city_SE3_egovehicle.feather"
+    rows = feather.read_table(path).to_pylist()
+    rows[2]["tz_m"] = math.inf
+    feather.write_feather(pa.Table.from_pylist(rows), path)
+    where = rf"egovehicle\.feather: cannot be read: pose of stamp {tiny_world.stamp_ns(1)}: "
+    with pytest.raises(DatasetError, match=f"{where}pose is no rigid motion"):
+        convert(path.parent, tmp_path / "out")
+
+
+def test_tracks_that_occur_twice_have_no_valid_flow(tmp_path):
+    path = write_log(tmp_path) / "annotations.feather"
+    rows = [row | {"track_uuid": "same"} for row in feather.read_table(path).to_pylist()]
+    feather.write_feather(pa.Table.from_pylist(rows), path)
+    truth = tiny_world.read(convert(path.parent, tmp_path / "out")).truth[0]
+    assert np.array_equal(truth.valid, truth.class_id == 0)
+    assert not truth.valid.all()
 
 
 def test_a_category_that_does_not_exist_is_refused(tmp_path):

@@ -1,7 +1,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +44,87 @@ def test_a_file_is_converted(tmp_path, triplet, capsys):
     found = tiny_world.read(out)
     assert len(found.stamps) == 2
     assert found.truth[0].valid.mean() == pytest.approx(0.5, abs=0.01)
-    assert f"2 sweeps in {out}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"2 sweeps in {out}" in said
+    assert re.search(r"flow of \d+\.\d% of the points is valid, \d\.\d% of these are dynamic", said)
+    assert "warning" not in said
     with pytest.raises(RecordingError, match="exists already"):
         run("triplets", triplet, out)
     assert capsys.readouterr().out == "", "no bar of what will not be done"
     run("triplets", triplet, out, "--force", "--unlabelled-static", "--compress")
     assert tiny_world.read(out).truth[1].valid.all()
+
+
+def write_sweeps(folder, num_sweeps, **arrays):
+    folder.mkdir()
+    for index in range(num_sweeps):
+        xyz = tiny_world.sweep(index).xyz
+        stamp_ns = tiny_world.stamp_ns(index)
+        np.savez(folder / f"{index}.npz", xyz=xyz, stamp_ns=stamp_ns, **arrays)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("num_sweeps", "boxes", "reason"),
+    [
+        (2, None, "no sweep has labels; either there are none, or their stamps"),
+        (2, '{"7": []}', "no sweep has labels; either there are none, or their stamps"),
+        (2, '{"1": []}', "labels reach no point of a sweep that has a next one"),
+        (1, None, "a single sweep has no next one"),
+    ],
+)
+def test_a_recording_without_valid_flow_comes_with_a_warning(
+    tmp_path, capsys, num_sweeps, boxes, reason
+):
+    source = write_sweeps(tmp_path / "in", num_sweeps, pose=np.eye(4))
+    if boxes is not None:
+        (source / "boxes.json").write_text(boxes)
+    run("sweeps", source, tmp_path / "out")
+    said = capsys.readouterr().out
+    assert "flow of 0.0% of the points is valid" in said
+    assert f"warning: no point has valid flow: {reason}" in said
+    run("sweeps", source, tmp_path / "out", "--unlabelled-static", "--force")
+    assert ("no point has valid flow" in capsys.readouterr().out) == (num_sweeps == 1)
+
+
+def test_gaps_in_the_odometry_come_with_a_warning(tmp_path, capsys):
+    source = write_sweeps(tmp_path / "in", 3, pose=np.eye(4))
+    np.savez(source / "2.npz", xyz=tiny_world.sweep(2).xyz, stamp_ns=tiny_world.stamp_ns(2))
+    run("sweeps", source, tmp_path / "out")
+    assert "warning: 2 of 3 sweeps have a pose, the odometry" in capsys.readouterr().out
+
+
+def write_endless_drive(folder):
+    """A drive of KITTI whose second sweep is waited for."""
+    for name in ("velodyne_points/data", "oxts/data"):
+        (folder / name).mkdir(parents=True)
+    for number in range(2):
+        np.ones(4, "<f4").tofile(folder / f"velodyne_points/data/{number:010d}.bin")
+    times = [f"2011-09-26 13:02:2{number}.5\n" for number in range(2)]
+    (folder / "velodyne_points/timestamps.txt").write_text("".join(times))
+    (folder / "calib_imu_to_velo.txt").write_text("R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n")
+    (folder / "oxts/data/0000000000.txt").write_text("49 8.4 100 0 0 0 " + "0 " * 24)
+    # Whoever opens a pipe to read it waits until somebody writes.
+    os.mkfifo(folder / "oxts/data/0000000001.txt")
+    return folder
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_nothing_behind(tmp_path, number):
+    source, out = write_endless_drive(tmp_path / "in"), tmp_path / "out"
+    command = [sys.executable, "-m", "mnsf_ros.cli", "convert", "kitti", str(source), str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    try:
+        deadline = time.monotonic() + 60
+        while not list(tmp_path.glob(".out.*")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert b"mnsf: interrupted" in errors
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
 
 def test_options_of_other_formats_are_refused(tmp_path, triplet):

@@ -9,6 +9,7 @@ import tiny_world
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.truth_summary import TruthSummary
 from mnsf_ros.errors import RecordingError
 
 
@@ -24,7 +25,7 @@ def source(*sweeps):
 
 def test_a_folder_or_a_single_file_is_written(tmp_path):
     written = write_recording(source(sweep(0), sweep(1)), tmp_path / "deep" / "bag")
-    assert written == 2
+    assert written == TruthSummary(2, 2, 2, num_points=10, num_valid=5, num_dynamic=0)
     write_recording(source(sweep(0), sweep(1)), str(tmp_path / "file.mcap"), compress=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "file.mcap"]
     for path in (tmp_path / "deep" / "bag", tmp_path / "file.mcap"):

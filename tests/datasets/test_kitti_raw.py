@@ -135,6 +135,19 @@ def test_the_calibration_may_lie_in_the_drive(tmp_path):
     tiny_world.check_recording(convert(drive, tmp_path / "out", unlabelled_static=True), "velodyne")
 
 
+def test_points_that_are_not_finite_stay_without_valid_flow(tmp_path):
+    drive = write_drive(tmp_path)
+    path = drive / "velodyne_points/data/0000000002.bin"
+    rows = np.fromfile(path, "<f4").reshape(-1, 4)
+    rows.view("<u4")[:9] = 0x7F800001  # signaling NaN
+    rows[9:18] = -np.inf
+    rows.tofile(path)
+    found = tiny_world.read(convert(drive, tmp_path / "out", unlabelled_static=True))
+    assert len(found.columns[1]) == len(rows)
+    assert not found.truth[1].valid[:18].any()
+    assert found.truth[1].valid[18:].any()
+
+
 def remove(name):
     return lambda drive: (drive / name).unlink()
 
@@ -155,6 +168,12 @@ def write(name, text):
     ("damage", "message"),
     [
         (cut("velodyne_points/data/0000000002.bin", 1001), r"0000000002\.bin: is cut short: 1001"),
+        (cut("velodyne_points/data/0000000002.bin", 0), r"0000000002\.bin: is cut short: 0 bytes"),
+        (
+            write("velodyne_points/data/0000000002.bin", "~" * 160),
+            r"0000000002\.bin: cannot be read: sweep of stamp .*: a point has the coordinate 8\.4",
+        ),
+        (write("oxts/data/0000000002.txt", "nan " * 30), r"0000000002\.txt: holds \(nan, .*finite"),
         (remove("oxts/data/0000000002.txt"), r"0000000002\.txt: no such file"),
         (cut("oxts/data/0000000003.txt", 20), r"0000000003\.txt: has \d numbers, expected 30"),
         (remove("velodyne_points/timestamps.txt"), r"timestamps\.txt: no such file"),
@@ -164,6 +183,18 @@ def write(name, text):
         (write("tracklet_labels.xml", "<a/>"), r"has no element 'tracklets'"),
         (remove("../calib_imu_to_velo.txt"), r"calib_imu_to_velo\.txt: no such file"),
         (write("../calib_cam_to_cam.txt", "K_00: 1"), r"has no entry 'R_rect_00'; it has K_00"),
+        (
+            write("../calib_imu_to_velo.txt", "R: 2 0 0 0 2 0 0 0 2\nT: 0 0 0"),
+            r"calib_imu_to_velo\.txt: cannot be read: pose is no rigid motion",
+        ),
+        (
+            write("tracklet_labels.xml", tracklet_text().replace("<l>", "<l>-")),
+            r"tracklet_labels\.xml: cannot be read: sweep 0: box of track 0: its size is \[-4",
+        ),
+        (
+            write("tracklet_labels.xml", tracklet_text().replace("<tx>", "<tx>nan</tx><tx>")),
+            r"tracklet_labels\.xml: cannot be read: sweep 0: box of track 0: its pose is no rigid",
+        ),
         (write("../calib_velo_to_cam.txt", "R: 1 2\nT: 0 0 0"), r"calib_velo_to_cam\.txt: cannot"),
     ],
 )

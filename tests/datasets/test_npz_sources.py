@@ -88,9 +88,46 @@ def test_damaged_sweeps_are_named_and_nothing_is_left_behind(tmp_path):
     with pytest.raises(DatasetError, match="sweeps are out of order"):
         convert("sweeps", source, tmp_path / "out" / "bag")
     (source / "boxes.json").write_text('{"0": [{}]}')
-    with pytest.raises(DatasetError, match=r"boxes\.json: cannot be read: it has no 'center'"):
+    with pytest.raises(
+        DatasetError, match=r"boxes\.json: cannot be read: sweep 0: it has no 'cent"
+    ):
         open_source("sweeps", source)
     assert not list(tmp_path.glob("out/*"))
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"xyz": np.zeros((3, 3), complex)}, r"holds complex numbers \(complex128\)"),
+        ({"xyz": np.zeros((3, 2))}, r"xyz has shape \(3, 2\)"),
+        ({"xyz": np.full((3, 3), 1e300)}, "overflow encountered in cast"),
+        ({"ring": np.full(3, np.nan)}, "invalid value encountered in cast"),
+        ({"pose": np.diag([2.0, 2, 2, 1])}, "pose is no rigid motion"),
+        ({"flow": np.zeros((2, 3))}, r"flow has shape \(2, 3\)"),
+    ],
+)
+def test_arrays_that_cannot_be_used_are_named(tmp_path, arrays, message):
+    usable = {"xyz": np.zeros((3, 3)), "stamp_ns": 5, "pose": np.eye(4)}
+    np.savez(tmp_path / "one.npz", **(usable | arrays))
+    with pytest.raises(DatasetError, match=rf"one\.npz: cannot be read: .*{message}"):
+        convert("sweeps", tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"size": [4, -2, 1]}, r"its size is \[4\.0, -2\.0, 1\.0\], expected 3 above 0"),
+        ({"yaw": math.nan}, "its pose is no rigid motion"),
+        ({"track_id": ["a"]}, "expected a text or an integer"),
+    ],
+)
+def test_a_damaged_box_is_named_with_its_sweep(tmp_path, change, message):
+    source = write_sweeps(tmp_path / "in")
+    boxes = json.loads((source / "boxes.json").read_text())
+    boxes["1"][0] |= change
+    (source / "boxes.json").write_text(json.dumps(boxes))
+    with pytest.raises(DatasetError, match=rf"boxes\.json: cannot be read: sweep 1: .*{message}"):
+        open_source("sweeps", source)
 
 
 def test_a_real_sequence_keeps_its_flow(tmp_path):
@@ -211,6 +248,9 @@ def test_damaged_triplets_are_named(tmp_path):
         convert("triplets", path, tmp_path / "out")
     np.savez(path, pc1=np.zeros((4, 3)), pc2=np.zeros((4, 3)), flow=np.zeros((5, 3)))
     with pytest.raises(DatasetError, match=r"npz: flow has shape \(5, 3\), expected that of pc1"):
+        convert("triplets", path, tmp_path / "out")
+    np.savez(path, pc1=np.zeros((4, 3), complex), pc2=np.zeros((4, 3)), flow=np.zeros((4, 3)))
+    with pytest.raises(DatasetError, match=r"triplet\.npz: cannot be read: holds complex numbers"):
         convert("triplets", path, tmp_path / "out")
     np.save(tmp_path / "single.npy", np.zeros(3))
     with pytest.raises(DatasetError, match="is a single array, expected an npz archive"):

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.nuscenes_boxes import Annotation, Keyframe, boxes_at
 from mnsf_ros.datasets.read_options import ReadOptions
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.truth_settings import TruthSettings
 
 # The lidar looks to the left, as it does on the real vehicles, and the sweep is in its frame.
 EGO_FROM_LIDAR = tiny_world.pose(0.9, 0.1, 1.8, -1.5)
@@ -102,12 +104,56 @@ def test_a_scene_becomes_a_recording_with_truth(tmp_path, monkeypatch):
     assert found.stamps == [micros * 1000 for micros in MICROS]
     assert found.frames == {"lidar_top"}
     for index in range(tiny_world.NUM_SWEEPS):
-        tiny = tiny_world.sweep(index)
-        tiny_world.check_truth(found.truth[index], index, tiny.xyz, tiny.part)
+        tiny, truth = tiny_world.sweep(index), found.truth[index]
+        other = ~on_own_vehicle(tiny.xyz)
+        rows = ("flow", "valid", "dynamic", "ground", "class_id")
+        kept = replace(truth, **{name: getattr(truth, name)[other] for name in rows})
+        tiny_world.check_truth(kept, index, tiny.xyz[other], tiny.part[other])
         pose = found.poses[found.stamps[index]]
         np.testing.assert_allclose(pose, tiny_world.world_from_sweep(index), atol=1e-9)
     assert set(found.columns[0]["intensity"]) == {33}
     assert set(found.columns[0]["ring"]) == {17}
+
+
+def on_own_vehicle(xyz):
+    """Where OpenSceneFlow removes points: x is to the right of the vehicle, y to its front."""
+    return (np.abs(xyz[:, 0]) < 0.865) & (np.abs(xyz[:, 1]) < 2.042)
+
+
+def test_points_of_the_own_vehicle_are_there_but_not_valid(tmp_path):
+    write_data(tmp_path / "data")
+    source = open_source("nuscenes", tmp_path / "data", ReadOptions(sequence="scene-1"))
+    write_recording(source, tmp_path / "out", TruthSettings(unlabelled_static=True))
+    found = tiny_world.read(tmp_path / "out")
+    xyz = tiny_world.sweep(0).xyz
+    own = on_own_vehicle(xyz)
+    assert own.any()
+    assert np.array_equal(found.xyz[0], xyz)
+    assert not found.truth[0].valid[own].any()
+    assert np.array_equal(found.truth[0].valid, ~own & (tiny_world.sweep(0).part != 5))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"size": [2.0, -4.0, 1.6]}, r"its size is \[-4.0, 2.0, 1.6\], expected 3 above 0"),
+        ({"size": [2.0, float("nan"), 1.6]}, r"its size is \[nan, 2.0, 1.6\]"),
+        ({"translation": [0.0, float("nan"), 0.0]}, "its pose is no rigid motion"),
+    ],
+)
+def test_a_damaged_box_is_named_with_its_sweep(tmp_path, change, message):
+    tables = scene_tables()
+    tables["sample_annotation"][-1] |= change
+    where = rf"sample_annotation\.json: cannot be read: sweep of {MICROS[0]} microseconds: box of "
+    with pytest.raises(DatasetError, match=where + f".*{message}"):
+        convert(write_data(tmp_path / "data", tables), tmp_path / "out")
+
+
+def test_an_object_that_is_twice_in_a_sample_is_refused(tmp_path):
+    tables = scene_tables()
+    tables["sample_annotation"].append(tables["sample_annotation"][0])
+    with pytest.raises(DatasetError, match=r"sample_annotation\.json: instance 'mover' occurs twi"):
+        convert(write_data(tmp_path / "data", tables), tmp_path / "out")
 
 
 def test_the_folder_of_the_tables_will_do(tmp_path):
@@ -170,7 +216,23 @@ def test_a_scene_is_named(tmp_path):
             lambda raw: raw.replace(b'"rotation": [', b'"rotation": [1,'),
             r"ego_pose\.json: cannot be read: quaternion \(5,\)",
         ),
+        (
+            "v1.0-mini/ego_pose.json",
+            lambda raw: raw.replace(b'"translation": [', b'"translation": [NaN, 0, 0], "x": ['),
+            r"ego_pose\.json: cannot be read: pose is no rigid motion",
+        ),
         ("sweeps/LIDAR_TOP/1.bin", lambda raw: raw[:-3], "1.bin: is cut short"),
+        ("sweeps/LIDAR_TOP/1.bin", lambda raw: b"", "1.bin: is cut short: 0 bytes, expected rows"),
+        (
+            "sweeps/LIDAR_TOP/1.bin",
+            lambda raw: np.full(10, 1e38, "<f4").tobytes(),
+            r"1\.bin: cannot be read: .*(coordinate 1e\+38 m|invalid value)",
+        ),
+        (
+            "sweeps/LIDAR_TOP/1.bin",
+            lambda raw: raw[:-4] + np.float32(np.nan).tobytes(),
+            r"1\.bin: cannot be read: invalid value encountered in cast",
+        ),
     ],
 )
 def test_damage_is_named_and_nothing_is_left_behind(tmp_path, name, change, message):

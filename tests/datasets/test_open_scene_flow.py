@@ -13,18 +13,19 @@ h5py = pytest.importorskip("h5py")
 VEHICLE_FROM_LIDAR = tiny_world.pose(1.5, 0, 1.7, 0)
 
 
-def write_sequence(path, *, microseconds=False):
+def write_sequence(path, *, microseconds=False, vehicle_from_lidar=VEHICLE_FROM_LIDAR):
     with h5py.File(path, "w") as file:
         # Not in the order of time.
         for index in (2, 0, 1):
             stamp = tiny_world.stamp_ns(index)
-            write_group(file.create_group(str(stamp // 1000 if microseconds else stamp)), index)
+            group = file.create_group(str(stamp // 1000 if microseconds else stamp))
+            write_group(group, index, vehicle_from_lidar)
     return path
 
 
-def write_group(group, index):
+def write_group(group, index, vehicle_from_lidar):
     tiny = tiny_world.sweep(index)
-    pose = tiny_world.world_from_sweep(index) @ np.linalg.inv(VEHICLE_FROM_LIDAR)
+    pose = tiny_world.world_from_sweep(index) @ np.linalg.inv(vehicle_from_lidar)
     group["lidar"] = np.column_stack([tiny.xyz, np.full(len(tiny.xyz), 5)]).astype(np.float32)
     group["lidar_dt"] = np.full(len(tiny.xyz), 0.01, np.float32)
     group["pose"] = pose.astype(np.float32)
@@ -59,14 +60,49 @@ def test_a_sequence_becomes_a_recording_with_truth(tmp_path, microseconds):
     assert not found.truth[2].valid.any()
     assert set(found.columns[0]["intensity"]) == {5}
     assert set(found.columns[0]["time_offset"]) == {np.float32(0.01)}
-    pose = found.poses[found.stamps[1]] @ VEHICLE_FROM_LIDAR
-    np.testing.assert_allclose(pose, tiny_world.world_from_sweep(1), atol=1e-6)
+    check_poses(found)
+
+
+def check_poses(found, num_sweeps=tiny_world.NUM_SWEEPS):
+    """The odometry is that of the points, in the frame of the first sweep."""
+    assert list(found.poses) == found.stamps[:num_sweeps]
+    for index, stamp in enumerate(found.poses):
+        pose = tiny_world.world_from_sweep(0) @ found.poses[stamp]
+        np.testing.assert_allclose(pose, tiny_world.world_from_sweep(index), atol=1e-5)
+
+
+def remove(path, *names):
+    with h5py.File(path, "a") as file:
+        for name in names:
+            del file[name]
+    return path
+
+
+def test_poses_end_where_neither_flow_nor_the_file_tells_them(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    remove(path, f"{tiny_world.stamp_ns(1)}/flow")
+    check_poses(tiny_world.read(convert(path, tmp_path / "out")), num_sweeps=2)
+    remove(path, f"{tiny_world.stamp_ns(0)}/flow")
+    check_poses(tiny_world.read(convert(path, tmp_path / "none")), num_sweeps=1)
+
+
+def test_poses_of_the_file_that_agreed_with_flow_fill_its_gaps(tmp_path):
+    path = write_sequence(tmp_path / "log.h5", vehicle_from_lidar=np.eye(4))
+    remove(path, f"{tiny_world.stamp_ns(1)}/flow")
+    check_poses(tiny_world.read(convert(path, tmp_path / "out")))
+
+
+def test_flow_of_a_few_standing_points_tells_no_pose(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    with h5py.File(path, "a") as file:
+        categories = file[f"{tiny_world.stamp_ns(0)}/flow_category_indices"]
+        categories[...] = np.where(np.arange(len(categories)) < 99, 0, 19)
+    check_poses(tiny_world.read(convert(path, tmp_path / "out")), num_sweeps=1)
 
 
 def test_sweeps_without_flow_are_not_valid(tmp_path):
     path = write_sequence(tmp_path / "log.h5")
-    with h5py.File(path, "a") as file:
-        del file[f"{tiny_world.stamp_ns(1)}/flow"]
+    remove(path, f"{tiny_world.stamp_ns(1)}/flow")
     found = tiny_world.read(convert(path, tmp_path / "out"))
     assert [truth.valid.any() for truth in found.truth] == [True, False, False]
 
@@ -84,6 +120,33 @@ def test_damage_is_named_and_nothing_is_left_behind(tmp_path):
     with pytest.raises(DatasetError, match=r"log\.h5: cannot be read: .*pose"):
         convert(path, tmp_path / "out" / "bag")
     assert not list(tmp_path.glob("out/*"))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "message"),
+    [
+        ("lidar", np.zeros((50, 2), np.float32), r"xyz has shape \(50, 2\), expected \(N, 3\)"),
+        ("lidar", np.zeros((50, 3), np.complex64), r"holds complex numbers \(complex64\)"),
+        ("flow", np.zeros((7, 3), np.float32), r"flow has shape \(7, 3\), expected"),
+        ("flow", np.full((7, 3), 1e300), "overflow encountered in cast"),
+        ("ground_mask", np.zeros(7, bool), r"ground has shape \(7,\), expected"),
+        ("flow_category_indices", np.zeros(7, np.uint8), r"class_id has shape \(7,\), expected"),
+        ("pose", np.diag([2.0, 2, 2, 1]), "pose is no rigid motion"),
+        ("pose", np.zeros((4, 4)), "pose is no rigid motion"),
+        ("pose", None, "has no data set pose; it has ego_motion, flow, "),
+        ("flow_is_valid", None, "has no data set flow_is_valid; it has ego_motion, flow, "),
+    ],
+)
+def test_what_does_not_fit_is_named_with_file_and_sweep(tmp_path, name, values, message):
+    group = str(tiny_world.stamp_ns(1))
+    path = remove(write_sequence(tmp_path / "log.h5"), f"{group}/{name}")
+    if values is not None:
+        with h5py.File(path, "a") as file:
+            file[f"{group}/{name}"] = values
+    with pytest.raises(
+        DatasetError, match=rf"log\.h5: cannot be read: group '{group}': .*{message}"
+    ):
+        convert(path, tmp_path / "out")
 
 
 def test_other_files_are_refused(tmp_path):

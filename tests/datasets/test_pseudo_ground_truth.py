@@ -73,6 +73,60 @@ def test_a_box_of_unknown_motion_has_no_valid_flow():
     assert truth.valid[~on_box].all()
 
 
+@pytest.mark.parametrize("twice_in", [0, 1])
+def test_a_track_that_occurs_twice_in_a_sweep_has_no_valid_flow(twice_in):
+    sweeps = [labelled(0), labelled(1)]
+    mover, parked, *others = sweeps[twice_in].boxes
+    boxes = (mover, replace(parked, track_id=mover.track_id), *others)
+    sweeps[twice_in] = labelled(twice_in, boxes=boxes)
+    truth = sweep_truth(*sweeps, SETTINGS)
+    on_box = truth.class_id == tiny_world.CAR
+    assert on_box.any()
+    assert not truth.valid[on_box].any()
+    assert truth.valid[~on_box].all()
+
+
+def test_points_of_the_own_vehicle_are_not_valid():
+    own = np.arange(len(part())) % 3 == 0
+    settings = replace(SETTINGS, unlabelled_static=True)
+    truth = sweep_truth(labelled(0, own_vehicle=own), labelled(1), settings)
+    assert np.array_equal(truth.valid, ~own & (part() != tiny_world.GONE))
+
+
+NO_POSES = [
+    np.zeros((4, 4)),
+    np.diag([2.0, 2, 2, 1]),  # scaled
+    np.diag([1.0, -1, 1, 1]),  # mirrored
+    np.eye(4) + np.eye(4)[3][:, None],  # another last row
+    np.full((4, 4), np.nan),
+    np.full((4, 4), 1e200),
+    np.eye(3),
+]
+
+
+@pytest.mark.parametrize("pose", NO_POSES)
+def test_poses_that_are_no_rigid_motion_are_refused(pose):
+    xyz = np.zeros((4, 3), np.float32)
+    with pytest.raises(ValueError, match="stamp 5: its pose is no rigid motion"):
+        LabelledSweep(5, xyz, pose=pose)
+    with pytest.raises(ValueError, match="track 'a': its pose is no rigid motion"):
+        Box(pose, np.ones(3), tiny_world.CAR, "a")
+    almost = tiny_world.pose(1000, 2000, 30, 2.0).astype(np.float16).astype(float)
+    assert LabelledSweep(5, xyz, pose=almost).pose is almost
+
+
+@pytest.mark.parametrize("size", [[1, 2, np.nan], [1, -2, 3], [1, 2, np.inf], [0, 1, 1], [1, 2]])
+def test_boxes_without_a_proper_size_are_refused(size):
+    with pytest.raises(ValueError, match=r"track 3: its size is \[.*\], expected 3 above 0"):
+        Box(np.eye(4), np.array(size, float), tiny_world.CAR, 3)
+
+
+def test_tracks_are_texts_or_integers():
+    for track_id in (["a"], 0.5):
+        with pytest.raises(ValueError, match="expected a text or an integer"):
+            Box(np.eye(4), np.ones(3), tiny_world.CAR, track_id)
+
+
 def test_a_hidden_box_owns_no_points_but_tells_where_the_object_went():
     boxes = tuple(replace(box, hidden=True) for box in labelled(0).boxes)
     assert not sweep_truth(labelled(0, boxes=boxes), labelled(1), SETTINGS).dynamic.any()
@@ -138,12 +192,13 @@ def test_given_flow_is_kept_and_what_it_lacks_is_found():
     flow = tiny_world.expected_flow(0, xyz, parts).astype(np.float32)
     moving = np.isin(parts, (tiny_world.MOVER, tiny_world.MARGIN))
     valid = np.arange(len(xyz)) % 5 > 0
-    for pose, background in (
+    still = np.linalg.inv(tiny_world.world_from_sweep(1)) @ tiny_world.world_from_sweep(0)
+    for pose, motion in (
         (tiny_world.world_from_sweep(0), None),  # by the poses
         (None, None),  # by what most points do
-        (tiny_world.pose(5, 5, 5, 5), ~moving),  # by the background, whatever the poses say
+        (tiny_world.pose(5, 5, 5, 5), still),  # by what comes with it, whatever the poses say
     ):
-        given = GivenFlow(flow, valid, background=background)
+        given = GivenFlow(flow, valid, next_from_current=motion)
         sweep = labelled(0, given=given, pose=pose, boxes=None)
         truth = sweep_truth(sweep, labelled(1), SETTINGS)
         assert np.array_equal(truth.flow, flow)
@@ -157,14 +212,14 @@ def test_given_flow_is_kept_and_what_it_lacks_is_found():
 
 
 def test_arrays_that_do_not_fit_are_refused():
-    with pytest.raises(DatasetError, match=r"xyz has shape \(4, 2\), expected \(N, 3\)"):
+    with pytest.raises(ValueError, match=r"xyz has shape \(4, 2\), expected \(N, 3\)"):
         LabelledSweep(5, np.zeros((4, 2), np.float32))
-    with pytest.raises(DatasetError, match=r"stamp 5: ring has shape \(3,\), expected \(4,\)"):
+    with pytest.raises(ValueError, match=r"stamp 5: ring has shape \(3,\), expected \(4,\)"):
         LabelledSweep(5, np.zeros((4, 3), np.float32), {"ring": np.zeros(3)})
     given = GivenFlow(np.zeros((3, 3), np.float32), np.ones(3, bool))
-    with pytest.raises(DatasetError, match=r"flow has shape \(3, 3\), expected \(4, 3\)"):
+    with pytest.raises(ValueError, match=r"flow has shape \(3, 3\), expected \(4, 3\)"):
         LabelledSweep(5, np.zeros((4, 3), np.float32), given=given)
-    with pytest.raises(DatasetError, match="pose is not finite"):
-        LabelledSweep(5, np.zeros((4, 3), np.float32), pose=np.full((4, 4), np.nan))
+    with pytest.raises(ValueError, match=r"stamp 5: a point has the coordinate -1e\+07 m"):
+        LabelledSweep(5, np.array([[np.nan, np.inf, -1e7]], np.float32))
     with pytest.raises(DatasetError, match="box margin is -1"):
         TruthSettings(-1)

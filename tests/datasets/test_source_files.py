@@ -120,14 +120,14 @@ def test_poses_from_quaternions():
 
 
 def test_categories_of_the_data_sets():
-    assert [kitti_class(name) for name in ("Tram", "Person (sitting)", "Misc")] == [6, 7, 0]
-    assert [argoverse1_class(name) for name in ("BUS", "MOPED", "ANIMAL")] == [6, 8, 0]
-    assert [argoverse2_class(name) for name in ("SIGN", "WHEELCHAIR", "DOG")] == [9, 7, 0]
-    assert [waymo_class(number) for number in range(5)] == [0, 6, 7, 9, 8]
+    assert [kitti_class(name) for name in ("Tram", "Person (sitting)", "Misc")] == [10, 7, 0]
+    assert [argoverse1_class(name) for name in ("BUS", "MOPED", "ANIMAL")] == [10, 8, 0]
+    assert [argoverse2_class(name) for name in ("SIGN", "WHEELCHAIR", "DOG")] == [11, 7, 12]
+    assert [waymo_class(number) for number in range(5)] == [0, 6, 7, 11, 8]
     names = ("vehicle.bus.rigid", "vehicle.bicycle", "human.pedestrian.adult", "animal")
-    assert [nuscenes_class(name) for name in names] == [6, 8, 7, 0]
+    assert [nuscenes_class(name) for name in names] == [10, 8, 7, 12]
     # Background, animal, regular vehicle, the last one.
-    assert argoverse2_classes(np.array([0, 1, 19, 30])).tolist() == [0, 0, 6, 8]
+    assert argoverse2_classes(np.array([0, 1, 19, 30])).tolist() == [0, 12, 6, 8]
     for number in (-1, 31):
         with pytest.raises(ValueError, match=f"category number {number}, expected 0 to 30"):
             argoverse2_classes(np.array([3, number]))

@@ -68,8 +68,8 @@ def label(track, pose):
     return field(1, message) + field(3, 1) + field(4, track)
 
 
-def write_records(path, images, **options):
-    indices = range(tiny_world.NUM_SWEEPS)
+def write_records(path, images, num_sweeps=tiny_world.NUM_SWEEPS, **options):
+    indices = range(num_sweeps)
     path.write_bytes(b"".join(tf_record(frame(index, images, **options)) for index in indices))
     return path
 
@@ -97,9 +97,9 @@ def test_damaged_records_are_named_and_nothing_is_left_behind(tmp_path, images):
         b"\0" + whole: "checksum of record 0 is wrong",
         whole[: first + 12] + b"\xff" * 2000 + whole[first + 2012 :]: "tfrecord: cannot be read",
         tf_record(frame(0, images)[:-9]): "tfrecord: cannot be read: .* cut short",
-        tf_record(field(2, 5) + field(3, b"")): "cannot be read: cannot reshape",
+        tf_record(field(2, 5) + field(3, b"")): "cannot be read: record 0: cannot reshape",
         tf_record(field(2, 5) + field(3, 5)): "should hold bytes holds an integer",
-        b"": "the sequence has no sweep",
+        b"": r"segment\.tfrecord: is empty",
     }
     for damaged, message in damages.items():
         path.write_bytes(damaged)
@@ -214,6 +214,41 @@ def test_damaged_parquet_files_are_named_and_nothing_is_left_behind(tmp_path, im
     with pytest.raises(DatasetError, match=r"vehicle_pose/one\.parquet: no such file"):
         convert("waymo", source, out)
     assert not list(tmp_path.glob("out/*"))
+
+
+VEHICLE = "[VehiclePoseComponent].world_from_vehicle.transform"
+BOX = "[LiDARBoxComponent].box"
+
+
+@pytest.mark.parametrize(
+    ("table", "change", "message"),
+    [
+        ("lidar_box", {f"{BOX}.size.x": None}, "its size is"),
+        ("lidar_box", {f"{BOX}.size.y": -3.0}, "its size is"),
+        ("lidar_box", {f"{BOX}.heading": math.nan}, "its pose is no rigid motion"),
+        ("lidar_box", {f"{BOX}.heading": None}, "must be real number"),
+        ("vehicle_pose", {VEHICLE: [0.0] * 16}, "pose is no rigid motion"),
+        ("vehicle_pose", {VEHICLE: np.diag([3.0, 3, 3, 1]).ravel().tolist()}, "no rigid motion"),
+        ("vehicle_pose", {VEHICLE: [0.0] * 15}, "cannot reshape"),
+    ],
+)
+def test_a_damaged_row_is_named_with_its_file_and_frame(tmp_path, images, table, change, message):
+    rows = tables(images[:2])[table]
+    rows[0] |= change
+    source = write_split(tmp_path / "split", images[:2], **{table: rows})
+    where = rf"{table}/one\.parquet: cannot be read: frame {tiny_world.stamp_ns(0) // 1000}: "
+    with pytest.raises(DatasetError, match=f"{where}.*{message}"):
+        convert("waymo", source, tmp_path / "out")
+
+
+def test_a_damaged_box_in_records_is_named(tmp_path, images):
+    path = write_records(tmp_path / "segment.tfrecord", images[:1], num_sweeps=1)
+    height = field(1, field(6, -1.0))
+    path.write_bytes(path.read_bytes() + tf_record(frame(1, images) + field(6, height)))
+    with pytest.raises(
+        DatasetError, match=r"segment\.tfrecord: cannot be read: record 1: box of tr"
+    ):
+        convert("waymo-v1", path, tmp_path / "out")
 
 
 # Range images alone.

@@ -16,6 +16,7 @@ from mnsf_ros.evaluation.argoverse_metrics import (
 from mnsf_ros.evaluation.metrics import end_point_errors, flow_errors
 
 ROAD, CAR, PERSON, CYCLIST = 1, 6, 7, 8
+LARGE, CONE, ANIMAL = 10, 11, 12
 
 
 def array(*values):
@@ -52,7 +53,7 @@ def test_three_way_epe_of_groups_without_points_is_nan():
 
 def test_buckets_are_4_cm_wide_and_a_limit_belongs_to_the_bucket_above():
     motion = array(0.0, 0.0399, 0.04, 0.0799, 0.08, 1.9999, 2.0, 5.0)
-    sums = bucket_sums(np.ones(8), motion, np.zeros(8), np.full(8, CAR, np.uint8))
+    sums = bucket_sums(np.ones(8), motion, np.zeros((8, 2)), np.full(8, CAR, np.uint8))
     assert {name: values[0] for name, values in sums.items()} == {
         "CAR/0": 2,
         "CAR/1": 2,
@@ -62,20 +63,31 @@ def test_buckets_are_4_cm_wide_and_a_limit_belongs_to_the_bucket_above():
     }
 
 
-def test_only_points_within_35_m_count():
-    ranges = array(0.0, 35.0, 35.001)
-    sums = bucket_sums(np.ones(3), np.zeros(3), ranges, classes(CAR, CAR, CAR))
+def test_only_points_within_a_square_of_35_m_count():
+    """A corner is 49 m away and counts, too: the challenge has max(|x|, |y|) < 35."""
+    xy = np.array([(0, 0), (34.999, -34.999), (35.0, 0), (0, -35.0), (20, 35.1)], np.float64)
+    sums = bucket_sums(np.ones(5), np.zeros(5), xy, np.full(5, CAR, np.uint8))
     assert sums == {"CAR/0": [2.0, 2.0, 0.0]}
 
 
 def test_classes_of_the_challenge():
-    numbers = classes(0, ROAD, 9, CAR, PERSON, CYCLIST)
-    sums = bucket_sums(np.ones(6), np.zeros(6), np.zeros(6), numbers)
+    numbers = classes(0, ROAD, 9, CAR, PERSON, CYCLIST, LARGE, CONE, ANIMAL)
+    sums = bucket_sums(np.ones(9), np.zeros(9), np.zeros((9, 2)), numbers)
     assert {name: values[0] for name, values in sums.items()} == {
         "BACKGROUND/0": 3,
         "CAR/0": 1,
         "PEDESTRIAN/0": 1,
         "WHEELED_VRU/0": 1,
+        "OTHER_VEHICLES/0": 1,
+    }
+
+
+def test_everything_labelled_is_foreground():
+    numbers = classes(CAR, PERSON, CYCLIST, LARGE, CONE, ANIMAL, 0, ROAD, 9)
+    sums = three_way_sums(np.ones(9), np.zeros(9, bool), numbers)
+    assert {name: values[0] for name, values in sums.items()} == {
+        "foreground static": 6,
+        "background static": 3,
     }
 
 
@@ -84,7 +96,7 @@ def test_dynamic_error_is_the_mean_over_buckets_of_error_over_motion():
     # Bucket 25 (1.00 to 1.04): error 0.51, motion 1.02: 0.5. Mean 0.4; static 0.01.
     errors = array(0.02, 0.04, 0.51, 0.01)
     motion = array(0.1, 0.1, 1.02, 0.0)
-    sums = bucket_sums(errors, motion, np.zeros(4), np.full(4, CAR, np.uint8))
+    sums = bucket_sums(errors, motion, np.zeros((4, 2)), np.full(4, CAR, np.uint8))
     assert bucketed_errors(sums) == {
         "CAR": {"dynamic": pytest.approx(0.4), "static": pytest.approx(0.01)}
     }
@@ -92,7 +104,7 @@ def test_dynamic_error_is_the_mean_over_buckets_of_error_over_motion():
 
 def test_saying_that_nothing_moves_has_dynamic_error_1():
     motion = np.random.default_rng(0).uniform(0.05, 3.0, 500)
-    sums = bucket_sums(motion, motion, np.zeros(500), np.full(500, PERSON, np.uint8))
+    sums = bucket_sums(motion, motion, np.zeros((500, 2)), np.full(500, PERSON, np.uint8))
     errors = bucketed_errors(sums)["PEDESTRIAN"]
     assert errors["dynamic"] == pytest.approx(1.0)
     assert math.isnan(errors["static"])
@@ -104,7 +116,7 @@ def test_sums_of_examples_add_up_to_those_of_all_points():
     kinds = random.choice([0, CAR, PERSON], 300).astype(np.uint8)
 
     def sums(part):
-        return bucket_sums(errors[part], motion[part], np.zeros(300)[part], kinds[part])
+        return bucket_sums(errors[part], motion[part], np.zeros((300, 2))[part], kinds[part])
 
     parts = added([sums(slice(0, 100)), sums(slice(100, 180)), sums(slice(180, 300))])
     whole = sums(slice(None))
@@ -116,7 +128,7 @@ def test_sums_of_examples_add_up_to_those_of_all_points():
 def test_nothing_gives_nothing():
     assert added([]) == {}
     assert bucketed_errors({}) == {}
-    assert bucket_sums(*[np.empty(0)] * 3, classes()) == {}
+    assert bucket_sums(np.empty(0), np.empty(0), np.empty((0, 2)), classes()) == {}
 
 
 def test_bucketed_errors_leave_three_way_groups_alone():

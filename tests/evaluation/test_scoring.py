@@ -101,6 +101,28 @@ def test_motion_counts_per_100_ms_whatever_the_interval():
     assert list(row.by_speed) == ["0.5", "5"]
 
 
+def test_wrong_odometry_does_not_change_who_moves_how_fast():
+    """Where enough points stand, their truth tells the sensor's motion."""
+    random = np.random.default_rng(0)
+    xyz = random.uniform(-20, 20, (50, 3)).astype(np.float32)
+    dynamic = np.arange(50) < 10
+    flow = np.tile(np.float32([-1, 0, 0]), (50, 1))
+    flow[dynamic, 1] += 0.2
+    none = np.zeros(50, bool)
+    truth = FlowTruth(100_000_000, flow, ~none, dynamic, none, np.full(50, 6, np.uint8))
+    sweeps = (Sweep(xyz, 0), Sweep(xyz, 100_000_000), Sweep(xyz + flow, 200_000_000))
+    jumped = MOTION.copy()
+    jumped[0, 3] = 50.0
+    right, wrong = (
+        scored_row(Example("drive", 1, SweepTriplet(*sweeps), truth, motion), "x", estimate(flow))
+        for motion in (MOTION, jumped)
+    )
+    assert right.by_speed == wrong.by_speed
+    assert right.by_speed.keys() == {"0.5", "5"}
+    assert right.sums.keys() == {*wrong.sums}
+    assert right.bucketed["CAR"]["dynamic"] == pytest.approx(wrong.bucketed["CAR"]["dynamic"])
+
+
 def test_without_odometry_the_standing_points_tell_the_motion():
     with_odometry = scored_row(make_example(), "x", estimate(FLOW * 0.5))
     without = scored_row(make_example(next_from_current=None), "x", estimate(FLOW * 0.5))
