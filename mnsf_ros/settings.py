@@ -155,8 +155,13 @@ class GroundSettings:
 
 @dataclass(frozen=True)
 class EgoMotionSettings:
-    """How the sensor's own motion is found. Only the field kind `objects` needs it."""
+    """How the sensor's own motion is found, and for networks whether it is."""
 
+    removed: bool = _setting(
+        False,
+        "Networks explain only what the sensor's own motion does not: all sweeps are moved into "
+        "the current one's frame (the kind objects always does so)",
+    )
     source: str = _setting(
         "registration",
         "registration: of each sweep with a map of the last ones; odometry: of the robot, "

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.pose_interpolation import interpolated_pose
+from mnsf_ros.ego_motion.sensor_mount import robot_from_sensor
 from mnsf_ros.settings import EgoMotionSettings
 
 _MAX_POSES: Final = 2000
@@ -18,7 +18,7 @@ _MAX_POSES: Final = 2000
 _MAX_GAP_NS: Final = 300_000_000
 # A sweep may be decoded before the odometry of its time has come.
 _MAX_AHEAD_NS: Final = 100_000_000
-# It is taken from poses this far apart: the noise of neighbours would grow with the way ahead.
+# It is taken from poses this far apart: the noise of neighbors would grow with the way ahead.
 _MIN_BASE_NS: Final = 50_000_000
 # Older than this beside the newest pose, a pose is from a clock that jumped.
 _JUMP_NS: Final = 1_000_000_000
@@ -30,7 +30,7 @@ class OdometryTrack:
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._stamps_ns: deque[int] = deque(maxlen=_MAX_POSES)
         self._poses: deque[NDArray[np.float64]] = deque(maxlen=_MAX_POSES)
-        self._robot_from_sensor = _robot_from_sensor(settings)
+        self._robot_from_sensor = robot_from_sensor(settings)
 
     def add(self, stamp_ns: int, world_from_robot: NDArray[np.float64]) -> bool:
         """Takes a pose, (4, 4); False if it is not newer than the last one and is left out.
@@ -79,11 +79,3 @@ class OdometryTrack:
             return None
         share = (stamp_ns - self._stamps_ns[first]) / gap_ns
         return interpolated_pose(self._poses[first], self._poses[second], share)
-
-
-def _robot_from_sensor(settings: EgoMotionSettings) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    angles_deg = (settings.sensor_yaw_deg, settings.sensor_pitch_deg, settings.sensor_roll_deg)
-    pose[:3, :3] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
-    pose[:3, 3] = settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m
-    return pose

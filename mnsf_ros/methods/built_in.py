@@ -7,6 +7,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final
 
+from mnsf_ros.common_frame import in_common_frame
 from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.estimators import make_estimator
@@ -26,14 +27,19 @@ MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
 
 def _cold(flow_of: FlowOf, num_before: int = 0, distance_kind: str | None = None) -> MethodMaker:
-    return partial(ColdEstimator, flow_of, num_before=num_before, distance_kind=distance_kind)
+    make = partial(ColdEstimator, flow_of, num_before=num_before, distance_kind=distance_kind)
+    return lambda settings: in_common_frame(make(settings))
 
 
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
     """The paper's method with networks, and some settings of its fusion fixed."""
     values: dict[str, SettingValue] = {"field.kind": "network"}
     values |= {f"fusion.{name}": value for name, value in changes.items()}
-    return lambda settings: MultiFrameEstimator(settings.changed(values), num_sweeps)
+
+    def make(settings: Settings) -> SceneFlowEstimator:
+        return in_common_frame(MultiFrameEstimator(settings.changed(values), num_sweeps))
+
+    return make
 
 
 def _mnsf_objects(settings: Settings) -> SceneFlowEstimator:

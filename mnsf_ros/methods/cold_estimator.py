@@ -26,6 +26,7 @@ class ColdEstimator:
 
     Attributes:
         num_sweeps: Sweeps that the method looks at.
+        settings: How it estimates.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class ColdEstimator:
         """
         self.num_sweeps = num_before + 2
         self._flow_of = flow_of
-        self._settings = settings
+        self.settings = settings
         self._num_before = num_before
         self._distance_kind = distance_kind
         self._device = compute_device(settings.compute)
@@ -71,9 +72,7 @@ class ColdEstimator:
             OptimizationError: If the optimization finds no finite flow.
             CancelledError: If `cancelled` says so.
         """
-        limit_threads(self._settings.compute)
-        bench = Workbench(
-            triplet, self._settings, self._device, self._preparation, self._num_before
-        )
-        schedules = Schedules.start_now(self._settings, is_warm=False, cancelled=cancelled)
+        limit_threads(self.settings.compute)
+        bench = Workbench(triplet, self.settings, self._device, self._preparation, self._num_before)
+        schedules = Schedules.start_now(self.settings, is_warm=False, cancelled=cancelled)
         return bench.finish(self._flow_of(bench, schedules), distance_kind=self._distance_kind)

@@ -6,11 +6,11 @@ import numpy as np
 import torch
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, SensorPose
+from mnsf_ros.ego_motion.triplet_poses import TripletPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.rigid_motion import rigid_flow
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CPU = torch.device("cpu")
 
@@ -67,19 +67,19 @@ class EstimatedEgoMotionEstimator:
 
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet."""
-        self._ego_motion = EgoMotion(settings.ego_motion)
-        self._poses: dict[Sweep, SensorPose] = {}
+        self._poses = TripletPoses(settings.ego_motion)
 
     def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
-        """Estimates the flow of standing points."""
+        """Estimates the flow of standing points.
+
+        Raises:
+            SweepError: If a sweep cannot follow the one before it.
+        """
         clock = StageClock(_CPU)
         with clock.stage("ego motion"):
-            sweeps = (*triplet.before[:1], triplet.current, triplet.next)
-            self._poses = {
-                sweep: self._poses.get(sweep) or self._ego_motion.pose_of(sweep) for sweep in sweeps
-            }
+            poses = self._poses.of(triplet)
             current, following = (
-                self._poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
+                poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
             )
             flow = rigid_flow(triplet.current.xyz, np.linalg.inv(following) @ current)
         return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)

@@ -1,0 +1,183 @@
+"""Networks in a world that stands still: the sensor's own motion is found first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from box_street import BoxStreet, pose
+
+from mnsf_ros.common_frame import CommonFrameEstimator, in_common_frame
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.estimators import changed_estimator, make_estimator
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.rigid_motion import rigid_flow
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+STREET = BoxStreet()
+QUICK = preset("paper").changed(
+    {
+        "ego_motion.removed": True,
+        "compute.num_threads": 1,
+        "compute.device": "cpu",
+        "distance.kind": "tree",
+        "field.num_hidden_layers": 3,
+        "field.hidden_width": 32,
+        "fusion.hidden_width": 16,
+        "optimization.max_iterations": 40,
+        "fusion.max_iterations": 20,
+    }
+)
+
+
+def path(index):
+    """Two metres a sweep in a curve: networks of this size do not find that within 40 steps."""
+    return pose(2.0 * index, 0.1 * index, yaw_deg=2.0 * index)
+
+
+def car_at(index):
+    """A car that drives 0.3 m a sweep over ground."""
+    return 12.0 + 0.3 * index, -2.0
+
+
+def sweep_at(index, **how):
+    return STREET.sweep(path(index), index, cars=[car_at(index)], **how)
+
+
+def triplet_at(index, **how):
+    return SweepTriplet(*(sweep_at(number, **how) for number in (index - 1, index, index + 1)))
+
+
+@pytest.fixture(scope="module")
+def triplet():
+    return triplet_at(1)
+
+
+@pytest.fixture(scope="module")
+def estimate(triplet):
+    return make_estimator(QUICK).estimate(triplet)
+
+
+def next_from_current(index):
+    return np.linalg.inv(path(index + 1)) @ path(index)
+
+
+def test_flow_of_what_stands_is_that_of_the_sensor(triplet, estimate):
+    standing = rigid_flow(triplet.current.xyz, next_from_current(1))
+    errors = np.linalg.norm(estimate.flow - standing, axis=1)
+    assert np.linalg.norm(standing, axis=1).mean() > 1.5
+    assert np.median(errors) < 0.05
+
+
+def test_sensor_frame_is_worse_where_the_sensor_is_fast(triplet, estimate):
+    settings = QUICK.changed({"ego_motion.removed": False})
+    other = make_estimator(settings).estimate(triplet)
+    standing = rigid_flow(triplet.current.xyz, next_from_current(1))
+    common, sensor = (
+        np.linalg.norm(one.flow - standing, axis=1)[one.kept].mean() for one in (estimate, other)
+    )
+    assert common < 0.2 * sensor
+    assert other.over_ground is None
+
+
+def test_motion_over_ground_and_flow_belong_together(triplet, estimate):
+    known, xyz = estimate.over_ground, triplet.current.xyz
+    assert known.source == EgoSource.REGISTRATION.value
+    assert np.allclose(known.next_from_current, next_from_current(1), atol=0.02)
+    turn, shift = known.next_from_current[:3, :3], known.next_from_current[:3, 3]
+    moved = (xyz + known.motion) @ turn.T + shift
+    assert np.allclose(xyz + estimate.flow, moved, atol=1e-4)
+    lengths = np.linalg.norm(known.motion, axis=1)
+    assert np.array_equal(known.dynamic, lengths > 0.05)
+    assert known.dynamic[-400:].mean() > known.dynamic[:-400].mean()
+    assert np.isnan(known.confidence).all()
+
+
+def test_times_have_the_stages_of_both(estimate):
+    assert {"ego motion", "prepare", "forward", "backward", "fusion"} <= estimate.times_ms.keys()
+
+
+def test_triplets_that_follow_each_other_share_a_world():
+    estimator = make_estimator(QUICK)
+    sweeps = [sweep_at(index) for index in range(5)]
+    for index in range(1, 4):
+        result = estimator.estimate(SweepTriplet(*sweeps[index - 1 : index + 2]))
+        expected = np.linalg.inv(path(0)) @ path(index)
+        assert np.allclose(result.over_ground.world_from_sensor, expected, atol=0.05)
+
+
+def test_odometry_is_taken_where_it_is_wanted():
+    settings = QUICK.changed({"ego_motion.source": "odometry"})
+    sweeps = [sweep_at(index, odometry=pose(100, 3) @ path(index)) for index in range(3)]
+    known = make_estimator(settings).estimate(SweepTriplet(*sweeps)).over_ground
+    assert known.source == EgoSource.ODOMETRY.value
+    assert np.allclose(known.next_from_current, next_from_current(1), atol=1e-9)
+
+
+def test_pair_is_enough():
+    pair = SweepTriplet(None, sweep_at(1), sweep_at(2))
+    result = make_estimator(QUICK).estimate(pair)
+    assert np.allclose(result.over_ground.next_from_current, next_from_current(1), atol=0.02)
+    assert set(result.fits) == {"forward"}
+
+
+@pytest.mark.parametrize("method", ["fnsf", "nsfp", "fnsf-joint", "mnsf-cycle", "mnsf-frames4"])
+def test_every_network_method_can_do_it(method):
+    settings = QUICK.changed({"optimization.max_iterations": 3, "fusion.max_iterations": 3})
+    estimator = make_method(method, settings)
+    assert isinstance(estimator, CommonFrameEstimator)
+    sweeps = [sweep_at(index, points_per_box=60) for index in range(4)]
+    triplet = SweepTriplet(sweeps[1], sweeps[2], sweeps[3], earlier=(sweeps[0],))
+    result = estimator.estimate(triplet)
+    expected = np.linalg.inv(path(3)) @ path(2)
+    assert np.allclose(result.over_ground.next_from_current, expected, atol=0.05)
+    assert np.isfinite(result.flow).all()
+
+
+def test_sweep_that_cannot_follow_is_refused():
+    estimator = make_estimator(QUICK)
+    late = SweepTriplet(sweep_at(0), sweep_at(1), sweep_at(400))
+    with pytest.raises(SweepError, match="cannot follow"):
+        estimator.estimate(late)
+    assert estimator.estimate(triplet_at(2)).over_ground is not None
+
+
+def test_older_triplet_starts_a_new_world():
+    estimator = make_estimator(QUICK)
+    estimator.estimate(triplet_at(5))
+    known = estimator.estimate(triplet_at(1)).over_ground
+    assert np.allclose(known.next_from_current, next_from_current(1), atol=0.02)
+
+
+def test_same_triplet_twice_gives_the_same(triplet):
+    estimator = make_estimator(QUICK)
+    first, second = (estimator.estimate(triplet) for _ in range(2))
+    assert np.array_equal(first.flow, second.flow)
+
+
+def test_changed_settings_keep_the_world_and_the_networks():
+    settings = QUICK.changed({"warm_start.enabled": True})
+    estimator = make_estimator(settings)
+    sweeps = [sweep_at(index) for index in range(4)]
+    estimator.estimate(SweepTriplet(*sweeps[:3]))
+    changed = changed_estimator(estimator, settings.changed({"optimization.max_iterations": 30}))
+    result = changed.estimate(SweepTriplet(*sweeps[1:]))
+    assert result.start.value == "warm"
+    expected = np.linalg.inv(path(0)) @ path(2)
+    assert np.allclose(result.over_ground.world_from_sensor, expected, atol=0.05)
+
+
+def test_switched_off_it_is_the_method_itself():
+    estimator = make_estimator(QUICK)
+    off = QUICK.changed({"ego_motion.removed": False})
+    assert isinstance(estimator, CommonFrameEstimator)
+    assert isinstance(changed_estimator(estimator, off), MultiFrameEstimator)
+    inner = MultiFrameEstimator(off)
+    assert in_common_frame(inner) is inner
+
+
+def test_it_can_be_abandoned(triplet):
+    with pytest.raises(CancelledError):
+        make_estimator(QUICK).estimate(triplet, lambda: True)
