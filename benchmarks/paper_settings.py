@@ -74,6 +74,8 @@ def merged_settings(
 def _its_own(method: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     def matters(name: str) -> bool:
         group = name.partition(".")[0]
+        if name == "ego_motion.removed":
+            return True
         if method in _OBJECTS:
             return group in _GROUPS_OF_OBJECTS
         return method in _ONLY_FOR.get(group, (method,))

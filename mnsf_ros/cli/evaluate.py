@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
-from rich.console import Console
-
+from mnsf_ros.cli.patient_console import PatientConsole
 from mnsf_ros.cli.setting_values import add_setting_arguments, parse_assignments
 from mnsf_ros.presets import preset
 
 EXIT_DAMAGED = 3
+EXIT_UNWRITTEN = 4
 ALL_POINTS = "all"
 
 _EPILOG = """\
 Exit status 0: all done; 2: something that was given cannot be used; 3: done, but a recording is
-damaged (its readable part was evaluated) or a task gave up: the notes tell; 130: interrupted, what
-is finished is kept, and --resume goes on from there.
+damaged (its readable part was evaluated) or has nothing to evaluate, or a task gave up, or a method
+failed on every example of a recording: the notes tell; 4: stopped, because results cannot be
+written, such as to a full disk; 130: interrupted. After 4 and 130 what is finished is kept, and
+--resume goes on from there.
 """
 
 
@@ -54,6 +57,13 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
         type=_num_points,
         metavar="N",
         help="random points of each sweep, or all (default: all)",
+    )
+    group.add_argument(
+        "--every",
+        type=int,
+        default=1,
+        metavar="N",
+        help="score every N-th example only (default: all)",
     )
     group.add_argument("--seed", type=int, default=0, metavar="S", help="of points and methods")
     group.add_argument(
@@ -107,6 +117,7 @@ def _num_points(text: str) -> int | None:
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation_run import evaluate
     from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
+    from mnsf_ros.evaluation.run_folder import WritingError
 
     settings = preset(options.preset).changed(parse_assignments(options.assignments))
     is_node = options.realtime is not None
@@ -114,11 +125,16 @@ def _run(options: argparse.Namespace) -> int:
     evaluation = EvaluationOptions(
         settings=settings,
         num_points=options.num_points,
+        every=options.every,
         seed=options.seed,
         use_true_ground=ground == "truth",
         realtime_rate=options.realtime,
         check_cycle=options.check_cycle,
         flow_folder=options.out / "flow" if options.write_flow else None,
     )
-    all_done = evaluate(options, evaluation, Console())
+    try:
+        all_done = evaluate(options, evaluation, PatientConsole())
+    except WritingError as error:
+        print(f"mnsf: {error}; what is finished is kept, --resume goes on", file=sys.stderr)
+        return EXIT_UNWRITTEN
     return 0 if all_done else EXIT_DAMAGED

@@ -1,7 +1,8 @@
-"""How far an evaluation is, on the terminal."""
+"""How far an evaluation is: a bar on a terminal, elsewhere a line for each finished task."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ from rich.text import Text
 from mnsf_ros.evaluation.evaluation_options import EvaluationTask
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import mean
+from mnsf_ros.evaluation.run_folder import TaskKey
 from mnsf_ros.evaluation.task_runs import TaskEvent, TaskFailed, TaskRestarted, TaskRun
 
 
@@ -41,6 +44,7 @@ class EvaluationProgress:
         """Starts at what is there already."""
         self._progress = progress
         self._num_left = len(runs)
+        self._times_ms: dict[TaskKey, dict[int, float]] = {run.task.key: {} for run in runs}
         self._done = Counter({run.task.key: len(run.skipped) for run in runs})
         total = sum(run.task.recording.num_sweeps for run in runs)
         self._bar = progress.add_task(self._text(), total=total, completed=self._done.total())
@@ -49,13 +53,26 @@ class EvaluationProgress:
         """Takes notice of an event."""
         if isinstance(event, ResultRow):
             self._done[task.key] += 1
+            # A task that was lost on the way may give a row again.
+            self._times_ms[task.key][event.number] = event.time_ms
         elif isinstance(event, TaskRestarted):
-            self._progress.console.print(f"{' with '.join(task.key[::-1])}: {event.reason}, again")
+            text = f"{' on '.join(task.key[::-1])}: {event.reason}, again"
+            self._progress.console.print(text, markup=False, highlight=False)
         elif isinstance(event, (Findings, TaskFailed)):
+            if not self._progress.console.is_terminal:
+                self._say_finished(task, is_done=isinstance(event, Findings))
             # The first and the last sweep of a recording make no example.
             self._done[task.key] = task.recording.num_sweeps
             self._num_left -= 1
         self._progress.update(self._bar, completed=self._done.total(), description=self._text())
+
+    def _say_finished(self, task: EvaluationTask, *, is_done: bool) -> None:
+        times_ms = self._times_ms[task.key]
+        time_ms = mean(list(times_ms.values()))
+        text = f"{' on '.join(task.key[::-1])}: {'done' if is_done else 'gave up'}"
+        text += f", new examples: {len(times_ms)}"
+        text += "" if math.isnan(time_ms) else f", {time_ms:.0f} ms each"
+        self._progress.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def _text(self) -> str:
         return f"evaluating, tasks left: {self._num_left}" if self._num_left else "evaluated"
@@ -63,7 +80,10 @@ class EvaluationProgress:
 
 @contextmanager
 def evaluation_progress(console: Console, runs: Sequence[TaskRun]) -> Iterator[EvaluationProgress]:
-    """Shows a bar with the sweeps done, their rate and the time left."""
+    """Shows a bar with the sweeps done, their rate and the time left.
+
+    Where the output is no terminal, there is a plain line for each task as it ends.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -19,11 +19,12 @@ from mnsf_ros.evaluation.evaluation_options import (
     choose_topics,
 )
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.notes_text import DAMAGE, NO_EXAMPLE, NO_FLOW
 from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.results_tables import main_tables, work_table
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
 from mnsf_ros.evaluation.runner import RunOutcome, plan_runs, run_evaluation
 from mnsf_ros.evaluation.task_runs import Executor, TaskRun, run_serially
 from mnsf_ros.evaluation.tasks import make_estimator
@@ -41,10 +42,11 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         console: Where to print.
 
     Returns:
-        False if a recording is damaged, or a task or a recording had to be given up.
+        False if a recording is damaged or has no example, if a method failed on all of its
+        examples, or if a task or a recording had to be given up.
 
     Raises:
-        MnsfError: Something that was given cannot be used.
+        MnsfError: Something that was given cannot be used, or results cannot be written.
     """
     check_folder(options.out, resume=options.resume)
     methods = _split(options.methods or ["mnsf"])
@@ -74,7 +76,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")
     for text in unreadable:
         _warn(console, text)
-    return not (outcome.failed or unreadable or results is None or _is_damaged(results))
+    return not (outcome.failed or unreadable or results is None or _is_incomplete(results))
 
 
 def _split(texts: Sequence[str]) -> list[str]:
@@ -127,8 +129,9 @@ def _inspected(
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """The recordings that can be used, and why others cannot."""
     paths: Sequence[Path] = options.bags
+    names = recording_names(paths, known_recordings(options.out))
     found, unreadable = [], []
-    for path, name in zip(paths, recording_names(paths), strict=True):
+    for path, name in zip(paths, names, strict=True):
         with console.status(f"checking {name}"):
             try:
                 inspection = inspect_recording(path)
@@ -157,6 +160,8 @@ def _run_with_progress(
 def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
     if not results.summaries:
         _warn(console, "there are no results yet")
+        for note in results.notes:
+            _warn(console, note)
         return
     for table in [*main_tables(results.summaries), work_table(results.summaries)]:
         console.print(table.rich())
@@ -165,8 +170,8 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
     console.print(f"Results: {folder.path / 'results.md'}", markup=False, highlight=False)
 
 
-def _is_damaged(results: RunResults) -> bool:
-    return any(note.startswith("Damage: ") for note in results.notes)
+def _is_incomplete(results: RunResults) -> bool:
+    return any(note.startswith((DAMAGE, NO_EXAMPLE, NO_FLOW)) for note in results.notes)
 
 
 def _warn(console: Console, text: str) -> None:

@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile
     from mnsf_ros.sweeps_io.write_flow import FlowToWrite
 
+_EGO = "ego"
 _EPILOG = """\
-Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .bin (KITTI, nuScenes),
-.feather (Argoverse 2). OUT: .npz, .npy or .ply, row i for row i of CURRENT, NaN where that has no
+Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .feather (Argoverse 2),
+.bin (KITTI: rows of x, y, z, intensity), .pcd.bin (nuScenes: and ring).
+OUT: .npz, .npy or .ply, row i for row i of CURRENT, NaN where that has no
 point. Each sweep is in its own sensor frame; point + flow is the place in NEXT.
 """
 
@@ -67,7 +69,13 @@ def _run(options: argparse.Namespace) -> None:
     check_target(options.out, overwrite=options.force)
     estimator = make_method(options.method, settings)
     sweeps = [read_sweep(name) for name in options.sweeps]
-    estimate = estimator.estimate(triplet_of_files(sweeps))
+    triplet = triplet_of_files(sweeps)
+    if options.method == _EGO and triplet.next_from_current is None:
+        raise SweepFileError(
+            f"{_EGO} needs to know how the sensor moved: give CURRENT and NEXT as .npz with a "
+            "pose; ego-estimated does without"
+        )
+    estimate = estimator.estimate(triplet)
     flow = _in_rows_of_file(sweeps[-2], estimate, options.method, settings)
     write_flow(options.out, flow, overwrite=options.force)
     print(_summary(options.out, options.method, flow, estimate))

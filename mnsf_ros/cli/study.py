@@ -59,7 +59,7 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def _add_case_study_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("landscape")
     group.add_argument("--radius", type=float, default=0.5, metavar="R", help="1: all the weights")
-    group.add_argument("--steps", type=int, default=21, metavar="N", help="from side to side")
+    group.add_argument("--steps", type=int, default=21, metavar="N", help="an odd number")
     group.add_argument("--directions", type=int, default=10, metavar="N", help="for sharpness")
     group = parser.add_argument_group("stability")
     group.add_argument(

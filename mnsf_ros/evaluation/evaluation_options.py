@@ -81,7 +81,10 @@ class EvaluationOptions:
         check_cycle: Estimate the way back, too, and compare: twice the work.
         flow_folder: Where recordings of the flow are written; None for nowhere.
         num_sweeps: Sweeps that an example has at least: what the method with the largest appetite
-            needs, so that all methods get the same examples.
+            needs, so that all methods get the same examples. Of a recording that is shorter, all
+            there are: two sweeps are an example for methods that make do with two.
+        every: Score so many-th example only, the first of a recording included. Methods that go on
+            from the last example estimate those between, too.
     """
 
     settings: Settings
@@ -92,6 +95,7 @@ class EvaluationOptions:
     check_cycle: bool = False
     flow_folder: Path | None = None
     num_sweeps: int = 3
+    every: int = 1
 
     def __post_init__(self) -> None:
         """Checks the values.
@@ -103,9 +107,22 @@ class EvaluationOptions:
             raise EvaluationError(f"num_points: got {self.num_points}, expected 1 or more, or all")
         if not 0 <= self.seed <= 2_147_483_647:
             raise EvaluationError(f"seed: got {self.seed}, expected 0 to 2147483647")
+        if self.every < 1:
+            raise EvaluationError(f"every: got {self.every}, expected 1 or more")
         rate = self.realtime_rate
+        if self.every > 1 and rate is not None:
+            raise EvaluationError("every: in real time all examples are played, expected 1")
         if rate is not None and not 0 < rate < math.inf:
             raise EvaluationError(f"realtime rate: got {rate}, expected a number above 0")
+
+    def num_sweeps_in(self, recording: EvaluatedRecording) -> int:
+        """Sweeps that an example of a recording has at least."""
+        return max(2, min(self.num_sweeps, recording.num_sweeps))
+
+    def is_scored(self, number: int, recording: EvaluatedRecording) -> bool:
+        """Whether the example of a sweep of a recording is among those to score."""
+        first = self.num_sweeps_in(recording) - 2
+        return (number - first) % self.every == 0
 
     @property
     def selection(self) -> PointSelection:
@@ -137,13 +154,19 @@ class EvaluationOptions:
         return self.settings.changed(values)
 
     def has_memory(self, method: str) -> bool:
-        """Whether an estimate depends on those before it, so that a task cannot be resumed."""
+        """Whether a task must be done in one go: what it does depends on what it did before."""
+        plays = self.realtime_rate is not None or self.flow_folder is not None
+        return plays or self.goes_on(method)
+
+    def goes_on(self, method: str) -> bool:
+        """Whether an estimate of a method depends on those before it."""
         # These register sweep after sweep, whatever the settings of the warm start say.
         registering = {"mnsf-objects", "ego-estimated"}
         if self.settings.field.kind == "objects":
             registering.add("mnsf")
-        goes_on = self.settings.warm_start.enabled or method in registering
-        return goes_on or self.realtime_rate is not None or self.flow_folder is not None
+        settings = self.settings
+        is_chain = settings.warm_start.enabled or settings.ego_motion.removed
+        return is_chain or method in registering
 
 
 def choose_topics(

@@ -15,6 +15,7 @@ from mnsf_ros.evaluation.findings import (
     ARRIVALS,
     FRAMES_DIFFER,
     INTERRUPTIONS,
+    ODOMETRY_CONTRADICTS,
     SWEEPS_WITHOUT_POSE,
     SWEEPS_WITHOUT_TRUTH,
     TRUTH_WITHOUT_SWEEP,
@@ -26,11 +27,14 @@ from mnsf_ros.evaluation.recorded_sweeps import CloudRows
 from mnsf_ros.evaluation.truth_track import TruthTrack
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import BufferSettings
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.rigid_motion import residual_flow
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
+# Half of the points that stand are off by more where odometry and truth contradict each other.
+_MAX_CONTRADICTION_M: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +79,7 @@ class ExampleBuilder:
             findings: Gets what is noticed on the way.
             truth: Truth of the sweeps; None if there is none.
             poses: Poses of the sensor; None if there are none.
-            num_sweeps: Sweeps that an example must have, 3 to `MAX_SWEEPS`.
+            num_sweeps: Sweeps that an example must have, 2 to `MAX_SWEEPS`.
         """
         self._recording = recording
         self._selection = selection
@@ -122,21 +126,22 @@ class ExampleBuilder:
             truth = replace(truth, valid=truth.valid & scored).of_points(rows)
         source = replace(cloud, rows=cloud.rows[rows])
         number, self._number = self._number, self._number + 1
+        pose = self._pose_of(sweep)
         return SelectedSweep(
-            sweep=replace(sweep, xyz=sweep.xyz[rows], source=source),
+            sweep=replace(sweep, xyz=sweep.xyz[rows], source=source, odometry=pose),
             number=number,
             scored=scored[rows],
             truth=truth,
-            world_from_sensor=self._pose_of(sweep),
+            world_from_sensor=pose,
         )
 
     def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
         if self._truth is None:
             return None
-        truth, passed_over = self._truth.take(sweep.stamp_ns, sweep.source.num_points)
-        if passed_over:
+        truth, passed_over = self._truth.take(sweep)
+        self._findings.count(TRUTH_WITHOUT_SWEEP, passed_over)
+        if passed_over and self._recent and self._recent[-1].truth is not None:
             # The truth before leads to a sweep that is not there, and must not be scored.
-            self._findings.count(TRUTH_WITHOUT_SWEEP, passed_over)
             self._interrupt()
         self._findings.count(SWEEPS_WITHOUT_TRUTH, int(truth is None))
         return truth
@@ -163,18 +168,24 @@ class ExampleBuilder:
         return True
 
     def _newest_example(self) -> Example | None:
-        triplet = self._buffer.triplet()
-        if triplet is None:
-            return None
-        *before, _, current, following = self._recent
         if len(self._recent) < self._num_sweeps:
             return None
+        *before, current, following = self._recent
+        sweeps_before = [selected.sweep for selected in reversed(before)]
         motion = _motion(current, following)
-        earlier = tuple(selected.sweep for selected in reversed(before))
+        if motion is not None and current.truth is not None:
+            contradicts = _contradicts(motion, current.sweep.xyz, current.truth)
+            self._findings.count(ODOMETRY_CONTRADICTS, int(contradicts))
         return Example(
             recording=self._recording,
             number=current.number,
-            triplet=replace(triplet, earlier=earlier, next_from_current=motion),
+            triplet=SweepTriplet(
+                previous=sweeps_before[0] if sweeps_before else None,
+                current=current.sweep,
+                next=following.sweep,
+                earlier=tuple(sweeps_before[1:]),
+                next_from_current=motion,
+            ),
             truth=current.truth,
             next_from_current=motion,
             scored=current.scored,
@@ -188,3 +199,11 @@ def _motion(current: SelectedSweep, following: SelectedSweep) -> NDArray[np.floa
         np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor
     )
     return motion
+
+
+def _contradicts(motion: NDArray[np.float64], xyz: NDArray[np.float32], truth: FlowTruth) -> bool:
+    stands = truth.valid & ~truth.dynamic
+    if not stands.any():
+        return False
+    off_m = np.linalg.norm(residual_flow(xyz[stands], truth.flow[stands], motion), axis=1)
+    return float(np.median(off_m)) > _MAX_CONTRADICTION_M

@@ -17,7 +17,14 @@ SWEEPS_UNSTAMPED = "sweeps without a stamp, for which the time of reception was 
 SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
 SWEEPS_WITHOUT_POSE = "sweeps without odometry"
 TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
-FRAMES_DIFFER = "sweeps in another frame than the odometry's child frame"
+FRAMES_DIFFER = (
+    "sweeps in another frame than the odometry's child frame: where the sensor is in it is what "
+    "ego_motion.sensor_x_m to sensor_yaw_deg tell"
+)
+ODOMETRY_CONTRADICTS = (
+    "sweeps whose odometry contradicts the truth of what stands, so that methods which use it "
+    "(ego) are wrong there"
+)
 INTERRUPTIONS = "holes, across which no triplet reaches"
 # What the buffer of sweeps, the same as in the node, found odd about a sweep.
 ARRIVALS: Final = {

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.ego_motion.pose_interpolation import interpolated_pose
+from mnsf_ros.ego_motion.sensor_mount import robot_from_sensor
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.stamp_order import in_stamp_order
@@ -17,6 +18,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.poses import matrix_of
 from mnsf_ros.recording.readable_messages import readable_messages
+from mnsf_ros.settings import EgoMotionSettings
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
@@ -33,7 +35,8 @@ class StampedPose:
     Attributes:
         stamp_ns: Integer nanoseconds.
         world_from_sensor: (4, 4) float64.
-        frame_id: The moving frame.
+        frame_id: The moving frame as the message names it; empty if the settings have told how
+            the sensor is mounted in it.
     """
 
     stamp_ns: int
@@ -42,10 +45,22 @@ class StampedPose:
 
 
 def recorded_poses(
-    reader: BagReader, topic: str, findings: Findings
+    reader: BagReader, topic: str, findings: Findings, settings: EgoMotionSettings
 ) -> Iterator[StampedPose | None]:
-    """Yields the poses of a nav_msgs/Odometry topic as received; None where some may be missing."""
-    for item in readable_messages(reader, topic):
+    """Yields the sensor's poses of a nav_msgs/Odometry topic as received.
+
+    Args:
+        reader: An open recording.
+        topic: The topic.
+        findings: Gets what cannot be read.
+        settings: Where the sensor is mounted in the frame whose poses these are.
+
+    Yields:
+        Poses; None where some may be missing.
+    """
+    mount = robot_from_sensor(settings)
+    is_mounted = not np.array_equal(mount, np.eye(4))
+    for number, item in enumerate(readable_messages(reader, topic)):
         if isinstance(item, Damage):
             findings.report(item)
             yield None
@@ -55,10 +70,12 @@ def recorded_poses(
             stamp_ns = decode_stamp(message.header.stamp)
             pose = matrix_of(message.pose.pose)
         except (MessageError, RecordingError) as error:
-            findings.report(Damage(str(reader.path), f"on {topic!r}", str(error)))
+            where = f"message {number} on {topic!r}"
+            findings.report(Damage(str(reader.path), where, str(error)))
             yield None
             continue
-        yield StampedPose(stamp_ns, pose, message.child_frame_id)
+        frame_id = "" if is_mounted else message.child_frame_id
+        yield StampedPose(stamp_ns, pose @ mount, frame_id)
 
 
 class PoseTrack:

@@ -1,14 +1,16 @@
 """Predictions that another program wrote, as a method among the others: `file:FOLDER`.
 
 Two layouts are read. Both have one file for each sweep, named by its stamp in nanoseconds, in the
-folder itself or in a subfolder named as the recording:
+folder itself or in a subfolder named as the recording is in the results, such as `street`, or
+`a/street` where there is another street:
 
 * `STAMP.npz` with `flow` (N, 3) metres until the next sweep, in the axes of `docs/recordings.md`;
 * `STAMP.feather` with flow_tx_m, flow_ty_m, flow_tz_m, the submission layout of Argoverse 2.
 
 Row i belongs to row i of the recorded cloud, with all of its points, whatever part of them is
 evaluated. A submission to Argoverse 2 has rows only for the points of the challenge's mask: name
-the folder of the masks, too (`file:FOLDER::MASKS`). Only points that all have are scored then.
+the folder of the masks, too (`file:FOLDER::MASKS`). Then it is scored on these points alone; other
+methods of the same run are scored on all of theirs, as the numbers of points in the tables tell.
 """
 
 from __future__ import annotations
@@ -81,10 +83,11 @@ def _existing(folder: str) -> Path:
 
 
 def _file_of(folder: Path, sweep: Sweep) -> Path:
-    recording = Path(sweep.source.recording).name
+    # A name that is a whole path leads nowhere but into the folder.
+    parts = [part for part in Path(sweep.source.recording).parts if part not in ("/", "..")]
     places = [
         parent / f"{sweep.stamp_ns}{suffix}"
-        for parent in (folder / recording, folder)
+        for parent in (folder.joinpath(*parts), folder)
         for suffix in (".npz", ".feather")
     ]
     found = next((place for place in places if place.is_file()), None)

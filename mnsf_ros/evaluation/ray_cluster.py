@@ -107,9 +107,16 @@ class _Dispatch:
         self._done: dict[int, set[int]] = {}
 
     def run(self, runs: Sequence[TaskRun]) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        """Runs all tasks and yields their events."""
+        """Runs all tasks and yields their events; all give up where the cluster itself is lost."""
         for number, run in enumerate(runs):
             self._start(number, run)
+        try:
+            yield from self._events()
+        except self._ray.exceptions.RayError as error:
+            for _, run in self._under_way.values():
+                yield run.task, TaskFailed(f"the Ray cluster is lost: {_first_line(error)}")
+
+    def _events(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         while self._under_way:
             ready, _ = self._ray.wait(list(self._under_way), timeout=_POLL_S)
             yield from self._posted()
@@ -138,13 +145,18 @@ class _Dispatch:
         try:
             self._ray.get(reference)
         except self._ray.exceptions.RayError as error:
-            reason = f"{type(error).__name__}: {str(error).strip().splitlines()[0][:200]}"
+            reason = _first_line(error)
         else:
             return None
         if run.attempt + 1 >= MAX_ATTEMPTS:
             return run.task, TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
         self._start(number, run.again(frozenset(self._done[number]), self._options))
         return run.task, TaskRestarted(reason)
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines() or [""]
+    return f"{type(error).__name__}: {lines[0][:200]}"
 
 
 def _check_address(address: str) -> None:

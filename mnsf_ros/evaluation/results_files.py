@@ -7,28 +7,24 @@ import dataclasses
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.protocol_text import notes_text, protocol_text
+from mnsf_ros.evaluation.nearest_preset import nearest_preset
+from mnsf_ros.evaluation.notes_text import notes_text
+from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.results_tables import further_tables, main_tables
 from mnsf_ros.evaluation.row_json import plain
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
 _CSV_TIMES: Final = ("time_ms", "latency_ms")
 _CSV_CONSISTENCY: Final = ("nearest_m", "zero_nearest_m", "cycle_m")
-_CSV_HEADER: Final = (
-    *("method", "points"),
-    *_CSV_COUNTS,
-    *_CSV_ERRORS,
-    *_CSV_TIMES,
-    *_CSV_CONSISTENCY,
-)
+_CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENCY)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,14 +63,14 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     """Writes results.md, results.csv and results.json, in place of those of an earlier session.
 
     Raises:
-        OSError: Writing fails.
+        WritingError: Writing fails; files that are not written yet are those of before.
     """
     for name, text in (
         ("results.md", results_markdown(results)),
-        ("results.csv", results_csv(results.summaries)),
+        ("results.csv", results_csv(results)),
         ("results.json", results_json(results)),
     ):
-        (folder.path / name).write_text(text, encoding="utf-8")
+        replace_file(folder.path / name, [text])
 
 
 def results_markdown(results: RunResults) -> str:
@@ -90,38 +86,79 @@ def results_markdown(results: RunResults) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def results_csv(summaries: Sequence[MethodSummary]) -> str:
-    """Returns one line for each method and group of points."""
+def results_csv(results: RunResults) -> str:
+    """Returns one line for each method and group of points: of all recordings, then of each.
+
+    The column `recording` is empty for all recordings together. The last columns are the same on
+    every line: how, with what and where the figures were made.
+    """
+    origin = _origin(results.run)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_CSV_HEADER)
-    for summary in summaries:
-        groups = dict(summary.errors)
-        groups |= {f"range up to {limit} m": item for limit, item in summary.by_range.items()}
-        groups |= {f"speed up to {limit} m/s": item for limit, item in summary.by_speed.items()}
-        counts = [getattr(summary, key) for key in _CSV_COUNTS]
-        others = [_cell(getattr(summary, key)) for key in _CSV_TIMES]
-        others += [_cell(summary.consistency.get(key, math.nan)) for key in _CSV_CONSISTENCY]
-        for name, errors in groups.items() or (("", None),):
-            values = ["" if errors is None else _cell(getattr(errors, key)) for key in _CSV_ERRORS]
-            writer.writerow([summary.method, name, *counts, *values, *others])
+    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *origin))
+    for recording, summaries in {"": results.summaries, **_by_recording(results)}.items():
+        for summary in summaries:
+            for cells in _csv_lines(summary):
+                writer.writerow((recording, *cells, *origin.values()))
     return text.getvalue()
+
+
+def _csv_lines(summary: MethodSummary) -> Iterator[list[object]]:
+    groups = dict(summary.errors)
+    groups |= {f"range up to {limit} m": item for limit, item in summary.by_range.items()}
+    groups |= {f"speed up to {limit} m/s": item for limit, item in summary.by_speed.items()}
+    counts = [getattr(summary, key) for key in _CSV_COUNTS]
+    others = [_cell(getattr(summary, key)) for key in _CSV_TIMES]
+    others += [_cell(summary.consistency.get(key, math.nan)) for key in _CSV_CONSISTENCY]
+    for name, errors in groups.items() or (("", None),):
+        values = ["" if errors is None else _cell(getattr(errors, key)) for key in _CSV_ERRORS]
+        yield [summary.method, name, *counts, *values, *others]
+
+
+def _origin(run: Mapping[str, Any]) -> dict[str, str]:
+    """How, with what and where a run was made; what sessions do not agree on is listed."""
+    identity, sessions = run["identity"], run["sessions"]
+    name, changes = nearest_preset(identity["settings"], identity["crop_and_ground"])
+    machines = (_machine_text(session["machine"]) for session in sessions)
+    commits = (session["git_commit"] or "" for session in sessions)
+    return {
+        "seed": str(identity["seed"]),
+        "preset": name,
+        "changed_settings": "; ".join(f"{key} = {value}" for key, value in changes.items()),
+        "num_threads": str(identity["settings"]["compute.num_threads"]),
+        "points_given": str(identity["num_points"]),
+        "ground": identity["ground"],
+        "realtime_rate": str(identity["realtime_rate"] or ""),
+        "every": str(identity.get("every", 1)),
+        **{
+            f"{package}_version": _each_once(one["versions"].get(package, "") for one in sessions)
+            for package in ("mnsf_ros", "torch")
+        },
+        "machine": _each_once(machines),
+        "git_commit": _each_once(commits),
+    }
+
+
+def _each_once(texts: Iterable[str]) -> str:
+    return "; ".join(dict.fromkeys(texts))
+
+
+def _by_recording(results: RunResults) -> dict[str, list[MethodSummary]]:
+    rows_of: dict[str, list[ResultRow]] = {one["name"]: [] for one in results.run["recordings"]}
+    for row in results.rows:
+        rows_of.setdefault(row.recording, []).append(row)
+    return {name: summarize(rows, results.run["methods"]) for name, rows in rows_of.items()}
 
 
 def results_json(results: RunResults) -> str:
     """Returns everything but the rows, which are in `rows.jsonl`."""
-    recordings = [recording["name"] for recording in results.run["recordings"]]
-    by_recording = {
-        name: summarize((r for r in results.rows if r.recording == name), results.run["methods"])
-        for name in recordings
-    }
     document = {
         "protocol": results.protocol,
         "notes": results.notes,
         "methods": [dataclasses.asdict(summary) for summary in results.summaries],
         "by_recording": {
             name: [dataclasses.asdict(summary) for summary in summaries]
-            for name, summaries in by_recording.items()
+            for name, summaries in _by_recording(results).items()
         },
         "run": results.run,
     }
@@ -134,15 +171,18 @@ def _cell(value: float) -> str:
 
 def _run_lines(run: Mapping[str, Any]) -> list[str]:
     session = run["sessions"][-1]
-    machine, versions = session["machine"], session["versions"]
+    versions = session["versions"]
     lines = [f"started {session['started']}"]
     if session["command"]:
         lines.append(f"command: `{' '.join(session['command'])}`")
-    lines.append(f"machine: {machine['name']}, {machine['processor']}, {machine['cores']} cores")
-    if machine["gpu"]:
-        lines[-1] += f", {machine['gpu']}"
+    lines.append(f"machine: {_machine_text(session['machine'])}")
     lines.append("versions: " + ", ".join(f"{name} {value}" for name, value in versions.items()))
     lines.append(f"git commit: {session['git_commit'] or 'none, not a checkout'}")
     if len(run["sessions"]) > 1:
         lines.append(f"sessions: {len(run['sessions'])}, see run.json")
     return lines
+
+
+def _machine_text(machine: Mapping[str, Any]) -> str:
+    text = f"{machine['name']}, {machine['processor']}, {machine['cores']} cores"
+    return f"{text}, {machine['gpu']}" if machine["gpu"] else text

@@ -17,6 +17,7 @@ from typing import Any, Final, TypeVar
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
 
@@ -27,6 +28,10 @@ _LOCK_FILE: Final = ".lock"
 
 TaskKey = tuple[str, str]
 Parsed = TypeVar("Parsed")
+
+
+class WritingError(EvaluationError):
+    """A file of a run cannot be written, as on a full disk; what was there before still is."""
 
 
 class RunFolder:
@@ -54,8 +59,12 @@ class RunFolder:
         return run
 
     def write_run(self, run: dict[str, Any]) -> None:
-        """Writes what is run."""
-        _replace(self.path / RUN_FILE, [json.dumps(run, indent=2, ensure_ascii=False), "\n"])
+        """Writes what is run.
+
+        Raises:
+            WritingError: That fails.
+        """
+        replace_file(self.path / RUN_FILE, [json.dumps(run, indent=2, ensure_ascii=False), "\n"])
 
     def rows(self) -> Iterator[ResultRow]:
         """Yields all rows, in the order in which they got ready.
@@ -79,30 +88,46 @@ class RunFolder:
         return {(task["recording"], task["method"]): task for task in tasks}
 
     def append_row(self, row: ResultRow) -> None:
-        """Adds a row."""
+        """Adds a row.
+
+        Raises:
+            WritingError: That fails.
+        """
         _append(self.path / ROWS_FILE, row_to_json(row))
 
     def append_finished(self, key: TaskKey, findings: Findings, num_examples: int) -> None:
-        """Adds a finished task."""
+        """Adds a finished task.
+
+        Raises:
+            WritingError: That fails.
+        """
         task = {
             "recording": key[0],
             "method": key[1],
             "num_examples": num_examples,
             "counts": dict(findings.counts),
-            "damages": [str(damage) for damage in findings.damages],
+            "damages": [path_text(str(damage)) for damage in findings.damages],
         }
         _append(self.path / TASKS_FILE, json.dumps(task, ensure_ascii=False))
 
     def drop_rows_of(self, keys: Iterable[TaskKey]) -> None:
-        """Takes the rows of some tasks away."""
+        """Takes the rows of some tasks away.
+
+        Raises:
+            EvaluationError: A line is no row, or the file cannot be written.
+        """
         dropped = set(keys)
         rows = (row for row in self.rows() if (row.recording, row.method) not in dropped)
-        _replace(self.path / ROWS_FILE, (f"{row_to_json(row)}\n" for row in rows))
+        replace_file(self.path / ROWS_FILE, (f"{row_to_json(row)}\n" for row in rows))
 
     def cut_off_unfinished_lines(self) -> None:
-        """Takes away what was being written when a run was killed."""
+        """Takes away what was being written when a run was killed.
+
+        Raises:
+            EvaluationError: A file cannot be read or written.
+        """
         for name in (ROWS_FILE, TASKS_FILE):
-            _replace(self.path / name, (f"{line}\n" for line in _lines(self.path / name)))
+            replace_file(self.path / name, (f"{line}\n" for line in _lines(self.path / name)))
 
     def remove_if_unused(self) -> bool:
         """Takes the folder away if it holds nothing but the start of a run; says whether it did."""
@@ -163,15 +188,34 @@ def _lines(file: Path) -> Iterator[str]:
 
 
 def _append(file: Path, line: str) -> None:
-    with file.open("a", encoding="utf-8") as stream:
+    with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
         stream.write(f"{line}\n")
 
 
-def _replace(file: Path, parts: Iterable[str]) -> None:
-    """Writes a file so that it is there as a whole, the old or the new one, at any time."""
+def replace_file(file: Path, parts: Iterable[str]) -> None:
+    r"""Writes a file so that it is there as a whole, the old or the new one, at any time.
+
+    It is UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
+    written as `\udcff`, which is read back from JSON as it was.
+
+    Raises:
+        WritingError: That fails; the old file is still there.
+    """
     draft = file.with_name(f".{file.name}.new")
-    with draft.open("w", encoding="utf-8") as stream:
-        stream.writelines(parts)
-        stream.flush()
-        os.fsync(stream.fileno())
-    draft.replace(file)
+    with _writing(file):
+        try:
+            with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:
+                stream.writelines(parts)
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(file)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(file: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error

@@ -16,7 +16,9 @@ import torch
 
 from mnsf_ros import __version__
 from mnsf_ros.evaluation.evaluation_options import ALL_POINTS, EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.point_selection import PointSelection
+from mnsf_ros.recording.fingerprint import fingerprint
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
@@ -41,21 +43,27 @@ def identity(options: EvaluationOptions) -> dict[str, Any]:
         "realtime_rate": options.realtime_rate,
         "check_cycle": options.check_cycle,
         "num_sweeps": options.num_sweeps,
+        "every": options.every,
     }
 
 
 def recording_record(recording: EvaluatedRecording) -> dict[str, Any]:
-    """Returns what is to be remembered of a recording, ready for JSON."""
+    """Returns what is to be remembered of a recording, ready for JSON.
+
+    Raises:
+        OSError: It cannot be read any more.
+    """
     inspection = recording.inspection
     return {
         "name": recording.name,
         "path": str(inspection.path.resolve()),
+        "fingerprint": fingerprint(inspection.path),
         "points": recording.points,
         "truth": recording.truth,
         "odometry": recording.odometry,
         "num_sweeps": recording.num_sweeps,
         "has_checksums": inspection.has_checksums,
-        "damages": [str(damage) for damage in inspection.damages],
+        "damages": [path_text(str(damage)) for damage in inspection.damages],
     }
 
 
@@ -63,7 +71,7 @@ def session_record(arguments: Sequence[str]) -> dict[str, Any]:
     """Returns when, where and by what a run was started, ready for JSON."""
     return {
         "started": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
-        "command": list(arguments),
+        "command": [path_text(argument) for argument in arguments],
         "versions": _versions(),
         "machine": machine(),
         "git_commit": git_commit(),

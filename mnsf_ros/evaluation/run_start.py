@@ -8,11 +8,12 @@ from typing import Any
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationOptions
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import identity, recording_record, session_record
 
-# What may be different when a run goes on: paths move, and damage may be mended.
-_SAME = ("points", "truth", "odometry", "num_sweeps")
+# What must be the same when a run goes on; paths may move. Runs of earlier versions have no
+# fingerprint.
+_SAME = ("points", "truth", "odometry", "num_sweeps", "fingerprint")
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD = 5
 
@@ -38,8 +39,9 @@ def start_or_resume(
 
     Raises:
         EvaluationError: The folder holds something and `resume` is not set; or it holds a run
-            with other settings, which `resume` must not mix with this one; or another process is
-            at it.
+            with other settings or another recording of the same name, which `resume` must not mix
+            with this one; or another process is at it.
+        WritingError: The record of the run cannot be written.
     """
     check_folder(out, resume=resume)
     folder = RunFolder(out)
@@ -56,8 +58,23 @@ def start_or_resume(
         _add_recordings(out, run, recordings)
         run["methods"] += [method for method in methods if method not in run["methods"]]
         run.setdefault("sessions", []).append(session_record(arguments))
-        folder.write_run(run)
+        try:
+            folder.write_run(run)
+        except WritingError:
+            if not is_there:
+                folder.remove_if_unused()
+            raise
     return folder
+
+
+def known_recordings(out: Path) -> list[dict[str, Any]]:
+    """Returns the records of the recordings that the run in a folder has, if there is one.
+
+    Raises:
+        EvaluationError: The folder holds something, but no run that can be read.
+    """
+    recordings = RunFolder(out).read_run().get("recordings", []) if _holds_something(out) else []
+    return list(recordings)
 
 
 def check_folder(out: Path, *, resume: bool) -> None:
@@ -77,13 +94,21 @@ def _holds_something(out: Path) -> bool:
 
 
 def _check_identity(out: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    differences = _differences(old, new)
+    if differences:
+        listed = "; ".join(differences[:_MAX_TOLD])
+        more = len(differences) - _MAX_TOLD
+        end = f"; and {more} more" if more > 0 else ""
+        raise EvaluationError(f"{out}: holds a run with other settings: {listed}{end}")
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     before, now = _flat(old), _flat(new)
-    names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
-    if names:
-        told = names[:_MAX_TOLD]
-        listed = "; ".join(f"{name} was {before.get(name)}, is {now.get(name)}" for name in told)
-        more = f"; and {len(names) - len(told)} more" if len(names) > len(told) else ""
-        raise EvaluationError(f"{out}: holds a run with other settings: {listed}{more}")
+    return [
+        f"{name} was {before.get(name)}, is {now.get(name)}"
+        for name in sorted({*before, *now})
+        if before.get(name) != now.get(name)
+    ]
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -105,7 +130,14 @@ def _add_recordings(
         if before is None:
             run["recordings"].append(record)
             continue
-        changed = [name for name in _SAME if before[name] != record[name]]
-        if changed:
-            listed = "; ".join(f"{name} was {before[name]}, is {record[name]}" for name in changed)
+        same = [name for name in _SAME if name in before]
+        differences = _differences(
+            {name: before[name] for name in same}, {name: record[name] for name in same}
+        )
+        if differences:
+            listed = "; ".join(differences)
             raise EvaluationError(f"{out}: holds another recording {record['name']!r}: {listed}")
+        # Where it lies now, and what of it could not be read, now or then.
+        damages = list(dict.fromkeys([*before["damages"], *record["damages"]]))
+        has_checksums = before["has_checksums"] and record["has_checksums"]
+        before.update({**record, "damages": damages, "has_checksums": has_checksums})

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
-
-from rich.table import Table
-from rich.text import Text
+from typing import Final
 
 from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.fitted_table import FittedTable
 from mnsf_ros.evaluation.metrics import FlowErrors
 
 _ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)")
@@ -43,19 +41,9 @@ class TextTable:
                     f"expected {len(self.header)}: {tuple(self.header)!r}"
                 )
 
-    def rich(self) -> Table:
+    def rich(self) -> FittedTable:
         """Returns the table for a `rich` console."""
-        # Text, not str: rich would take a method called "[a]" for markup and swallow it.
-        table = Table(title=Text(self.title) if self.title else None, title_justify="left")
-        for number, name in enumerate(self.header):
-            # A long name goes on in the next line: what is cut off may be all that differs.
-            overflow: Literal["fold", "ellipsis"] = "fold" if number == 0 else "ellipsis"
-            table.add_column(
-                Text(name), justify="left" if number == 0 else "right", overflow=overflow
-            )
-        for row in self.rows:
-            table.add_row(*(Text(cell) for cell in row))
-        return table
+        return FittedTable(self.header, self.rows, self.title)
 
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""

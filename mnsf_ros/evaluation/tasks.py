@@ -66,7 +66,7 @@ def run_task(
     ):
         examples = read_examples(reader, recording, options, findings)
         wanted = (example for example in examples if example.number not in skipped)
-        yield from scorer.rows(wanted, options.realtime_rate, recorder)
+        yield from scorer.rows(wanted, recording, recorder)
     yield findings
 
 
@@ -89,7 +89,8 @@ def read_examples(
         clouds = truth_clouds(reader, recording.truth, findings)
         truth = TruthTrack(clouds, findings, str(reader.path))
     if recording.odometry is not None:
-        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings))
+        mounted = options.settings.ego_motion
+        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings, mounted))
     builder = ExampleBuilder(
         recording.name,
         options.selection,
@@ -97,7 +98,7 @@ def read_examples(
         findings,
         truth=truth,
         poses=poses,
-        num_sweeps=options.num_sweeps,
+        num_sweeps=options.num_sweeps_in(recording),
     )
     sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
     return builder.examples(in_stamp_order(sweeps))
@@ -117,6 +118,7 @@ class _Scorer:
 
     def __init__(self, method: str, options: EvaluationOptions) -> None:
         self._method = method
+        self._options = options
         self._estimator = make_estimator(method, options.method_settings)
         self._is_measured = not method.startswith(PREFIX)
         if self._is_measured:
@@ -129,12 +131,16 @@ class _Scorer:
         )
 
     def rows(
-        self, examples: Iterator[Example], rate: float | None, recorder: FlowRecorder
+        self, examples: Iterator[Example], recording: EvaluatedRecording, recorder: FlowRecorder
     ) -> Iterator[ResultRow]:
-        """Yields a row for each example."""
+        """Yields a row for each example that is to be scored."""
+        options, rate = self._options, self._options.realtime_rate
         if rate is None:
             for example in examples:
-                yield self._row(example, *self._estimate(example), recorder)
+                if options.is_scored(example.number, recording):
+                    yield self._row(example, *self._estimate(example), recorder)
+                elif options.goes_on(self._method):
+                    self._estimate(example)
             return
         for outcome in played_in_real_time(examples, rate, self._estimate):
             if outcome.result is None:

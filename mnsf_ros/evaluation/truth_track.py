@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
@@ -13,8 +15,14 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.readable_messages import readable_messages
+from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.errors import MessageError
+from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
+
+# Stamps that went through floating point numbers are off by less, and no lidar is faster.
+_SAME_STAMP_NS: Final = 500_000
+_SAME_POINT_M: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +40,15 @@ class TruthCloud:
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
     """Yields the truth clouds of a topic as they were received."""
-    for item in readable_messages(reader, topic):
+    for number, item in enumerate(readable_messages(reader, topic)):
         if isinstance(item, Damage):
             findings.report(item)
             continue
         try:
             yield TruthCloud(decode_stamp(item[1].header.stamp), item[1])
         except MessageError as error:
-            findings.report(Damage(str(reader.path), f"on {topic!r}", str(error)))
+            where = f"message {number} on {topic!r}"
+            findings.report(Damage(str(reader.path), where, str(error)))
 
 
 class TruthTrack:
@@ -59,26 +68,26 @@ class TruthTrack:
         self._head = next(self._clouds, None)
         self._last_ns: int | None = None
 
-    def take(self, stamp_ns: int, num_points: int) -> tuple[FlowTruth | None, int]:
+    def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
         """Returns the truth of a sweep, and how many clouds were passed over to find it.
 
         A cloud that was passed over tells that its sweep is missing in between.
 
         Args:
-            stamp_ns: Stamp of the sweep.
-            num_points: Points of its cloud, before any of them are left out.
+            sweep: The sweep, `source` a CloudRows.
         """
+        stamp_ns = sweep.stamp_ns
         if self._last_ns is not None and stamp_ns < self._last_ns:
             self._skip_leftovers(self._last_ns)
         self._last_ns = stamp_ns
         passed_over = 0
-        while self._head is not None and self._head.stamp_ns < stamp_ns:
+        while self._head is not None and self._head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)
             passed_over += 1
-        if self._head is None or self._head.stamp_ns != stamp_ns:
+        if self._head is None or self._head.stamp_ns > stamp_ns + _SAME_STAMP_NS:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
-        return self._decoded(cloud, num_points), passed_over
+        return self._decoded(cloud, sweep), passed_over
 
     def _skip_leftovers(self, last_ns: int) -> None:
         """Follows a jump back in time, past a few clouds that no sweep has asked for."""
@@ -87,15 +96,38 @@ class TruthTrack:
             if self._head is not None and self._head.stamp_ns > last_ns:
                 self._head = next(self._clouds, None)
 
-    def _decoded(self, cloud: TruthCloud, num_points: int) -> FlowTruth | None:
+    def _decoded(self, cloud: TruthCloud, sweep: Sweep) -> FlowTruth | None:
+        num_points = sweep.source.num_points
         try:
             truth = FlowTruth.decode(cloud.message)
             if len(truth) != num_points:
                 raise RecordingError(
                     f"truth has {len(truth)} rows, its sweep has {num_points} points"
                 )
+            _check_points(cloud.message, sweep)
         except RecordingError as error:
             where = f"truth at stamp {cloud.stamp_ns}"
             self._findings.report(Damage(self._name, where, str(error)))
             return None
         return truth
+
+
+def _check_points(message: Any, sweep: Sweep) -> None:  # noqa: ANN401
+    """Makes sure that the rows of a truth cloud are in the order of its sweep, if it shows where.
+
+    Raises:
+        RecordingError: A row is somewhere else.
+    """
+    points = decode_points(message).ravel()[sweep.source.rows]
+    if not set("xyz") <= set(points.dtype.names or ()):
+        return
+    xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
+    elsewhere = np.flatnonzero(~near.all(axis=1))
+    if len(elsewhere):
+        first = elsewhere[0]
+        raise RecordingError(
+            f"{len(elsewhere):,} of {len(sweep):,} points of the truth are elsewhere than "
+            f"in their sweep: row {sweep.source.rows[first]} is at {xyz[first].round(3).tolist()}, "
+            f"in the sweep at {sweep.xyz[first].round(3).tolist()}"
+        )

@@ -187,12 +187,20 @@ class BagReader:
     def _open_source(self) -> AnyReader:
         files = recording_files(self.path)
         try:
+            self._check_no_pipes(files)
             # Bags of older ROS versions come without type definitions: then these are used.
             source = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
             source.open()
         except UNREADABLE as error:
             raise RecordingError(f"{self.path}: cannot be read: {reason(error)}") from error
         return source
+
+    def _check_no_pipes(self, files: list[Path]) -> None:
+        """Refuse what would keep an open waiting for ever, such as a named pipe."""
+        for file in files:
+            for entry in file.iterdir() if file.is_dir() else [file]:
+                if entry.exists() and not (entry.is_file() or entry.is_dir()):
+                    raise RecordingError(f"{self.path}: {entry.name!r} is not a regular file")
 
     def _damage(self, number: int, topic: str, error: Exception) -> RecordingError:
         return RecordingError(

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
+# Nothing on earth moves as far from one sweep to the next.
+_MAX_FLOW_M = 1000.0
 
 
 class HeaderLike(Protocol):
@@ -94,7 +96,8 @@ class FlowTruth:
         """Return the truth in a sensor_msgs/PointCloud2.
 
         Raises:
-            RecordingError: The cloud is damaged, lacks a field, or has a valid row without flow.
+            RecordingError: The cloud is damaged, lacks a field, or has a valid row without flow or
+                with one that no surface can have.
         """
         try:
             stamp_ns = decode_stamp(message.header.stamp)
@@ -109,10 +112,10 @@ class FlowTruth:
             )
         flow = np.stack([points[name].astype(np.float32) for name in _FLOW], axis=1)
         valid = points["valid"] != 0
-        bad = np.flatnonzero(valid & ~np.isfinite(flow).all(axis=1))
+        bad = np.flatnonzero(valid & ~(np.abs(flow) < _MAX_FLOW_M).all(axis=1))
         if len(bad):
             raise RecordingError(
-                f"truth cloud: row {bad[0]} is valid but its flow is {flow[bad[0]]}"
+                f"truth cloud: row {bad[0]} is valid but its flow is {flow[bad[0]]} m"
             )
         dynamic, ground = points["dynamic"] != 0, points["ground"] != 0
         return cls(stamp_ns, flow, valid, dynamic, ground, points["class_id"].astype(np.uint8))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+import re
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -21,6 +21,8 @@ from mnsf_ros.report.stage_bars import stage_bars, stage_legend, text_of_time
 
 NO_FLOW: Final = "zero"
 _REST: Final = "other"
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
+_FIRST: Final = "the first one: "
 # A smaller part of the time outside of all stages is not worth a color.
 _REST_SHARE: Final = 0.02
 
@@ -74,6 +76,8 @@ def bands_section(summaries: Sequence[MethodSummary]) -> Html:
     charts: list[Html] = []
     # Nobody's flow is as wrong as none at all: its errors would flatten all others.
     summaries = [s for s in summaries if s.method != NO_FLOW] or summaries
+    # One that failed everywhere has no line.
+    summaries = [s for s in summaries if s.by_range or s.by_speed]
     for title, across, unit, part in _BANDS:
         limits = sorted({limit for s in summaries for limit in part(s)}, key=float)
         if not limits:
@@ -131,11 +135,20 @@ def stage_times_ms(
 
 
 def failures_section(rows: Sequence[ResultRow]) -> Html:
-    """Returns why examples have no flow, the most frequent reason first; empty if all have."""
-    counts = Counter((row.method, row.failure) for row in rows if row.failure)
-    if not counts:
+    """Returns why examples have no flow, the most frequent reason first; empty if all have.
+
+    Reasons that differ in numbers alone, such as stamps, are one: the first of them is told.
+    """
+    texts: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row.failure:
+            texts.setdefault((row.method, _NUMBER.sub("#", row.failure)), []).append(row.failure)
+    if not texts:
         return Html()
-    lines = [(f"{method}: {count:,} ×", reason) for (method, reason), count in counts.most_common()]
+    lines = [
+        (f"{method}: {len(found):,} ×", found[0] if len(set(found)) == 1 else f"{_FIRST}{found[0]}")
+        for (method, _), found in sorted(texts.items(), key=lambda item: -len(item[1]))
+    ]
     return element("div", words_table(lines, ("examples without a flow", "reason")), class_="card")
 
 

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording
 from mnsf_ros.evaluation.prediction_files import PREFIX
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import mean
-from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.results_files import RunResults, read_results
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
 from mnsf_ros.report.figures_section import NO_FLOW
 from mnsf_ros.report.flow_source import estimated_examples
 from mnsf_ros.report.pictured import PicturedExample, focus_method, worst_rows
@@ -55,11 +56,17 @@ def report_run(
         The file.
 
     Raises:
-        EvaluationError: There is no run in the folder, or its files are damaged.
+        EvaluationError: There is no run in the folder, its files are damaged, or it has no such
+            method.
         OSError: Writing fails.
     """
-    results = read_results(RunFolder(folder))
+    results = _results(folder)
     rows, run = results.rows, results.run
+    known = list(dict.fromkeys([*run["methods"], *(row.method for row in rows)]))
+    if focus is not None and focus not in known:
+        raise EvaluationError(
+            f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
+        )
     focus = focus or focus_method(rows, run["methods"])
     worst = worst_rows(rows, focus)
     others = {s.method: None for s in results.summaries if s.method not in (focus, NO_FLOW)}
@@ -82,6 +89,22 @@ def report_run(
         if pictured := _estimated(run, wanted, methods, budget, recordings, say):
             write(pictured)
     return path
+
+
+def _results(folder: Path) -> RunResults:
+    """What the run gave.
+
+    Raises:
+        EvaluationError: There is none, or its files are damaged.
+    """
+    try:
+        return read_results(RunFolder(folder))
+    except (LookupError, TypeError, AttributeError) as error:
+        # JSON, but of something else; what is asked of it is spread over many places.
+        found = f"it has no {error}" if isinstance(error, KeyError) else f"{error}"
+        raise EvaluationError(
+            f"{folder / RUN_FILE}: is not the record of a run: {found}"
+        ) from error
 
 
 def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mnsf_ros.report.html import Html, element, joined
-from mnsf_ros.report.style import NUM_SERIES
+from mnsf_ros.report.style import area_class
 
 _WIDTH: Final = 1060.0
 _ROW: Final = 34.0
@@ -49,7 +49,7 @@ def stage_legend(times_ms: Mapping[str, Mapping[str, float]]) -> Html:
     """Returns the legend of the bars."""
     items = []
     for number, stage in enumerate(stage_names(times_ms)):
-        box = element("rect", x=0, y=1, width=26, height=12, class_=_css(number))
+        box = element("rect", x=0, y=1, width=26, height=12, class_=area_class(number))
         key = element("svg", box, viewBox="0 0 26 14", aria_hidden="true")
         items.append(element("li", key, element("span", stage)))
     return element("ul", *items, class_="legend")
@@ -81,12 +81,8 @@ def _row(
         if width > 0:
             title = element("title", f"{method}, {stage}: {text_of_time(part[stage])}")
             bar = {"x": x, "y": middle - _BAR / 2, "width": width, "height": _BAR, "rx": 2}
-            parts.append(element("rect", title, **bar, class_=f"bar {_css(place)}"))
+            parts.append(element("rect", title, **bar, class_=f"bar {area_class(place)}"))
         x += width
     total = text_of_time(sum(part.values()))
     parts.append(element("text", total, x=x + 8, y=middle + 4.5, class_="value"))
     return joined(*parts)
-
-
-def _css(number: int) -> str:
-    return f"s{number % NUM_SERIES}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 NUM_SERIES: Final = 8
+# More areas than hues: then the hues come again, ever lighter.
+_SHADES: Final = ("1", ".5", ".22")
 
 # Eight hues that people with color blindness can tell apart as well, a set for each ground.
 _LIGHT: Final = [
@@ -29,6 +31,12 @@ _DARK: Final = [
 ]
 
 
+def area_class(number: int) -> str:
+    """Returns the class of an area, such as a part of a bar: another look for each of 24."""
+    shade = number // NUM_SERIES % len(_SHADES)
+    return f"s{number % NUM_SERIES} shade{shade}"
+
+
 def _series(colors: list[str]) -> str:
     return "".join(f"--s{number}:{color};" for number, color in enumerate(colors))
 
@@ -49,6 +57,7 @@ header{background:var(--card);border-bottom:1px solid var(--line);padding:34px 0
 h1{font-size:30px;line-height:1.2;margin:0 0 6px;letter-spacing:-.01em}
 h2{font-size:21px;margin:44px 0 6px;letter-spacing:-.005em}
 h3{font-size:16px;margin:0 0 4px}
+h1,h2,h3,p,li,figcaption,caption{overflow-wrap:anywhere}
 p{margin:6px 0;max-width:78ch}
 .faint,figcaption,caption{color:var(--faint);font-size:14px}
 a{color:var(--accent)}
@@ -117,5 +126,6 @@ details::details-content{content-visibility:visible;display:block;height:auto}
         for number in range(NUM_SERIES)
     )
     + "svg path.series{fill:none;stroke-width:2.2;stroke-linejoin:round}"
-    "svg rect.bar{stroke:var(--card);stroke-width:1}"
+    + "".join(f"svg .shade{number}{{fill-opacity:{part}}}" for number, part in enumerate(_SHADES))
+    + "svg rect.bar{stroke:var(--card);stroke-width:1}"
 )

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.protocol_text import notes_text, protocol_text
+from mnsf_ros.evaluation.notes_text import notes_text
+from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import summarize
 from mnsf_ros.evaluation.results_files import RunResults

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.estimation_run import EstimationRun
+from mnsf_ros.core.optimization import OptimizationResult
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.settings import Settings
@@ -42,10 +44,21 @@ class MultiFrameField(nn.Module):
         return fused
 
 
-def fitted_losses(
-    triplet: SweepTriplet, settings: Settings
-) -> dict[str, tuple[nn.Module, Callable[[], torch.Tensor]]]:
-    """Fits the method and returns, for each way to vary it, the weights and their loss.
+@dataclass(frozen=True, eq=False)
+class FittedOptima:
+    """Where both methods end.
+
+    Attributes:
+        losses: Each way to vary a method, to the weights and their loss.
+        fits: Stage to how its optimization went.
+    """
+
+    losses: dict[str, tuple[nn.Module, Callable[[], torch.Tensor]]]
+    fits: dict[str, OptimizationResult]
+
+
+def fitted_optima(triplet: SweepTriplet, settings: Settings) -> FittedOptima:
+    """Fits the method to a triplet.
 
     Args:
         triplet: The sweeps.
@@ -68,7 +81,7 @@ def fitted_losses(
         cancelled=lambda: False,
     )
     forward_flow, *backward_flows = run.field_flows()
-    run.fused_flow([forward_flow, *run.inverted_flows(backward_flows)])
+    fused_flow = run.fused_flow([forward_flow, *run.inverted_flows(backward_flows)])
     current, following = preparation.prepare(triplet.current, triplet.next)
     forward_field, backward_field = (field.network for field in run.learners.fields)
     fusion = run.learners.fusion.network
@@ -77,8 +90,9 @@ def fitted_losses(
     def loss_with(field: nn.Module) -> Callable[[], torch.Tensor]:
         return lambda: following.distance.mean(current.points + field(current.points))
 
-    return {
+    losses = {
         "FNSF": (forward_field, loss_with(forward_field)),
         "MNSF (all weights)": (whole, loss_with(whole)),
         "MNSF (fusion)": (fusion, loss_with(whole)),
     }
+    return FittedOptima(losses, run.finish(fused_flow).fits)

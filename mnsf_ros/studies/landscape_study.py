@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,9 +10,11 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 
+from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
-from mnsf_ros.studies.fitted_optima import fitted_losses
+from mnsf_ros.studies.fitted_optima import fitted_optima
 from mnsf_ros.studies.loss_landscape import Landscape, landscape
 from mnsf_ros.studies.study_examples import first_example
 from mnsf_ros.studies.study_options import StudyOptions
@@ -27,6 +30,12 @@ _TEXT: Final = (
     "back, over all directions, with the standard deviation between directions."
 )
 _LEVELS: Final = 16
+# Ten times the weights themselves; far beyond, layer by layer, the loss is no number any more.
+_MAX_RADIUS: Final = 10.0
+# The optimum and a step to each side.
+_MIN_STEPS: Final = 3
+# One has no deviation between directions.
+_MIN_DIRECTIONS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -35,13 +44,32 @@ class LandscapeOptions:
 
     Attributes:
         radius: The picture reaches so far to each side.
-        num_steps: Steps from one side to the other.
+        num_steps: Steps from one side to the other, an odd number.
         num_directions: Random directions for the sharpness.
     """
 
     radius: float = 0.5
     num_steps: int = 21
     num_directions: int = 10
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            EvaluationError: If a number is out of its range.
+        """
+        if not 0 < self.radius <= _MAX_RADIUS:
+            raise EvaluationError(
+                f"radius: got {self.radius:g}, expected more than 0, at most {_MAX_RADIUS:g}"
+            )
+        if self.num_steps < _MIN_STEPS or self.num_steps % 2 == 0:
+            raise EvaluationError(
+                f"steps: got {self.num_steps}, expected an odd number, {_MIN_STEPS} or more"
+            )
+        if self.num_directions < _MIN_DIRECTIONS:
+            raise EvaluationError(
+                f"directions: got {self.num_directions}, expected {_MIN_DIRECTIONS} or more"
+            )
 
 
 def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = None) -> StudyResult:
@@ -54,9 +82,9 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
     check_folder(options.out, resume=options.resume)
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    optima = fitted_losses(example.triplet, options.evaluation().method_settings)
+    optima = fitted_optima(example.triplet, options.evaluation().method_settings)
     found = {}
-    for name, (network, loss_of) in optima.items():
+    for name, (network, loss_of) in optima.losses.items():
         options.say(f"looking around {name}")
         found[name] = landscape(
             network,
@@ -69,7 +97,19 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
     where = (
         f"Sweep {example.number} of {example.recording}, {len(example.triplet.current):,} points."
     )
-    return landscape_result(found, [_TEXT, where])
+    return landscape_result(found, [_TEXT, where, *_unconverged(optima.fits)])
+
+
+def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
+    """A note on the fits that ended before they converged."""
+    cut_off = [
+        f"{stage} ({fit.stop_reason.value.replace('_', ' ')} after {fit.iterations} steps)"
+        for stage, fit in fits.items()
+        if fit.stop_reason is not StopReason.CONVERGED
+    ]
+    if not cut_off:
+        return []
+    return [f"Note: not converged, so that no optimum is in the middle: {', '.join(cut_off)}."]
 
 
 def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:

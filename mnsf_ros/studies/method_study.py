@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.figure import Figure
 
-from mnsf_ros.evaluation.evaluation_options import EvaluationTask
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationTask
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
 from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.results_files import read_results, write_results
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.tables import errors_table
@@ -96,6 +100,8 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     methods = list(study.variants.values())
     # The evaluation has a folder of its own beside the simulated street.
     recordings = study_recordings(options, study.num_sweeps)
+    if not any(recording.truth for recording in recordings):
+        raise RecordingError("the recordings hold no true flow, which the study compares with")
     folder = start_or_resume(
         options.out / "evaluation",
         recordings,
@@ -105,14 +111,19 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         arguments=options.command,
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
+    kept = _kept_notes(runs, recordings, options, folder, study)
     watch = _Watch(options, _max_rows(runs, options, study.num_sweeps))
     execute = first_examples(options.max_examples)
     run_evaluation(runs, evaluation, folder, execute=execute, watch=watch)
     results = read_results(folder)
     write_results(folder, results)
+    if not any(row.errors for row in results.rows):
+        why = f": {results.notes[0]}" if results.notes else ""
+        raise EvaluationError(f"no example could be scored{why}")
     summaries = summarize(results.rows, methods)
     texts = protocol_text(results.run, summaries)
-    return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in results.notes)])
+    notes = [*results.notes, *kept]
+    return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in notes)])
 
 
 def study_result(
@@ -138,9 +149,37 @@ def study_result(
 
 
 def _max_rows(runs: Sequence[TaskRun], options: StudyOptions, num_sweeps: int) -> int:
-    """How many rows there can be: the first and the last sweeps are no examples."""
-    numbers = [run.task.recording.num_sweeps - num_sweeps + 1 for run in runs]
-    return sum(min(number, options.max_examples or number) for number in numbers)
+    """How many rows there can be."""
+    return sum(_max_examples(run.task.recording, options, num_sweeps) for run in runs)
+
+
+def _max_examples(recording: EvaluatedRecording, options: StudyOptions, num_sweeps: int) -> int:
+    """How many examples there can be: the first and the last sweeps are none."""
+    number = recording.num_sweeps - num_sweeps + 1
+    return min(number, options.max_examples or number)
+
+
+def _kept_notes(
+    runs: Sequence[TaskRun],
+    recordings: Sequence[EvaluatedRecording],
+    options: StudyOptions,
+    folder: RunFolder,
+    study: MethodStudy,
+) -> list[str]:
+    """Notes on recordings that were finished before, with fewer examples than are wanted now."""
+    left = {run.task.key for run in runs}
+    num_rows = Counter((row.recording, row.method) for row in folder.rows())
+    notes = []
+    for recording in recordings:
+        keys = [(recording.name, method) for method in study.variants.values()]
+        kept = [num_rows[key] for key in keys if key not in left]
+        wanted = _max_examples(recording, options, study.num_sweeps)
+        if kept and min(kept) < wanted:
+            notes.append(
+                f"{recording.name}: was finished before with {min(kept)} of up to {wanted} "
+                "examples and is left so; another folder would start anew"
+            )
+    return notes
 
 
 class _Watch:

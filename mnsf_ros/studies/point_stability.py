@@ -79,6 +79,7 @@ def changes(
         EvaluationError: A sweep has too few points.
         MnsfError: An estimate fails.
     """
+    _check_sizes(triplet, sizes)
     tree = cKDTree(triplet.next.xyz)
     for size in sizes:
         for repeat in range(num_repeats):
@@ -131,16 +132,22 @@ def fitted_slope(means: dict[int, float]) -> Slope:
     return Slope(slope, float(np.sqrt((rest**2).sum() / (len(x) - 2) / (x * x).sum())))
 
 
+def _check_sizes(triplet: SweepTriplet, sizes: Sequence[int]) -> None:
+    """Says before the work whether each sweep has enough points."""
+    for name in SWEEPS:
+        number = len(_sweep(triplet, name))
+        for size in sizes:
+            if number <= size:
+                raise EvaluationError(
+                    f"sizes: got {size}, but the {name} sweep has {number} points, expected more"
+                )
+
+
 def _drawn(
     triplet: SweepTriplet, name: str, size: int, random: np.random.Generator
 ) -> NDArray[np.int64]:
     """Rows of so many points of a sweep, and one more."""
-    sweep = _sweep(triplet, name)
-    if len(sweep) <= size:
-        raise EvaluationError(
-            f"sizes: got {size}, but the {name} sweep has {len(sweep)} points, expected more"
-        )
-    return random.choice(len(sweep), size + 1, replace=False)
+    return random.choice(len(_sweep(triplet, name)), size + 1, replace=False)
 
 
 def _sweep(triplet: SweepTriplet, name: str) -> Sweep:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.figure import Figure
 
+from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
 from mnsf_ros.methods import make_method
@@ -15,6 +17,7 @@ from mnsf_ros.settings import Settings, SettingValue
 from mnsf_ros.studies.point_stability import (
     SWEEPS,
     Change,
+    Slope,
     changes,
     fitted_slope,
     mean_changes,
@@ -28,6 +31,9 @@ _TITLE: Final = "Stability: one point replaced"
 _PARTS: Final = {"flow_m": "change of flow (m)", "loss_m": "change of loss (m)"}
 _COLORS: Final = dict(zip(METHODS, ("#0b62c4", "#c4450a", "#14804a"), strict=True))
 _LOOKS: Final = {"current": ("o", "-"), "next": ("s", "--"), "previous": ("^", ":")}
+_MIN_SIZES: Final = 3
+# The one that is replaced, and one that stays.
+_MIN_POINTS: Final = 2
 # The theorem speaks of the optimum, not of when a noisy loss happens to look converged: a step
 # more or less changes the flow far more than a point does. So all fits get the same steps.
 STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
@@ -48,7 +54,7 @@ class StabilityOptions:
     """How to measure stability.
 
     Attributes:
-        sizes: Numbers of points, ascending.
+        sizes: Numbers of points, ascending; three or more, for a slope with its standard error.
         num_repeats: Draws of points for each of them.
         methods: Names of the methods.
     """
@@ -56,6 +62,24 @@ class StabilityOptions:
     sizes: tuple[int, ...] = (128, 256, 512, 1024, 2048)
     num_repeats: int = 5
     methods: tuple[str, ...] = METHODS
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            EvaluationError: If one is out of its range.
+        """
+        told = ", ".join(map(str, self.sizes))
+        if len(self.sizes) < _MIN_SIZES or list(self.sizes) != sorted(set(self.sizes)):
+            raise EvaluationError(
+                f"sizes: got {told}, expected {_MIN_SIZES} or more numbers in ascending order"
+            )
+        if self.sizes[0] < _MIN_POINTS:
+            raise EvaluationError(f"sizes: got {told}, expected {_MIN_POINTS} points or more each")
+        if self.num_repeats < 1:
+            raise EvaluationError(f"repeats: got {self.num_repeats}, expected 1 or more")
+        if len(set(self.methods)) < len(self.methods):
+            raise EvaluationError(f"methods: got {', '.join(self.methods)}, expected each once")
 
 
 def stability_settings(settings: Settings, asked: Sequence[str] = ()) -> Settings:
@@ -76,11 +100,12 @@ def run_stability_study(options: StudyOptions, how: StabilityOptions | None = No
     """
     how = how or StabilityOptions()
     check_folder(options.out, resume=options.resume)
+    settings = options.evaluation().method_settings
+    estimators = {method: make_method(method, settings) for method in how.methods}
     triplet = first_example(options).triplet
     found: list[Change] = []
-    for method in how.methods:
+    for method, estimator in estimators.items():
         options.say(f"replacing points for {method}")
-        estimator = make_method(method, options.evaluation().method_settings)
         found += changes(method, estimator, triplet, how.sizes, how.num_repeats, options.seed)
     return stability_result(found, how)
 
@@ -92,7 +117,8 @@ def stability_result(found: Sequence[Change], how: StabilityOptions) -> StudyRes
         "by another, all else equal: start weights, and all other points. The slope is that of "
         "the logarithm of the change over the logarithm of N, with its standard error: -1 is one "
         "over N, as the theorem's bound falls. Methods that do not look at the previous sweep "
-        "do not change with it."
+        "do not change with it. Fits end after the steps of the settings, converged or not, "
+        "unless early stopping was asked for."
     )
     rows = [(c.method, c.num_points, c.sweep, c.repeat, c.flow_m, c.loss_m) for c in found]
     return StudyResult(
@@ -113,10 +139,16 @@ def _table(found: Sequence[Change], how: StabilityOptions, part: str, words: str
             means = mean_changes(found, method, sweep, part)
             line = fitted_slope(means)
             cells = [f"{means[size]:.2e}" for size in how.sizes]
-            slope = f"{format_number(line.slope, 2)} ± {format_number(line.deviation, 2)}"
-            rows.append([f"{method}, {sweep} sweep", *cells, slope])
+            rows.append([f"{method}, {sweep} sweep", *cells, _slope_text(line)])
     header = ["replaced in", *(f"N = {size:,}" for size in how.sizes), "slope"]
     return TextTable(header, rows, words[0].upper() + words[1:])
+
+
+def _slope_text(line: Slope) -> str:
+    """The slope, with its standard error if enough sizes had any change."""
+    if math.isnan(line.deviation):
+        return format_number(line.slope, 2)
+    return f"{line.slope:.2f} ± {line.deviation:.2f}"
 
 
 def _figure(found: Sequence[Change], how: StabilityOptions) -> Figure:

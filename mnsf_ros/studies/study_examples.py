@@ -33,7 +33,8 @@ def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[Evaluat
         num_sweeps: Sweeps that an example needs.
 
     Raises:
-        RecordingError: A recording cannot be used, or the simulated one cannot be written.
+        RecordingError: A recording cannot be used, is too short, or the simulated one cannot be
+            written.
     """
     paths = options.recordings
     if not paths:
@@ -42,10 +43,16 @@ def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[Evaluat
             options.say("simulating a street")
             write_recording(_simulation(options, num_sweeps), street)
         paths = (street,)
-    return [
+    recordings = [
         choose_topics(inspect_recording(path), name)
         for path, name in zip(paths, recording_names(paths), strict=True)
     ]
+    for path, recording in zip(paths, recordings, strict=True):
+        if recording.num_sweeps < num_sweeps:
+            raise RecordingError(
+                f"{path}: has {recording.num_sweeps} sweeps, the study needs {num_sweeps}"
+            )
+    return recordings
 
 
 def study_examples(options: StudyOptions, num_sweeps: int = 3) -> Iterator[Example]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
+
+# More than lidars measure of a point; that many columns and fewer rows are points side by side.
+_MAX_COLUMNS: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,11 @@ def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float
         return xyz_of_columns(path, [table[axis].ravel() for axis in "xyz"])
     if table.ndim != 2 or table.shape[1] < 3:
         raise SweepFileError(f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider")
+    if table.shape[0] < table.shape[1] > _MAX_COLUMNS:
+        raise SweepFileError(
+            f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider: one row for each "
+            "point; is it transposed?"
+        )
     return xyz_of_columns(path, [table[:, axis] for axis in range(3)])
 
 
@@ -84,6 +92,9 @@ def read_bytes(path: Path) -> bytes:
     Raises:
         SweepFileError: If there is none, or it is empty.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        # A named pipe would keep us waiting for ever.
+        raise SweepFileError(f"{path}: is not a regular file")
     with reading(path):
         content = path.read_bytes()
     if not content:

@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.conventions import CLOUD_TYPE
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -67,7 +70,7 @@ def test_options_may_stand_anywhere(
     ("name", "how"),
     [
         ("landscape", ["--radius=0.2", "--steps=3", "--directions=2"]),
-        ("stability", ["--sizes=16,32", "--repeats=1", "--methods=fnsf", "--num-points=all"]),
+        ("stability", ["--sizes=16,32,64", "--repeats=1", "--methods=fnsf", "--num-points=all"]),
     ],
 )
 def test_case_study_takes_its_own_options(
@@ -76,8 +79,8 @@ def test_case_study_takes_its_own_options(
     out = tmp_path / "out"
     assert run(["study", name, str(street), *FEW_STEPS, *how, "--out", str(out)]) == 0
     rows = (out / f"{name}.csv").read_text().splitlines()
-    # Three landscapes of 3 x 3 steps and 2 directions of 4 radii; 2 sizes in 3 sweeps.
-    assert len(rows) - 1 == {"landscape": 3 * (9 + 8), "stability": 2 * 3}[name]
+    # Three landscapes of 3 x 3 steps and 2 directions of 4 radii; 3 sizes in 3 sweeps.
+    assert len(rows) - 1 == {"landscape": 3 * (9 + 8), "stability": 3 * 3}[name]
 
 
 @pytest.mark.parametrize(
@@ -88,7 +91,19 @@ def test_case_study_takes_its_own_options(
         (["fusion", "/nowhere"], "/nowhere"),
         (["stability", "--sizes=many"], "sizes: got 'many'"),
         (["stability", "--methods=mnfs"], "unknown method 'mnfs'"),
-        (["stability", "--sizes=100000"], "sizes: got 100000"),
+        (["stability", "--sizes=16,32,100000"], "sizes: got 100000"),
+        (["stability", "--sizes=64,64,128"], "sizes: got 64, 64, 128, expected 3 or more numbers"),
+        (["stability", "--sizes=64,128"], "sizes: got 64, 128, expected 3 or more numbers"),
+        (["stability", "--sizes=0,64,128"], "expected 2 points or more each"),
+        (["stability", "--repeats=0"], "repeats: got 0, expected 1 or more"),
+        (["stability", "--methods=fnsf,fnsf"], "methods: got fnsf, fnsf, expected each once"),
+        (["stability", "--methods=fnsf,mnfs"], "unknown method 'mnfs'"),
+        (["landscape", "--steps=0"], "steps: got 0, expected an odd number, 3 or more"),
+        (["landscape", "--steps=4"], "steps: got 4, expected an odd number"),
+        (["landscape", "--directions=0"], "directions: got 0, expected 2 or more"),
+        (["landscape", "--radius=nan"], "radius: got nan, expected more than 0"),
+        (["landscape", "--radius=inf"], "radius: got inf, expected more than 0, at most 10"),
+        (["landscape", "--radius=0"], "radius: got 0, expected more than 0"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(
@@ -101,9 +116,84 @@ def test_what_cannot_be_used_is_one_line(
     name, *others = arguments
     bags = [] if "/nowhere" in others else [street]
     assert study(name, *bags, *others, "--out", tmp_path / "out") == EXIT_USAGE
-    lines = capsys.readouterr().err.splitlines()
+    printed = capsys.readouterr()
+    lines = printed.err.splitlines()
     assert len(lines) == 1
     assert text in lines[0]
+    for work in ("fitting", "looking around", "1 of "):
+        assert work not in printed.out
+
+
+@pytest.fixture(scope="module")
+def two_sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recordings") / "two"
+    settings = SimulationSettings(seed=1, duration_s=0.2, num_beams=16, num_columns=256)
+    write_recording(settings, path)
+    return path
+
+
+@pytest.mark.parametrize(("name", "number"), [("landscape", 3), ("stability", 3), ("frames", 5)])
+def test_recording_that_is_too_short(
+    street: Path,
+    two_sweeps: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    number: int,
+) -> None:
+    out = tmp_path / "out"
+    assert study(name, street, two_sweeps, "--out", out) == EXIT_USAGE
+    said = f"mnsf: {two_sweeps}: has 2 sweeps, the study needs {number}\n"
+    assert capsys.readouterr().err == said
+    assert not out.exists()
+
+
+def test_recording_without_truth(
+    tmp_path: Path, street: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bare = tmp_path / "bare"
+    with BagReader(street) as reader, BagWriter(bare) as writer:
+        for stamp_ns, cloud in reader.raw_messages("/points"):
+            writer.write_raw("/points", CLOUD_TYPE, stamp_ns, cloud)
+    assert study("fusion", bare, "--out", tmp_path / "out") == EXIT_USAGE
+    assert "the recordings hold no true flow" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("fusion", "no example could be scored: No example: street has nowhere 3 sweeps in a row"),
+        ("landscape", "the recordings hold no three sweeps in a row"),
+    ],
+)
+def test_recording_without_examples(
+    street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, text: str
+) -> None:
+    gaps = ["--set=buffer.max_interval_s=0.05", "--set=buffer.min_interval_s=0.01"]
+    assert study(name, street, *gaps, "--out", tmp_path / "out") == EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert text in line
+
+
+def test_landscape_of_fits_that_were_cut_off_says_so(
+    street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ["--steps=3", "--directions=2", "--out", tmp_path / "out"]
+    assert study("landscape", street, *few) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "not converged, so that no optimum is in the middle: forward (iteration limit" in printed
+
+
+def test_more_examples_than_a_finished_study_has(
+    street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert study("fusion", street, "--max-examples=1", "--out", out) == 0
+    note = "street: was finished before with 1 of up to 2 examples and is left so"
+    assert note not in " ".join(capsys.readouterr().out.split())
+    assert study("fusion", street, "--max-examples=2", "--out", out, "--resume") == 0
+    assert note in " ".join(capsys.readouterr().out.split())
+    assert note in (out / "fusion.md").read_text()
 
 
 def test_folder_with_a_study_is_not_written_to(

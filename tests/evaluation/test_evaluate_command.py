@@ -5,8 +5,13 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import os
 import re
+import shutil
+import subprocess
+import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 import small_evaluations as small
@@ -266,3 +271,154 @@ def test_assignment_has_the_type_of_its_setting(text, value):
 def test_value_of_another_type_is_refused(text):
     with pytest.raises(SettingsError, match=text.split("=")[0]):
         parse_assignments([text])
+
+
+def test_pair_is_scored_by_methods_that_make_do_with_two_sweeps(tmp_path, capsys):
+    pair = small.write_recording(tmp_path / "pair", 2)
+    out = tmp_path / "out"
+    status = mnsf(pair, "--methods", "ego,fnsf,mnsf,mnsf-frames5", "--out", out)
+    assert status == evaluate.EXIT_DAMAGED
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    assert [(row["method"], row["number"], bool(row["failure"])) for row in rows] == [
+        ("ego", 0, False),
+        ("fnsf", 0, False),
+        ("mnsf", 0, False),
+        ("mnsf-frames5", 0, True),
+    ]
+    assert rows[0]["errors"]["all"]["num_points"] > 0
+    assert rows[2]["stop_reasons"].keys() == {"forward"}
+    assert "mnsf-frames5: examples without a flow: 1" in " ".join(capsys.readouterr().out.split())
+
+
+def test_recording_without_an_example_is_no_success(bag, tmp_path, capsys):
+    single = small.write_recording(tmp_path / "single", 1)
+    status = mnsf(bag, single, "--methods", "zero", "--out", tmp_path / "both")
+    assert status == evaluate.EXIT_DAMAGED
+    said = "No example: single has nowhere 2 sweeps in a row"
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert mnsf(single, "--methods", "zero", "--out", tmp_path / "one") == evaluate.EXIT_DAMAGED
+    assert said in " ".join(capsys.readouterr().out.split())
+
+
+def test_truth_that_is_nowhere_valid_is_told(tmp_path, capsys):
+    """Of two sweeps the last has none, and the crop leaves no point of the first."""
+    pair = small.write_recording(tmp_path / "pair", 2)
+    arguments = ["--methods", "zero", "--set", "crop.min_range_m=70", "--out", tmp_path / "out"]
+    assert mnsf(pair, *arguments) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "pair: no point that was scored has a valid truth, so there are no errors." in printed
+
+
+def test_method_that_fails_on_every_example_is_no_success(tmp_path, capsys):
+    without = small.write_recording(tmp_path / "without", 4, with_odometry=False)
+    assert mnsf(without, "--methods", "zero", "--out", tmp_path / "zero") == 0
+    status = mnsf(without, "--methods", "zero,ego", "--out", tmp_path / "out")
+    assert status == evaluate.EXIT_DAMAGED
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "No flow: ego failed on every example of without: 2." in printed
+
+
+def test_other_bag_of_the_same_name_is_not_resumed(tmp_path):
+    one = small.write_recording(tmp_path / "a" / "drive", 4)
+    other = small.write_recording(tmp_path / "b" / "drive", 4, num_points=61)
+    out = tmp_path / "out"
+    assert mnsf(one, "--methods", "zero", "--out", out) == 0
+    before = {file: file.read_bytes() for file in out.iterdir()}
+    with pytest.raises(EvaluationError, match="another recording 'drive': fingerprint"):
+        mnsf(other, "--methods", "zero", "--out", out, "--resume")
+    assert {file: file.read_bytes() for file in out.iterdir()} == before
+
+
+def test_bag_of_the_same_name_can_be_added(tmp_path):
+    one = small.write_recording(tmp_path / "a" / "drive", 4)
+    other = small.write_recording(tmp_path / "b" / "drive", 5)
+    out = tmp_path / "out"
+    assert mnsf(one, "--methods", "zero", "--out", out) == 0
+    assert mnsf(one, other, "--methods", "zero", "--out", out, "--resume") == 0
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    assert [row["recording"] for row in rows] == ["drive"] * 2 + [str(other)] * 3
+
+
+def test_same_bag_in_two_spellings_is_refused(bag, tmp_path, monkeypatch):
+    monkeypatch.chdir(bag.parent)
+    for other in (Path(bag.name), next(bag.glob("*.mcap"))):
+        with pytest.raises(EvaluationError, match="is the same recording as"):
+            mnsf(bag, other, "--methods", "zero", "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_each_finished_task_is_told_where_there_is_no_terminal(bag, tmp_path, capsys):
+    assert mnsf(bag, "--methods", "zero,fnsf", "--out", tmp_path / "out") == 0
+    printed = capsys.readouterr().out
+    lines = [line for line in printed.splitlines() if " on drive: " in line]
+    assert len(lines) == 2
+    assert re.fullmatch(r"zero on drive: done, new examples: 4, \d+ ms each", lines[0])
+    assert lines[1].startswith("fnsf on drive: done")
+    assert printed.index(lines[1]) < printed.index("EPE (m)")
+
+
+def shell(line, arguments, **environment):
+    """Runs `mnsf evaluate` as a user's shell does; `line` has it as `"$@"`."""
+    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", *arguments, *SETTINGS]
+    return subprocess.run(
+        ["bash", "-c", line, "bash", *map(os.fsencode, map(str, command))],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        errors="backslashreplace",
+        timeout=120,
+        check=False,
+    )
+
+
+def test_reader_of_the_output_may_leave(bag, tmp_path):
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"]
+    done = shell('"$@" | head -1; exit ${PIPESTATUS[0]}', arguments)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) == 1
+    assert (out / "report.html").stat().st_size > 0
+    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{}, {"LC_ALL": "C", "PYTHONUTF8": "0"}, {"PYTHONIOENCODING": "ascii"}],
+    ids=["", "C", "ascii"],
+)
+@pytest.mark.parametrize("name", [b"bad\xff", "Straße 测试".encode()])
+def test_path_that_is_no_text_costs_nothing(bag, tmp_path, environment, name):
+    place = tmp_path / os.fsdecode(name)
+    shutil.copytree(bag, place)
+    out = tmp_path / "out"
+    arguments = [place, "--methods=zero", "--pictures=0", f"--out={out}"]
+    done = shell('"$@"', arguments, **environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "no report" not in done.stdout
+    readable = name.decode(errors="backslashreplace")
+    lines = (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    assert {json.loads(line)["recording"] for line in lines} == {readable}
+    assert readable in (out / "results.csv").read_text(encoding="utf-8")
+    # Also where another locale reads it.
+    again = shell('"$@"', [*arguments, "--resume"])
+    assert (again.returncode, again.stderr) == (0, "")
+    assert len((out / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 4
+
+
+def test_full_disk_is_told_and_resume_goes_on(bag, tmp_path):
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"]
+    done = shell('ulimit -f 6; "$@"', arguments)
+    assert done.returncode == evaluate.EXIT_UNWRITTEN == 4
+    message = r"mnsf: .*/out/\w+\.\w+: cannot be written: File too large; .* --resume goes on\n"
+    assert re.fullmatch(message, done.stderr)
+    assert shell('"$@"', [*arguments, "--resume"]).returncode == 0
+    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+
+
+def test_disk_that_is_full_from_the_start_leaves_no_folder(bag, tmp_path):
+    out = tmp_path / "out"
+    done = shell('ulimit -f 1; "$@"', [bag, "--methods=zero", f"--out={out}"])
+    assert done.returncode == evaluate.EXIT_UNWRITTEN
+    assert "run.json: cannot be written" in done.stderr
+    assert not out.exists()

@@ -196,3 +196,38 @@ def test_examples_of_a_recording(tmp_path, num_points):
     assert all(example.next_from_current is not None for example in examples)
     assert {len(example.triplet.current) for example in examples} == {num_points or 54}
     assert not findings.warnings
+
+
+def test_two_sweeps_are_an_example_where_no_more_are_asked_for():
+    (example,) = examples_of(map(small.sweep, range(2)), num_sweeps=2)
+    assert example.triplet.previous is None
+    assert example.triplet.before == ()
+    assert example.number == 0
+    assert example.triplet.interval_s == pytest.approx(small.STEP_NS * 1e-9)
+
+
+def test_truth_that_no_sweep_fits_costs_no_example():
+    """As of a recording whose truth has stamps of its own: it goes as one without truth."""
+    findings = Findings()
+    sweeps = [small.sweep(index) for index in (0, 2, 4, 6)]
+    examples = list(examples_of(sweeps, truth_of=(1, 3, 5, 7), findings=findings))
+    assert triplets_of(examples) == [(0, 2, 4), (2, 4, 6)]
+    assert [example.truth for example in examples] == [None, None]
+    assert findings.warnings == {
+        noticed.TRUTH_WITHOUT_SWEEP: 3,
+        noticed.SWEEPS_WITHOUT_TRUTH: 4,
+    }
+
+
+@pytest.mark.parametrize(("jump_m", "count"), [(0.05, 0), (0.15, 1)])
+def test_odometry_that_contradicts_the_truth_is_counted(jump_m, count):
+    findings = Findings()
+    jumped = small.pose(2)
+    jumped[1, 3] += jump_m
+    matrices = (small.pose(0), small.pose(1), jumped)
+    poses = PoseTrack(
+        StampedPose(small.stamp(index), matrix, "lidar") for index, matrix in enumerate(matrices)
+    )
+    sweeps = map(small.sweep, range(3))
+    list(examples_of(sweeps, truth_of=range(3), poses=poses, findings=findings))
+    assert findings.counts[noticed.ODOMETRY_CONTRADICTS] == count

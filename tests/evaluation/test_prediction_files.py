@@ -41,10 +41,10 @@ def submission(flow):
     return {**columns, "is_dynamic": np.zeros(len(flow), bool)}
 
 
-@pytest.mark.parametrize("subfolder", ["", "drive"])
+@pytest.mark.parametrize("subfolder", ["", "logs/drive"])
 def test_npz_has_a_row_for_each_point_of_the_cloud(tmp_path, triplet, subfolder):
     folder = tmp_path / subfolder
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     np.savez(folder / f"{small.stamp(1)}.npz", flow=FLOW)
     found = estimate(tmp_path, triplet)
     assert found.flow.dtype == np.float32
@@ -52,14 +52,24 @@ def test_npz_has_a_row_for_each_point_of_the_cloud(tmp_path, triplet, subfolder)
     assert found.kept.all()
 
 
+def test_recordings_of_the_same_last_name_have_predictions_of_their_own(tmp_path, triplet):
+    for number, name in enumerate(("drive", "logs/drive", "data/drive")):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        np.savez(tmp_path / name / f"{small.stamp(1)}.npz", flow=FLOW + number)
+    for number, name in enumerate(("drive", "logs/drive", "/data/drive", "../data/drive")):
+        source = CloudRows(ROWS, 8, name)
+        named = replace(triplet, current=replace(triplet.current, source=source))
+        assert np.array_equal(estimate(tmp_path, named).flow, FLOW[ROWS] + min(number, 2))
+
+
 def test_argoverse_2_submission(tmp_path, triplet):
-    write_feather(tmp_path / "drive" / f"{small.stamp(1)}.feather", submission(FLOW))
+    write_feather(tmp_path / "logs" / "drive" / f"{small.stamp(1)}.feather", submission(FLOW))
     assert np.array_equal(estimate(tmp_path, triplet).flow, FLOW[ROWS])
 
 
 def test_argoverse_2_submission_with_masks(tmp_path, triplet):
     mask = np.array([True, False, True, False, True, True, False, False])
-    name = f"drive/{small.stamp(1)}.feather"
+    name = f"logs/drive/{small.stamp(1)}.feather"
     write_feather(tmp_path / "out" / name, submission(FLOW[mask]))
     write_feather(tmp_path / "masks" / name, {"mask": mask})
     method = f"file:{tmp_path / 'out'}::{tmp_path / 'masks'}"

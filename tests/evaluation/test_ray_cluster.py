@@ -7,6 +7,7 @@ import os
 import pytest
 import small_evaluations as small
 
+from mnsf_ros.evaluation import ray_mailbox
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.result_row import ResultRow
@@ -71,6 +72,30 @@ def test_lost_node_costs_time_but_nothing_else(ray, cluster, bag):
     restarted = [event for _, event in events if isinstance(event, TaskRestarted)]
     assert 1 <= len(restarted) <= 2
     assert rows_by_task(events) == rows_by_task(run_serially(runs, options))
+
+
+def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatch):
+    """The mailbox is on the driver's own node: it is gone when that node is."""
+    from mnsf_ros.evaluation import ray_cluster
+
+    mailboxes = []
+
+    def kept(module):
+        mailboxes.append(ray_mailbox.start_mailbox(module))
+        return mailboxes[-1]
+
+    monkeypatch.setattr(ray_cluster, "start_mailbox", kept)
+    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    failed, num_rows = {}, 0
+    for task, event in ray_cluster.RayCluster("auto")(runs, small.options(SLOW)):
+        num_rows += isinstance(event, ResultRow)
+        if num_rows == 1 and isinstance(event, ResultRow):
+            ray.kill(mailboxes[0])
+        if isinstance(event, TaskFailed):
+            failed[task.method] = event.reason
+    assert num_rows >= 1
+    assert failed.keys() == {*METHODS}
+    assert all("the Ray cluster is lost: Actor" in text for text in failed.values())
 
 
 def test_task_that_cannot_be_done_and_one_that_asks_for_too_much(ray, cluster, bag):

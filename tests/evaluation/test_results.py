@@ -4,12 +4,17 @@ import csv
 import io
 import json
 import math
+import resource
+from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 import small_evaluations as small
 
+import mnsf_ros
+from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.nearest_preset import nearest_preset
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.evaluation.results import mean, summarize
 from mnsf_ros.evaluation.results_files import (
@@ -19,8 +24,11 @@ from mnsf_ros.evaluation.results_files import (
     write_results,
 )
 from mnsf_ros.evaluation.results_tables import further_tables, main_tables
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
+from mnsf_ros.evaluation.run_record import git_commit, identity
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.presets import preset
 
 NAN = math.nan
 
@@ -124,23 +132,61 @@ def test_bands_are_in_order():
     assert list(table.rows[0]) == ["mnsf", "0.100", "0.400", "0.500"]
 
 
-def test_csv_can_be_read_by_any_program():
-    summaries = summarize([row(1, 0.1), row(1, 0.3, "zero", errors={})])
-    lines = list(csv.DictReader(io.StringIO(results_csv(summaries))))
-    assert [(line["method"], line["points"]) for line in lines] == [
-        ("mnsf", "all"),
-        ("mnsf", "dynamic"),
-        ("mnsf", "static"),
-        ("zero", ""),
+def test_csv_can_be_read_by_any_program(results):
+    found, _ = results
+    rows = [row(1, 0.1), row(1, 0.3, "zero", errors={})]
+    found = replace(found, rows=rows, summaries=summarize(rows))
+    lines = list(csv.DictReader(io.StringIO(results_csv(found))))
+    # One recording that is all there is: its lines come twice.
+    assert [(line["recording"], line["method"], line["points"]) for line in lines[:4]] == [
+        ("", "mnsf", "all"),
+        ("", "mnsf", "dynamic"),
+        ("", "mnsf", "static"),
+        ("", "zero", ""),
     ]
+    assert {line["recording"] for line in lines[4:]} == {"drive"}
+    assert len(lines) == 8
     assert float(lines[0]["epe_m"]) == 0.1
     assert lines[1]["epe_m"] == ""
     assert lines[0]["num_examples"] == "1"
 
 
+def test_csv_has_lines_for_each_recording(results):
+    found, _ = results
+    rows = [row(1, 0.1), row(1, 0.3, recording="street")]
+    other = found.run["recordings"][0] | {"name": "street"}
+    run = found.run | {"recordings": [*found.run["recordings"], other]}
+    found = replace(found, run=run, rows=rows, summaries=summarize(rows))
+    lines = csv.DictReader(io.StringIO(results_csv(found)))
+    values = {line["recording"]: line["epe_m"] for line in lines if line["points"] == "all"}
+    assert values == {"": "0.2", "drive": "0.1", "street": "0.3"}
+
+
+def test_csv_says_on_every_line_how_and_where_it_was_made(results):
+    found, _ = results
+    for line in csv.DictReader(io.StringIO(results_csv(found))):
+        assert line["seed"] == "0"
+        assert line["preset"] == "paper"
+        assert "crop.max_range_m = 35.0" in line["changed_settings"]
+        assert line["points_given"] == "20"
+        assert line["mnsf_ros_version"] == mnsf_ros.__version__
+        assert line["torch_version"]
+        assert " cores" in line["machine"]
+        assert line["git_commit"] == (git_commit() or "")
+
+
+def test_csv_lists_what_sessions_do_not_agree_on(results):
+    found, _ = results
+    first = found.run["sessions"][0]
+    sessions = [first | {"git_commit": commit} for commit in ("abc", "def", "abc")]
+    found = replace(found, run=found.run | {"sessions": sessions})
+    line = next(csv.DictReader(io.StringIO(results_csv(found))))
+    assert line["git_commit"] == "abc; def"
+
+
 def test_csv_has_what_needs_no_truth(results):
     found, _ = results
-    lines = list(csv.DictReader(io.StringIO(results_csv(found.summaries))))
+    lines = list(csv.DictReader(io.StringIO(results_csv(found))))
     assert lines[0]["method"] == "zero"
     assert float(lines[0]["nearest_m"]) == float(lines[0]["zero_nearest_m"]) > 0
     assert lines[0]["cycle_m"] == ""
@@ -169,7 +215,7 @@ def test_files_of_results(results):
     assert document["by_recording"].keys() == {"drive"}
     assert document["run"]["identity"]["num_points"] == 20
     lines = (path / "results.csv").read_text().splitlines()
-    assert lines[0].startswith("method,points,num_examples")
+    assert lines[0].startswith("recording,method,points,num_examples")
 
 
 def test_markdown_says_what_the_figures_are_of(results):
@@ -205,7 +251,7 @@ def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
 
 
 def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
-    from mnsf_ros.evaluation.protocol_text import notes_text
+    from mnsf_ros.evaluation.notes_text import notes_text
 
     found, _ = results
     run = json.loads(json.dumps(found.run))
@@ -220,7 +266,7 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
 
 
 def test_notes_name_many_recordings_in_one_line(results):
-    from mnsf_ros.evaluation.protocol_text import notes_text
+    from mnsf_ros.evaluation.notes_text import notes_text
 
     found, _ = results
     one = found.run["recordings"][0] | {"has_checksums": False, "truth": None}
@@ -232,7 +278,7 @@ def test_notes_name_many_recordings_in_one_line(results):
 
 
 def test_notes_say_why_methods_gave_no_flow(results):
-    from mnsf_ros.evaluation.protocol_text import notes_text
+    from mnsf_ros.evaluation.notes_text import notes_text
 
     found, _ = results
     rows = [
@@ -240,10 +286,82 @@ def test_notes_say_why_methods_gave_no_flow(results):
         row(2, 0.1, failure="dropped: a newer triplet took its place"),
         row(3, 0.1, "ego", failure="there is no odometry."),
         row(4, 0.1, "ego", failure="something else"),
+        row(5, 0.1, "ego"),
     ]
     (note,) = notes_text(found.run, [], rows)
     expected = "ego: examples without a flow: 2; the first, sweep 3 of drive: there is no odometry."
     assert note == expected
+
+
+def test_method_that_never_gave_a_flow_is_told(results):
+    from mnsf_ros.evaluation.notes_text import NO_FLOW, notes_text
+
+    found, _ = results
+    dropped = "dropped: a newer triplet took its place"
+    rows = [
+        row(1, 0.1, failure=dropped),
+        row(1, 0.1, "ego", failure="no odometry"),
+        row(2, 0.1, "ego", failure=dropped),
+        row(1, 0.1, "fnsf"),
+        row(1, 0.1, "fnsf", recording="street", failure="no points"),
+        row(2, 0.1, "fnsf", recording="street", failure="no points"),
+    ]
+    notes = [note for note in notes_text(found.run, [], rows) if note.startswith(NO_FLOW)]
+    assert notes == [
+        "No flow: ego failed on every example of drive: 1.",
+        "No flow: fnsf failed on every example of street: 2.",
+    ]
+
+
+def test_rows_of_sessions_that_differ_are_told(results):
+    from mnsf_ros.evaluation.notes_text import notes_text
+
+    found, _ = results
+    first = found.run["sessions"][0]
+    second = first | {
+        "git_commit": "def",
+        "versions": first["versions"] | {"torch": "0.1"},
+        "machine": first["machine"] | {"name": "other"},
+    }
+    run = found.run | {"sessions": [first, first]}
+    assert not any("sessions" in note for note in notes_text(run, []))
+    run = found.run | {"sessions": [first | {"git_commit": "abc"}, second]}
+    notes = notes_text(run, [])
+    assert "Rows of 2 sessions with different git commits: abc, def." in notes
+    torch, name = first["versions"]["torch"], first["machine"]["name"]
+    assert f"Rows of 2 sessions with different versions of torch: {torch}, 0.1." in notes
+    assert f"Rows of 2 sessions with different machines: {name}, other." in notes
+
+
+@contextmanager
+def small_disk(num_bytes):
+    """No file can get larger than this, as on a disk that is full."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (num_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_full_disk_costs_no_earlier_results(results):
+    found, path = results
+    names = ("results.md", "results.csv", "results.json")
+    before = {name: (path / name).read_bytes() for name in names}
+    with pytest.raises(WritingError, match=r"results\.md: cannot be written: "), small_disk(100):
+        write_results(RunFolder(path), found)
+    assert {name: (path / name).read_bytes() for name in names} == before
+    assert not [file for file in path.iterdir() if file.name.endswith(".new")]
+
+
+@pytest.mark.parametrize(
+    ("preset_name", "changes"),
+    [("paper", {}), ("online", {}), ("paper", {"crop.max_range_m": 35.0, "ground.remove": False})],
+)
+def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
+    known = identity(EvaluationOptions(preset(preset_name).changed(changes)))
+    found = nearest_preset(known["settings"], known["crop_and_ground"])
+    assert found == (preset_name, changes)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import re
 from dataclasses import replace
 
 import pytest
@@ -10,10 +12,12 @@ import small_evaluations as small
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, replace_file
+from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
+from mnsf_ros.recording.damage import Damage
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
@@ -259,3 +263,70 @@ def test_another_recording_of_the_same_name_is_refused(tmp_path, recording):
     start(tmp_path / "out", recording)
     with pytest.raises(EvaluationError, match=r"another recording 'drive': truth was .*is None"):
         start(tmp_path / "out", replace(recording, truth=None), resume=True)
+
+
+def test_another_recording_of_the_same_size_and_topics_is_refused(tmp_path):
+    one = small.recording_at(small.write_recording(tmp_path / "a" / "drive", 3))
+    other = small.recording_at(small.write_recording(tmp_path / "b" / "drive", 3, num_points=61))
+    start(tmp_path / "out", one)
+    before = (tmp_path / "out" / "run.json").read_text()
+    with pytest.raises(EvaluationError, match="another recording 'drive': fingerprint: ") as caught:
+        start(tmp_path / "out", other, resume=True)
+    assert re.search(r"num_bytes was \d+, is \d+", str(caught.value))
+    assert "\n" not in str(caught.value)
+    assert (tmp_path / "out" / "run.json").read_text() == before
+
+
+def test_recording_that_has_moved_is_the_same(tmp_path):
+    bag = small.write_recording(tmp_path / "a" / "drive", 3)
+    start(tmp_path / "out", small.recording_at(bag))
+    moved = bag.rename(tmp_path / "drive")
+    start(tmp_path / "out", small.recording_at(moved), resume=True)
+    (known,) = known_recordings(tmp_path / "out")
+    assert known["path"] == str(moved)
+
+
+def test_run_of_an_earlier_version_can_be_resumed(tmp_path, recording):
+    folder = start(tmp_path / "out", recording)
+    run = folder.read_run()
+    del run["recordings"][0]["fingerprint"]
+    folder.write_run(run)
+    start(tmp_path / "out", recording, resume=True)
+    assert "fingerprint" in folder.read_run()["recordings"][0]
+
+
+def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
+    def damaged(text):
+        damages = (Damage("drive.mcap", "byte 7", text),)
+        return replace(recording, inspection=replace(recording.inspection, damages=damages))
+
+    start(tmp_path / "out", damaged("old"))
+    start(tmp_path / "out", damaged("new"), resume=True)
+    (known,) = known_recordings(tmp_path / "out")
+    assert known["damages"] == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
+
+
+def test_folder_without_a_run_has_no_known_recordings(tmp_path):
+    assert known_recordings(tmp_path / "nowhere") == []
+    assert known_recordings(tmp_path) == []
+    (tmp_path / "text.txt").touch()
+    with pytest.raises(EvaluationError, match="holds no run"):
+        known_recordings(tmp_path)
+
+
+def test_path_that_is_no_text_comes_back(folder):
+    path = os.fsdecode(b"bad\xff")
+    folder.write_run({"path": path})
+    assert folder.read_run() == {"path": path}
+    (folder.path / "run.json").read_text(encoding="utf-8")
+    assert path_text(path) == r"bad\xff"
+    assert path_text("\udcc3\udc9cber «x»") == "Über «x»"
+
+
+def test_file_that_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
+    file = tmp_path / "file"
+    replace_file(file, ["old"])
+    (tmp_path / ".file.new").mkdir()
+    with pytest.raises(WritingError, match="file: cannot be written: Is a directory"):
+        replace_file(file, ["new"])
+    assert file.read_text() == "old"

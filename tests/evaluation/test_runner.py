@@ -6,6 +6,7 @@ import small_evaluations as small
 
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation import findings as noticed
+from mnsf_ros.evaluation import tasks
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.evaluation_options import (
     EvaluationOptions,
@@ -18,6 +19,7 @@ from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, run_serially
 from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
@@ -294,6 +296,8 @@ def test_sweeps_are_the_usual_ones_where_there_is_truth(bag):
         ({"seed": -1}, "seed: got -1"),
         ({"realtime_rate": 0.0}, "realtime rate: got 0.0"),
         ({"realtime_rate": float("nan")}, "realtime rate: got nan"),
+        ({"every": 0}, "every: got 0"),
+        ({"every": 2, "realtime_rate": 1.0}, "every: in real time all examples are played"),
     ],
 )
 def test_options_out_of_range_are_refused(values, text):
@@ -355,3 +359,38 @@ def test_rows_of_the_online_method_say_whether_it_knew_the_sweeps_before(bag):
     starts = [row.start for row in rows_of(small.task_at(bag, "mnsf-objects"), options)]
     assert starts[0] == "cold: first triplet"
     assert set(starts[1:]) == {"warm"}
+
+
+@pytest.mark.parametrize(("method", "num_estimates"), [("zero", 3), ("ego-estimated", 8)])
+def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estimates):
+    """A method that registers sweep after sweep sees those between, too."""
+    path = small.write_recording(tmp_path / "drive", 10)
+    calls = []
+
+    def counted(name, settings):
+        estimator = make_method(name, settings)
+        estimate = estimator.estimate
+
+        def counting(triplet):
+            calls.append(triplet.current.stamp_ns)
+            return estimate(triplet)
+
+        estimator.estimate = counting
+        return estimator
+
+    monkeypatch.setattr(tasks, "make_estimator", counted)
+    monkeypatch.setattr(tasks, "warm_up", lambda method, settings: None)
+    task = small.task_at(path, method)
+    rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
+    assert [row.number for row in rows] == [1, 4, 7]
+    assert len(calls) == num_estimates
+
+
+def test_sampled_rows_are_those_of_the_whole_run(bag):
+    task = small.task_at(bag, "fnsf")
+    whole, sampled = (
+        [small.without_times(row) for row in rows_of(task, small.options(every=every))]
+        for every in (1, 2)
+    )
+    assert [row["number"] for row in sampled] == [1, 3, 5]
+    assert sampled == whole[::2]

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import small_evaluations as small
+from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose, recorded_poses
 from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
-from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
+from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.settings import EgoMotionSettings
+from msg_utils.point_cloud2 import encode_columns
 
 
 def cloud(index, num_points=60):
@@ -24,7 +28,7 @@ def truth_track(indices, findings=None):
 
 
 def take(track, index, num_points=60):
-    truth, passed_over = track.take(small.stamp(index), num_points)
+    truth, passed_over = track.take(small.sweep(index, num_points))
     return None if truth is None else truth.stamp_ns, passed_over
 
 
@@ -133,9 +137,66 @@ def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses():
 def test_poses_of_a_recording(tmp_path):
     path = small.write_recording(tmp_path / "drive", 4)
     with inspect_recording(path).open() as reader:
-        found = list(recorded_poses(reader, "/truth/odometry", Findings()))
+        found = list(recorded_poses(reader, "/truth/odometry", Findings(), EgoMotionSettings()))
     assert [item.stamp_ns for item in found] == [small.stamp(i) for i in range(4)]
     assert np.allclose(
         [item.world_from_sensor for item in found], [small.pose(i) for i in range(4)]
     )
     assert {item.frame_id for item in found} == {"lidar"}
+
+
+def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
+    path = small.write_recording(tmp_path / "drive", 3)
+    mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)
+    with inspect_recording(path).open() as reader:
+        found = list(recorded_poses(reader, "/truth/odometry", Findings(), mount))
+    expected = [[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]
+    for index, item in enumerate(found):
+        assert np.allclose(item.world_from_sensor, small.pose(index) @ expected)
+    assert {item.frame_id for item in found} == {""}
+
+
+@pytest.mark.parametrize("off_ns", [-400_000, -100, 100, 400_000])
+def test_truth_whose_stamp_is_rounded_is_that_of_its_sweep(off_ns):
+    clouds = (TruthCloud(small.stamp(i) + off_ns, cloud(i)) for i in range(4))
+    track = TruthTrack(clouds, Findings(), "drive")
+    assert [take(track, index) for index in range(4)] == [(small.stamp(i), 0) for i in range(4)]
+
+
+def test_truth_in_another_order_than_its_sweep_is_not_used():
+    findings = Findings()
+    turned = small.truth(0).encode(small.xyz(0)[::-1])
+    message = cloud_message(turned, small.stamp(0), "lidar", is_dense=False)
+    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
+    assert take(track, 0) == (None, 0)
+    (damage,) = map(str, findings.damages)
+    assert "60 of 60 points of the truth are elsewhere than in their sweep: row 0 is at" in damage
+
+
+def test_truth_need_not_say_where_its_points_are():
+    truth = small.truth(0)
+    columns = {f"flow_{axis}": truth.flow[:, index] for index, axis in enumerate("xyz")}
+    columns |= {
+        name: getattr(truth, name).astype(np.uint8)
+        for name in ("valid", "dynamic", "ground", "class_id")
+    }
+    encoded = encode_columns(columns, 1, 60)
+    message = cloud_message(encoded, small.stamp(0), "lidar", is_dense=False)
+    track = TruthTrack([TruthCloud(small.stamp(0), message)], Findings(), "drive")
+    assert take(track, 0) == (small.stamp(0), 0)
+
+
+def test_damage_of_odometry_says_which_message(tmp_path):
+    findings = Findings()
+    typestore, kind = get_typestore(Stores.ROS2_JAZZY), "nav_msgs/msg/Odometry"
+    with BagWriter(tmp_path / "drive") as writer:
+        for index in range(4):
+            message = odometry_message(small.pose(index), small.stamp(index), "odom", "lidar")
+            message.pose.pose.position.x = np.nan if index in (1, 3) else 0.0
+            raw = typestore.serialize_cdr(message, kind)
+            writer.write_raw("/odometry", kind, small.stamp(index), raw)
+    with inspect_recording(tmp_path / "drive").open() as reader:
+        found = list(recorded_poses(reader, "/odometry", findings, EgoMotionSettings()))
+    assert [item is None for item in found] == [False, True, False, True]
+    positions = [damage.position for damage in findings.damages]
+    assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]

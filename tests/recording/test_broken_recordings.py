@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 from contextlib import suppress
 
 import numpy as np
@@ -74,6 +77,20 @@ def test_garbage_file(tmp_path, suffix, content):
     path = tmp_path / f"broken{suffix}"
     path.write_bytes(content)
     assert_refused(path, "cannot be read: ")
+
+
+@pytest.mark.parametrize("name", ["f.mcap", "f.db3", "f.bag", "bag/bag.mcap"])
+def test_named_pipe(tmp_path, name):
+    """Opening one would wait for ever, deaf to signals: in a process that can be killed."""
+    tiny_bags.write_mcap(tmp_path / "bag")
+    pipe = tmp_path / name
+    pipe.unlink(missing_ok=True)
+    os.mkfifo(pipe)
+    path = pipe if pipe.parent == tmp_path else pipe.parent
+    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", path, "--out", tmp_path / "out"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr == f"mnsf: {path}: {pipe.name!r} is not a regular file\n"
 
 
 @pytest.mark.parametrize("as_folder", [True, False])

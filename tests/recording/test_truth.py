@@ -153,6 +153,18 @@ def test_poses_come_back_in_the_order_of_stamps(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "pose", [np.zeros((4, 4)), np.diag([2.0, 2, 2, 1]), np.diag([1, 1, -1, 1])]
+)
+def test_pose_that_is_no_rigid_motion_is_not_written(tmp_path, pose):
+    with (
+        pytest.raises(RecordingError, match="pose is no rigid motion"),
+        BagWriter(tmp_path / "bag") as writer,
+    ):
+        writer.write_odometry("/odom", pose, 5, "odom", "lidar")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
     ("factor", "text"), [(0.0, "length 0, expected 1"), (2.0, "length 2"), (np.nan, "not finite")]
 )
 def test_pose_that_is_none_is_refused(tmp_path, factor, text):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from mnsf_ros.report.flow_pictures import ExamplePainter
 from mnsf_ros.report.html import Html, element
 from mnsf_ros.report.pictured import focus_method, worst_rows
 from mnsf_ros.report.result_table import result_table
-from mnsf_ros.report.stage_bars import stage_bars, stage_names, text_of_time
+from mnsf_ros.report.stage_bars import stage_bars, stage_legend, stage_names, text_of_time
 
 
 def chart(**values):
@@ -62,6 +63,15 @@ def test_bars_are_as_long_as_their_times():
     drawn = stage_bars({"a": {"forward": 100.0}, "b": {"forward": 50.0}})
     widths = [float(part.split('"')[0]) for part in drawn.split('width="')[1:]]
     assert widths[0] == pytest.approx(2 * widths[1], rel=1e-5)
+
+
+def test_every_stage_has_a_look_of_its_own():
+    times_ms = {"a": {f"stage {number}": 1.0 for number in range(11)}}
+    looks = re.findall(r'class="([^"]*shade[^"]*)"', stage_legend(times_ms))
+    assert len(set(looks)) == 11
+    assert [f"bar {look}" for look in looks] == re.findall(
+        r'class="(bar [^"]*)"', stage_bars(times_ms)
+    )
 
 
 def test_time_outside_of_all_stages_is_shown():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -55,6 +56,20 @@ def test_a_broken_page_would_be_noticed(tmp_path, page):
     text = page.read_text().replace("</main>", '<img src="http://127.0.0.1:9/x.png"></main>')
     page.write_text(text)
     assert "CONSOLE" in browse(tmp_path, page, "--dump-dom").stderr
+
+
+def test_long_name_does_not_run_off_the_page(tmp_path):
+    from matplotlib.image import imread
+
+    name, path, picture = "n" * 150, tmp_path / "report.html", tmp_path / "page.png"
+    run = run_record()
+    run["recordings"][0]["name"] = name
+    found = [dataclasses.replace(item, recording=name) for item in rows()]
+    example = dataclasses.replace(pictured(), recording=name)
+    write_report(found, run, path, pictured=[example])
+    browse(tmp_path, path, "--hide-scrollbars", "--window-size=700,6000", f"--screenshot={picture}")
+    margin = imread(picture)[:, -12:, :3]
+    assert (margin == margin[:, :1]).all(), "there is nothing in the margin on the right"
 
 
 def test_screenshot_is_not_blank(tmp_path, page):

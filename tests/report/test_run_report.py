@@ -168,6 +168,24 @@ def test_folder_without_a_run_is_refused(tmp_path):
         report_run(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "record",
+    ["{}", '{"methods": 3}', '{"methods": []}', '{"methods": ["ego"], "recordings": [3]}'],
+)
+def test_record_of_something_else_is_refused(tmp_path, record):
+    (tmp_path / "run.json").write_text(record)
+    with pytest.raises(MnsfError, match=r"run\.json: is not the record of a run: ") as info:
+        report_run(tmp_path)
+    assert "\n" not in str(info.value)
+
+
+def test_method_that_the_run_does_not_have_is_refused(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    with pytest.raises(MnsfError, match=r"run: has no method 'mnfs'; it has ego, zero$"):
+        report_run(folder, focus="mnfs")
+    assert not (folder / "report.html").exists()
+
+
 def test_command_line(street, tmp_path, capsys):
     folder = evaluate(street, tmp_path / "run")
     parser = argparse.ArgumentParser()

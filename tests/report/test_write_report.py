@@ -124,6 +124,34 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     assert fnsf.endswith(". Estimated again for the picture")
 
 
+def failed(number, method, failure):
+    none = {"errors": {}, "by_range": {}, "by_speed": {}, "consistency": {}}
+    return row(number, method, 0.0, **none, failure=failure)
+
+
+def test_failures_that_differ_in_numbers_alone_are_one(tmp_path):
+    texts = [f"sweep 17{n}00: {n}.5 points are left after crop" for n in (1, 2, 3)]
+    found = [failed(n + 1, "fnsf", text) for n, text in enumerate(texts)]
+    found += [failed(4, "fnsf", "cancelled"), failed(1, "nsfp", "cancelled"), *rows()[:1]]
+    report(tmp_path, found, run_record())
+    lines = re.findall(
+        r"<tr><th[^>]*>([^<]* ×)</th><td>([^<]*)</td>", (tmp_path / "report.html").read_text()
+    )
+    assert lines == [
+        ("fnsf: 3 ×", f"the first one: {texts[0]}"),
+        ("nsfp: 1 ×", "cancelled"),
+        ("fnsf: 1 ×", "cancelled"),
+    ]
+
+
+def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
+    found = [row(1, "mnsf", 0.1), failed(1, "fnsf", "cancelled"), row(1, "zero", 0.2)]
+    report(tmp_path, found, run_record())
+    text = (tmp_path / "report.html").read_text()
+    bands = text[text.index('id="bands"') : text.index('id="time"')]
+    assert re.findall(r"<span>([^<]*)</span>", bands) == ["mnsf"]
+
+
 def test_without_truth_there_is_still_a_report(tmp_path):
     example = dataclasses.replace(pictured(with_truth=False), error_name="distance to next sweep")
     run = run_record(["mnsf"], truth=None)

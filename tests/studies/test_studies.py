@@ -32,7 +32,7 @@ SMALL = {
     "radius": 0.5,
     "num_steps": 3,
     "num_directions": 2,
-    "sizes": (16, 32),
+    "sizes": (16, 32, 64),
     "num_repeats": 1,
     "methods": ("fnsf", "mnsf"),
 }
@@ -132,7 +132,7 @@ def test_without_recordings_a_street_is_simulated(options):
     options = replace(options, recordings=(), max_examples=1)
     result, _ = study("landscape", options)
     assert (options.out / "street" / "metadata.yaml").exists()
-    assert "of street" in result.texts[-1]
+    assert "of street" in result.texts[1]
 
 
 def test_variants_are_methods():

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -98,6 +101,22 @@ def test_ego_motion_from_poses(run, tmp_path):
     np.savez(tmp_path / "b.npz", xyz=points, pose=there)
     run(tmp_path / "a.npz", tmp_path / "b.npz", "-o", tmp_path / "out.npy", "--method", "ego")
     np.testing.assert_allclose(np.load(tmp_path / "out.npy"), [[-1, 0, 0]] * 2, atol=1e-6)
+
+
+def test_ego_motion_without_poses(run, files, tmp_path):
+    with pytest.raises(SweepFileError, match=r"^ego needs to know how the sensor moved: .* a pose"):
+        run(*files[1:], "-o", tmp_path / "out.npy", "--method", "ego")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".pcd", ".ply", ".bin", ".feather"])
+def test_named_pipe_is_refused(tmp_path, suffix):
+    """Opening one would wait for ever: in a process that can be killed."""
+    pipe = tmp_path / f"f{suffix}"
+    os.mkfifo(pipe)
+    command = [sys.executable, "-m", "mnsf_ros.cli", "flow", pipe, pipe, "-o", tmp_path / "o.npy"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr == f"mnsf: {pipe}: is not a regular file\n"
 
 
 def test_sweeps_out_of_order(run, tmp_path):

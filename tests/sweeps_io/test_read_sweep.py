@@ -331,6 +331,47 @@ def test_what_is_wrong_is_said(file, name, content, text):
     assert str(info.value).startswith(f"{path}: ")
 
 
+def rows_with_rings(number):
+    rng = np.random.default_rng(0)
+    xyz, ring = rng.uniform(-50, 50, (number, 3)), rng.integers(0, 32, (number, 1))
+    return np.hstack([xyz, np.ones((number, 1)), ring]).astype("<f4")
+
+
+@pytest.mark.parametrize("number", [40, 41])
+def test_rows_with_rings_are_not_read_as_rows_without(file, number):
+    rows = rows_with_rings(number)
+    with pytest.raises(SweepFileError, match=r"and ring, .*: let its name end with \.pcd\.bin$"):
+        read_sweep(str(file("a.bin", rows.tobytes())))
+    for name in ("a.pcd.bin", "A.PCD.BIN"):
+        np.testing.assert_array_equal(read_sweep(str(file(name, rows.tobytes()))).xyz, rows[:, :3])
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0, 50.0])
+def test_rows_without_rings_that_could_be_rows_of_five(file, scale):
+    rows = (scale * np.random.default_rng(0).uniform(-1, 1, (40, 4))).astype("<f4")
+    np.testing.assert_array_equal(read_sweep(str(file("a.bin", rows.tobytes()))).xyz, rows[:, :3])
+
+
+@pytest.mark.parametrize(
+    ("shape", "is_read"),
+    [
+        ((3, 5000), False),
+        ((3, 17), False),
+        ((4, 200), False),
+        ((3, 4), True),
+        ((3, 16), True),
+        ((200, 20), True),
+    ],
+)
+def test_points_side_by_side(file, shape, is_read):
+    path = str(file("a.npy", npy(np.ones(shape))))
+    if is_read:
+        assert len(read_sweep(path).xyz) == shape[0]
+        return
+    with pytest.raises(SweepFileError, match=r"one row for each point; is it transposed\?$"):
+        read_sweep(path)
+
+
 def test_archive_that_claims_to_grow_beyond_bounds(file):
     import struct
 
