@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
+    DownloadColumn,
     MofNCompleteColumn,
     Progress,
     Task,
@@ -76,6 +78,25 @@ class EvaluationProgress:
 
     def _text(self) -> str:
         return f"evaluating, tasks left: {self._num_left}" if self._num_left else "evaluated"
+
+
+@contextmanager
+def checking_progress(console: Console, name: str) -> Iterator[Callable[[int, int], None]]:
+    """Shows how far the reading of a recording is, and nothing when it is done.
+
+    Yields:
+        What to tell the number of bytes read and that of all.
+    """
+    columns = (
+        TextColumn("checking {task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    is_shown = console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=not is_shown) as progress:
+        bar = progress.add_task(escape(name), total=None)
+        yield lambda done, total: progress.update(bar, completed=done, total=total)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.cli.evaluation_progress import evaluation_progress
+from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
 from mnsf_ros.cli.evaluation_report import write_run_report
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation.evaluation_options import (
@@ -132,9 +132,9 @@ def _inspected(
     names = recording_names(paths, known_recordings(options.out))
     found, unreadable = [], []
     for path, name in zip(paths, names, strict=True):
-        with console.status(f"checking {name}"):
+        with checking_progress(console, name) as watch:
             try:
-                inspection = inspect_recording(path)
+                inspection = inspect_recording(path, watch)
             except RecordingError as error:
                 unreadable.append(str(error))
                 continue

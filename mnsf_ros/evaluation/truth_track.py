@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
@@ -121,13 +122,19 @@ def _check_points(message: Any, sweep: Sweep) -> None:  # noqa: ANN401
     points = decode_points(message).ravel()[sweep.source.rows]
     if not set("xyz") <= set(points.dtype.names or ()):
         return
-    xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
+    # Flipped bits make numbers of any kind.
+    with np.errstate(all="ignore"):
+        xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
+        near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
     elsewhere = np.flatnonzero(~near.all(axis=1))
     if len(elsewhere):
         first = elsewhere[0]
         raise RecordingError(
-            f"{len(elsewhere):,} of {len(sweep):,} points of the truth are elsewhere than "
-            f"in their sweep: row {sweep.source.rows[first]} is at {xyz[first].round(3).tolist()}, "
-            f"in the sweep at {sweep.xyz[first].round(3).tolist()}"
+            f"{len(elsewhere):,} of {len(sweep):,} points of the truth are elsewhere than in their "
+            f"sweep: row {sweep.source.rows[first]} is at {_place(xyz[first])}, in the sweep at "
+            f"{_place(sweep.xyz[first])}"
         )
+
+
+def _place(point: NDArray[np.floating[Any]]) -> str:
+    return f"({', '.join(f'{float(value):.3f}' for value in point)})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +43,13 @@ class FileContent:
         return dict(sorted(merged.items()))
 
 
-def read_content(file: Path) -> FileContent:
-    """Reads a file from front to end."""
+def read_content(file: Path, watch: Callable[[int], None]) -> FileContent:
+    """Reads a file from front to end.
+
+    Args:
+        file: An mcap file or a ROS 1 bag.
+        watch: Called with the number of bytes read, again and again.
+    """
     summary = read_summary(file)
     channels = [channel for channel in summary.channels.values() if channel.encoding in ENCODINGS]
     types = {channel.topic: channel.msgtype for channel in channels}
@@ -55,7 +60,9 @@ def read_content(file: Path) -> FileContent:
         for message in stored_messages(file, summary):
             if isinstance(message, Damage):
                 damages.append(message)
-            elif message.channel.encoding in ENCODINGS:
+                continue
+            watch(message.offset)
+            if message.channel.encoding in ENCODINGS:
                 counts[message.channel.topic] += 1
                 types.setdefault(message.channel.topic, message.channel.msgtype)
                 first_ns = min(first_ns, message.received_ns)

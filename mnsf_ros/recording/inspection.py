@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +16,7 @@ from mnsf_ros.recording.file_content import FileContent, read_content
 from mnsf_ros.recording.sequential_reader import SequentialReader
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from mnsf_ros.recording.bag_topics import TopicSummary
 
@@ -58,11 +59,16 @@ class Inspection:
             yield reader
 
 
-def inspect_recording(path: Path | str) -> Inspection:
+def _nobody(done: int, total: int) -> None:
+    pass
+
+
+def inspect_recording(path: Path | str, watch: Callable[[int, int], None] = _nobody) -> Inspection:
     """Reads a recording once and says what can be used of it.
 
     Args:
         path: A rosbag2 folder, or a .mcap, .db3 or .bag file.
+        watch: Called with the number of bytes read and that of all, again and again.
 
     Raises:
         RecordingError: There is none, or no message of it can be read.
@@ -82,11 +88,24 @@ def inspect_recording(path: Path | str) -> Inspection:
         problem = error
     if not files:
         return Inspection(path, topics)
-    inspection = _of_content(path, [read_content(file) for file in files], problem)
+    inspection = _of_content(path, _contents(files, watch), problem)
     if problem is None and not inspection.damages and inspection.topics != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
     return inspection
+
+
+def _contents(files: Sequence[Path], watch: Callable[[int, int], None]) -> list[FileContent]:
+    sizes = [file.stat().st_size for file in files]
+    total, before, contents = sum(sizes), 0, []
+    for file, size in zip(files, sizes, strict=True):
+        contents.append(read_content(file, partial(_told, watch, before, total)))
+        before += size
+    return contents
+
+
+def _told(watch: Callable[[int, int], None], before: int, total: int, offset: int) -> None:
+    watch(before + offset, total)
 
 
 def _of_content(

@@ -173,6 +173,17 @@ def test_truth_in_another_order_than_its_sweep_is_not_used():
     assert "60 of 60 points of the truth are elsewhere than in their sweep: row 0 is at" in damage
 
 
+@pytest.mark.parametrize("wrong", [b"\x01\x00\x80\x7f", b"\xff\xff\x7f\x7f"])
+def test_flipped_bits_in_a_truth_are_noticed_without_a_warning(wrong):
+    """A signaling NaN, and the largest number there is, in the place of the first x."""
+    findings = Findings()
+    message = cloud(0)
+    message.data[:4] = np.frombuffer(wrong, np.uint8)
+    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
+    assert take(track, 0) == (None, 0)
+    assert "1 of 60 points of the truth are elsewhere" in str(next(iter(findings.damages)))
+
+
 def test_truth_need_not_say_where_its_points_are():
     truth = small.truth(0)
     columns = {f"flow_{axis}": truth.flow[:, index] for index, axis in enumerate("xyz")}

@@ -353,3 +353,23 @@ def test_ros1_bag_that_was_never_closed_is_read_to_its_end(tmp_path):
     (damage,) = inspection.damages
     assert "is not indexed" in str(damage)
     assert "rosbag reindex" in str(damage)
+
+
+def test_inspection_tells_how_much_it_has_read(tmp_path):
+    """Bytes rise from the first file to the last, and stay below all there are."""
+    for number in range(2):
+        tiny_bags.write_mcap(
+            tmp_path / f"part_{number}", indices=range(40 * number, 40 * number + 40)
+        )
+    folder = tmp_path / "both"
+    folder.mkdir()
+    for file in sorted(tmp_path.glob("part_*/*.mcap")):
+        file.rename(folder / file.name)
+    told = []
+    inspection = inspect_recording(folder, lambda done, total: told.append((done, total)))
+    size = sum(file.stat().st_size for file in folder.iterdir())
+    assert len(told) == sum(summary.count for summary in inspection.topics.values()) > 0
+    assert {total for _, total in told} == {size}
+    done = [number for number, _ in told]
+    assert done == sorted(done)
+    assert done[0] < size / 4 < size / 2 < done[-1] < size
