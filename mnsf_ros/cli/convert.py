@@ -24,8 +24,13 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/datasets.md",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("format", choices=FORMATS, metavar="FORMAT", help="see below")
-    parser.add_argument("source", type=Path, metavar="SOURCE", help="see below")
+    parser.add_argument("format", choices=FORMATS, metavar="FORMAT", help=", ".join(FORMATS))
+    parser.add_argument(
+        "source",
+        type=Path,
+        metavar="SOURCE",
+        help="file or folder of the data set; what it is for each format is told below",
+    )
     parser.add_argument(
         "out", type=Path, metavar="OUT", help="folder to write, or a single file OUT.mcap"
     )

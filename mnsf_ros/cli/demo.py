@@ -17,8 +17,15 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "demo", help="replay a recording to the live node and show the flow"
     )
     parser.add_argument("--bag", type=Path, help="recording; without it, a street is simulated")
-    parser.add_argument("--topic", help="its PointCloud2 topic; not needed if there is only one")
-    parser.add_argument("--preset", choices=PRESET_NAMES, default="online")
+    parser.add_argument(
+        "--topic", help="its PointCloud2 topic; needed only if the recording has several"
+    )
+    parser.add_argument(
+        "--preset",
+        choices=PRESET_NAMES,
+        default="online",
+        help="settings of the node (default: online)",
+    )
     parser.add_argument(
         "--duration", type=float, default=6.0, metavar="S", help="length of the simulated recording"
     )

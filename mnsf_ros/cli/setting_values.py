@@ -15,7 +15,13 @@ _WORDS = {"true": True, "false": False}
 
 def add_setting_arguments(group: argparse._ActionsContainer) -> None:
     """Adds `--preset` and `--set` to a parser or one of its groups."""
-    group.add_argument("--preset", choices=PRESET_NAMES, default="paper")
+    group.add_argument(
+        "--preset",
+        choices=PRESET_NAMES,
+        default="paper",
+        help="settings to start from: paper is the method as published, authors its released code, "
+        "online the default of the live node (default: paper)",
+    )
     group.add_argument(
         "--set",
         action="append",

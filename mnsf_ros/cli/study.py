@@ -39,10 +39,17 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for results (default: study_NAME)"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with what is in DIR")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with what is in DIR: the whole command once more, and this",
+    )
     add_setting_arguments(parser)
     parser.add_argument(
-        "--num-points", default="", metavar="N", help="random points of a sweep, or all"
+        "--num-points",
+        default="",
+        metavar="N",
+        help="random points of a sweep, or all (default 2048; stability: all)",
     )
     parser.add_argument(
         "--max-examples",
@@ -51,22 +58,57 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="only the first N examples of each recording (default: all; 4 if a street is "
         "simulated); landscape and stability look at the first one",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="S")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of all that is random (default 0)"
+    )
     _add_case_study_arguments(parser)
     parser.set_defaults(run=_run)
 
 
 def _add_case_study_arguments(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("landscape")
-    group.add_argument("--radius", type=float, default=0.5, metavar="R", help="1: all the weights")
-    group.add_argument("--steps", type=int, default=21, metavar="N", help="an odd number")
-    group.add_argument("--directions", type=int, default=10, metavar="N", help="for sharpness")
+    group.add_argument(
+        "--radius",
+        type=float,
+        default=0.5,
+        metavar="R",
+        help="how far the picture reaches from the optimum to each side; 1 is a step as long as "
+        "the weights themselves (default 0.5)",
+    )
+    group.add_argument(
+        "--steps",
+        type=int,
+        default=21,
+        metavar="N",
+        help="places along each side of the picture, an odd number (default 21)",
+    )
+    group.add_argument(
+        "--directions",
+        type=int,
+        default=10,
+        metavar="N",
+        help="random directions along which the table of sharpness is measured (default 10)",
+    )
     group = parser.add_argument_group("stability")
     group.add_argument(
-        "--sizes", default="128,256,512,1024,2048", metavar="N,...", help="points of a sweep"
+        "--sizes",
+        default="128,256,512,1024,2048",
+        metavar="N,...",
+        help="numbers of points, three or more (default %(default)s)",
     )
-    group.add_argument("--repeats", type=int, default=5, metavar="N", help="draws of points")
-    group.add_argument("--methods", default="nsfp,fnsf,mnsf", metavar="NAME,...")
+    group.add_argument(
+        "--repeats",
+        type=int,
+        default=5,
+        metavar="N",
+        help="draws of points for each size (default 5)",
+    )
+    group.add_argument(
+        "--methods",
+        default="nsfp,fnsf,mnsf",
+        metavar="NAME,...",
+        help="methods (default %(default)s)",
+    )
 
 
 def _run(options: argparse.Namespace) -> None:
