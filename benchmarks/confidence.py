@@ -10,6 +10,7 @@ are indeed less than 0.1 m off.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from contextlib import ExitStack
 from itertools import pairwise
@@ -44,6 +45,8 @@ Samples = dict[str, NDArray[np.float64]]
 
 def main() -> None:
     """Fits, and shows the table."""
+    raw = argparse.RawDescriptionHelpFormatter
+    argparse.ArgumentParser(description=__doc__, formatter_class=raw).parse_args()
     recordings = [simulated_sweeps(seed, 16) for seed in range(4)]
     kitti = real_sweeps("kitti_0005")
     samples = list(_samples([*recordings, kitti] if kitti else recordings))

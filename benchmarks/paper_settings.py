@@ -72,9 +72,11 @@ def merged_settings(
 
 
 def _its_own(method: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    is_removed = settings.get("ego_motion.removed", False)
+
     def matters(name: str) -> bool:
         group = name.partition(".")[0]
-        if name == "ego_motion.removed":
+        if name == "ego_motion.removed" or (group == "ego_motion" and is_removed):
             return True
         if method in _OBJECTS:
             return group in _GROUPS_OF_OBJECTS

@@ -52,23 +52,22 @@ class CommonFrameEstimator(Generic[Inner]):
     Not for use from several threads at once.
     """
 
-    def __init__(self, inner: Inner) -> None:
-        """Makes an estimator that has seen nothing yet.
+    def __init__(self, inner: Inner, poses: TripletPoses | None = None) -> None:
+        """Makes an estimator.
 
         Args:
             inner: What estimates the flow in the common frame; it is not used by anybody else.
+            poses: What knows the poses of the last sweeps; None if nobody does.
         """
         self.inner = inner
         self.settings = inner.settings
         self.num_sweeps = inner.num_sweeps
-        self._poses = TripletPoses(self.settings.ego_motion)
+        self._poses = poses or TripletPoses(self.settings.ego_motion)
 
     def with_inner(self, inner: Inner) -> CommonFrameEstimator[Inner]:
-        """The same around another method; it knows the poses that this one does if they hold."""
-        other = CommonFrameEstimator(inner)
-        if other.settings.ego_motion == self.settings.ego_motion:
-            other._poses = self._poses
-        return other
+        """The same around another method, with the poses of this one, which it replaces."""
+        still_hold = inner.settings.ego_motion == self.settings.ego_motion
+        return CommonFrameEstimator(inner, self._poses if still_hold else None)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never

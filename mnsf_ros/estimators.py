@@ -38,4 +38,5 @@ def changed_estimator(estimator: Estimator, settings: Settings) -> Estimator:
 
 
 def _kind(settings: Settings) -> tuple[str, bool]:
-    return settings.field.kind, settings.ego_motion.removed
+    kind = settings.field.kind
+    return kind, kind == "network" and settings.ego_motion.removed

@@ -140,7 +140,11 @@ class CropSettings:
 class GroundSettings:
     """How ground is told from objects (it tells the fields nothing about motion)."""
 
-    remove: bool = _setting(True, "Fit the fields without ground points")
+    remove: bool = _setting(
+        True,
+        "Fit without ground points; false only where clouds have none: the kind objects cannot "
+        "tell apart what stands on ground that it sees",
+    )
     cell_size_m: float = _setting(0.5, "Cell of the ground height map", "m", 0.1, 10)
     window_m: float = _setting(
         8.0, "Things narrower than this stand on the ground, wider ones are terrain", "m", 1, 50

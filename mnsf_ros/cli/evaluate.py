@@ -15,11 +15,16 @@ EXIT_UNWRITTEN = 4
 ALL_POINTS = "all"
 
 _EPILOG = """\
-Exit status 0: all done; 2: something that was given cannot be used; 3: done, but a recording is
-damaged (its readable part was evaluated) or has nothing to evaluate, or a task gave up, or a method
-failed on every example of a recording: the notes tell; 4: stopped, because results cannot be
-written, such as to a full disk; 130: interrupted. After 4 and 130 what is finished is kept, and
---resume goes on from there.
+Example, the online method as a robot gets it:
+  mnsf simulate street
+  mnsf evaluate street --methods zero,mnsf --preset online --realtime 1 --out results
+
+Exit status 0: all done; 2: something that was given cannot be used; 3: done, but a
+recording is damaged (its readable part was evaluated) or has nothing to evaluate, a task
+gave up, a method failed on every example of a recording (the notes tell), or there is no
+report; 4: stopped, because results cannot be written, such as to a full disk; 130:
+interrupted. After 4 and 130 what is finished is kept, and the same command with --resume
+goes on from there.
 """
 
 
@@ -30,13 +35,21 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="score methods on recordings",
         description="Estimates the flow of whole recordings, scores it and prints tables.",
         epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings")
     topics = parser.add_argument_group("topics, of all recordings alike")
-    topics.add_argument("--points", metavar="TOPIC", help="sweeps; not needed if there is only one")
+    topics.add_argument(
+        "--points",
+        metavar="TOPIC",
+        help="topic of the clouds; needed only if the recording has several",
+    )
     topics.add_argument("--truth", metavar="TOPIC", help="true flow (default: /truth/flow, if any)")
     topics.add_argument(
-        "--odometry", metavar="TOPIC", help="sensor poses (default: /truth/odometry, if any)"
+        "--odometry",
+        metavar="TOPIC",
+        help="sensor poses: for the row ego, and for other methods with "
+        "--set ego_motion.source=odometry (default: /truth/odometry, if any)",
     )
     _add_method_arguments(parser.add_argument_group("methods and points"))
     _add_run_arguments(parser.add_argument_group("running"))
@@ -48,8 +61,9 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
         "--methods",
         action="append",
         metavar="NAME,...",
-        help="methods; file:DIR for predictions that another program wrote, command:LINE for a "
-        "program that makes them; may be repeated (default: mnsf)",
+        help="methods, see docs/methods.md; file:DIR for predictions that another program wrote, "
+        "command:LINE for a program that makes them (all that follows is its command line); may "
+        "be repeated (default: mnsf)",
     )
     add_setting_arguments(group)
     group.add_argument(
@@ -59,37 +73,57 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
         help="random points of each sweep, or all (default: all)",
     )
     group.add_argument(
+        "--pairs",
+        action="store_true",
+        help="every two sweeps in a row are an example, also where there is none before them; "
+        "methods that look at more make do, or fail",
+    )
+    group.add_argument(
         "--every",
         type=int,
         default=1,
         metavar="N",
-        help="score every N-th example only (default: all)",
+        help="score every N-th example only; methods that carry something over estimate those "
+        "between, too (default 1: all; not with --realtime)",
     )
-    group.add_argument("--seed", type=int, default=0, metavar="S", help="of points and methods")
+    group.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="S",
+        help="seed of the random points and of the methods (default 0)",
+    )
     group.add_argument(
         "--ground",
         choices=("truth", "settings"),
-        help="where ground removal takes the ground from: the truth's flag where there is one, or "
-        "the ground settings, as the live node (default: truth, with --realtime settings)",
+        help="which points ground removal removes: those flagged as ground in the truth, where "
+        "there is truth; or what the ground settings find, as in the live node (default: truth, "
+        "with --realtime settings)",
     )
     group.add_argument(
         "--check-cycle",
         action="store_true",
-        help="estimate the way back, too, and tell how well both fit: twice the work",
+        help="estimate the way back, too, and tell how far from its start a point ends: twice the "
+        "work",
     )
 
 
 def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for results")
-    group.add_argument("--resume", action="store_true", help="go on with what is in DIR")
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with what is in DIR: the whole command once more, and this",
+    )
     group.add_argument(
         "--realtime",
         type=float,
         metavar="RATE",
-        help="drop triplets as the live node would at RATE times real time",
+        help="give the methods whole sweeps, and drop triplets, as the node does; 1 is the robot's "
+        "own time, 2 twice as fast (default: no drops, and sweeps without ground)",
     )
     group.add_argument(
-        "--write-flow", action="store_true", help="write the flow as recordings, too"
+        "--write-flow", action="store_true", help="write the flow as recordings, too, into DIR/flow"
     )
     group.add_argument(
         "--pictures",
@@ -100,11 +134,14 @@ def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
         "--write-flow they are estimated once more, for a minute at most",
     )
     group.add_argument(
-        "--workers", type=int, default=1, metavar="N", help="processes on this machine"
+        "--workers", type=int, default=1, metavar="N", help="processes on this machine (default 1)"
     )
     group.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster; local starts one")
     group.add_argument(
-        "--num-gpus", type=float, metavar="G", help="share of a GPU for each task of --ray"
+        "--num-gpus",
+        type=float,
+        metavar="G",
+        help="share of a GPU for each task of --ray (default: 1 with compute.device=cuda, else 0)",
     )
 
 

@@ -42,13 +42,14 @@ class _SweepRateColumn(TextColumn):
 class EvaluationProgress:
     """One bar for all tasks, counted in sweeps."""
 
-    def __init__(self, progress: Progress, runs: Sequence[TaskRun]) -> None:
+    def __init__(self, progress: Progress, runs: Sequence[TaskRun], every: int) -> None:
         """Starts at what is there already."""
+        self._every = every
         self._progress = progress
         self._num_left = len(runs)
         self._times_ms: dict[TaskKey, dict[int, float]] = {run.task.key: {} for run in runs}
         self._done = Counter({run.task.key: len(run.skipped) for run in runs})
-        total = sum(run.task.recording.num_sweeps for run in runs)
+        total = sum(self._num_sweeps(run.task) for run in runs)
         self._bar = progress.add_task(self._text(), total=total, completed=self._done.total())
 
     def watch(self, task: EvaluationTask, event: TaskEvent) -> None:
@@ -64,9 +65,12 @@ class EvaluationProgress:
             if not self._progress.console.is_terminal:
                 self._say_finished(task, is_done=isinstance(event, Findings))
             # The first and the last sweep of a recording make no example.
-            self._done[task.key] = task.recording.num_sweeps
+            self._done[task.key] = self._num_sweeps(task)
             self._num_left -= 1
         self._progress.update(self._bar, completed=self._done.total(), description=self._text())
+
+    def _num_sweeps(self, task: EvaluationTask) -> int:
+        return -(-task.recording.num_sweeps // self._every)
 
     def _say_finished(self, task: EvaluationTask, *, is_done: bool) -> None:
         times_ms = self._times_ms[task.key]
@@ -100,8 +104,12 @@ def checking_progress(console: Console, name: str) -> Iterator[Callable[[int, in
 
 
 @contextmanager
-def evaluation_progress(console: Console, runs: Sequence[TaskRun]) -> Iterator[EvaluationProgress]:
+def evaluation_progress(
+    console: Console, runs: Sequence[TaskRun], every: int
+) -> Iterator[EvaluationProgress]:
     """Shows a bar with the sweeps done, their rate and the time left.
+
+    Only one of `every` sweeps counts.
 
     Where the output is no terminal, there is a plain line for each task as it ends.
     """
@@ -113,4 +121,4 @@ def evaluation_progress(console: Console, runs: Sequence[TaskRun]) -> Iterator[E
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console) as progress:
-        yield EvaluationProgress(progress, runs)
+        yield EvaluationProgress(progress, runs, every)

@@ -7,7 +7,9 @@ from typing import Final
 
 from rich.console import Console
 
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording
+from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.run_folder import RunFolder
 
 _PICTURES_LIMIT_S: Final = 60.0
@@ -20,7 +22,7 @@ def write_run_report(
     console: Console,
     *,
     estimate_again: bool,
-) -> None:
+) -> bool:
     """Writes the report and says where it is. What goes wrong is said and costs no results.
 
     Args:
@@ -30,6 +32,9 @@ def write_run_report(
         console: Where to print.
         estimate_again: Whether to estimate these once more, for a minute at most, where the run
             wrote no flow.
+
+    Returns:
+        Whether there is a report.
     """
     from mnsf_ros.report.run_report import report_run
 
@@ -46,7 +51,9 @@ def write_run_report(
             say=say,
         )
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
-        text = f"no report: {error!r}; `mnsf report {folder.path}` tries again"
+        reason = str(error) if isinstance(error, MnsfError) else repr(error)
+        text = f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again"
         console.print(text, markup=False, highlight=False, style="yellow")
-    else:
-        say(f"Report: {path}")
+        return False
+    say(f"Report: {path_text(path)}")
+    return True

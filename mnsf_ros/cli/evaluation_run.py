@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from rich.console import Console
 
@@ -20,6 +21,7 @@ from mnsf_ros.evaluation.evaluation_options import (
 )
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
 from mnsf_ros.evaluation.notes_text import DAMAGE, NO_EXAMPLE, NO_FLOW
+from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.results_tables import main_tables, work_table
@@ -32,6 +34,8 @@ from mnsf_ros.methods import method_names
 from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
 from mnsf_ros.recording.inspection import inspect_recording
 
+_PAIR: Final = 2
+
 
 def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console: Console) -> bool:
     """Evaluates and prints.
@@ -43,7 +47,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
 
     Returns:
         False if a recording is damaged or has no example, if a method failed on all of its
-        examples, or if a task or a recording had to be given up.
+        examples, if a task or a recording had to be given up, or if there is no report.
 
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
@@ -51,6 +55,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     check_folder(options.out, resume=options.resume)
     methods = _split(options.methods or ["mnsf"])
     num_sweeps = _num_sweeps(methods, evaluation, is_remote=options.ray is not None)
+    num_sweeps = _PAIR if options.pairs else num_sweeps
     evaluation = replace(evaluation, num_sweeps=num_sweeps)
     execute = _executor(options, evaluation)
     recordings, unreadable = _inspected(options, console)
@@ -58,7 +63,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         options.out, recordings, methods, evaluation, resume=options.resume, arguments=sys.argv
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
-    outcome, results, is_over = RunOutcome(), None, False
+    outcome, results, is_over, is_reported = RunOutcome(), None, False, False
     try:
         outcome = _run_with_progress(runs, evaluation, folder, execute, console)
         is_over = True
@@ -71,12 +76,16 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
             _print_results(results, folder, console)
             # Whoever has interrupted the run, or sent it to other machines, waits for nothing.
             again = is_over and options.ray is None
-            write_run_report(folder, recordings, options.pictures, console, estimate_again=again)
+            is_reported = write_run_report(
+                folder, recordings, options.pictures, console, estimate_again=again
+            )
     for key, reason in outcome.failed.items():
         _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")
     for text in unreadable:
         _warn(console, text)
-    return not (outcome.failed or unreadable or results is None or _is_incomplete(results))
+    if outcome.failed or unreadable or results is None or not is_reported:
+        return False
+    return not _is_incomplete(results)
 
 
 def _split(texts: Sequence[str]) -> list[str]:
@@ -153,7 +162,7 @@ def _run_with_progress(
     execute: Executor,
     console: Console,
 ) -> RunOutcome:
-    with evaluation_progress(console, runs) as progress:
+    with evaluation_progress(console, runs, evaluation.every) as progress:
         return run_evaluation(runs, evaluation, folder, execute=execute, watch=progress.watch)
 
 
@@ -167,7 +176,8 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
         console.print(table.rich())
     for text in [*results.protocol, *results.notes]:
         console.print(text, markup=False, highlight=False, soft_wrap=False)
-    console.print(f"Results: {folder.path / 'results.md'}", markup=False, highlight=False)
+    text = f"Results: {path_text(folder.path / 'results.md')}"
+    console.print(text, markup=False, highlight=False)
 
 
 def _is_incomplete(results: RunResults) -> bool:

@@ -24,3 +24,6 @@ class PatientConsole(Console):
             super()._check_buffer()
         except BrokenPipeError:
             self.on_broken_pipe()
+        except OSError as error:
+            print(f"mnsf: the output cannot be written: {error.strerror}", file=sys.stderr)
+            self.on_broken_pipe()

@@ -15,6 +15,7 @@ class TripletPoses:
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._ego_motion = EgoMotion(settings)
+        self._max_gap_s = settings.max_gap_s
         self._poses: dict[Sweep, SensorPose] = {}
 
     def of(self, triplet: SweepTriplet) -> dict[Sweep, SensorPose]:
@@ -36,6 +37,7 @@ class TripletPoses:
             if self._poses[sweep].source is EgoSource.START:
                 raise SweepError(
                     f"sweep {sweep.stamp_ns} ns of frame {sweep.frame_id!r} cannot follow sweep "
-                    f"{before.stamp_ns} ns of frame {before.frame_id!r}"
+                    f"{before.stamp_ns} ns of frame {before.frame_id!r}: it has to be later, of "
+                    f"the same frame, and within {self._max_gap_s:g} s (ego_motion.max_gap_s)"
                 )
         return self._poses

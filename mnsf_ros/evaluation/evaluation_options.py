@@ -23,6 +23,11 @@ from mnsf_ros.recording.inspection import Inspection
 from mnsf_ros.settings import Settings
 
 ALL_POINTS: Final = "all"
+# Methods, by name or how the name begins, that never look at what they did before.
+_STATELESS: Final = ("zero", "ego")
+_STATELESS_PREFIXES: Final = ("file:", "command:")
+# Those that start each fit from scratch.
+_COLD: Final = ("fnsf", "nsfp", "mnsf-cycle")
 
 
 @dataclass(frozen=True)
@@ -117,12 +122,11 @@ class EvaluationOptions:
 
     def num_sweeps_in(self, recording: EvaluatedRecording) -> int:
         """Sweeps that an example of a recording has at least."""
-        return max(2, min(self.num_sweeps, recording.num_sweeps))
+        return num_sweeps_needed(self.num_sweeps, recording.num_sweeps)
 
-    def is_scored(self, number: int, recording: EvaluatedRecording) -> bool:
-        """Whether the example of a sweep of a recording is among those to score."""
-        first = self.num_sweeps_in(recording) - 2
-        return (number - first) % self.every == 0
+    def is_scored(self, place: int) -> bool:
+        """Whether an example, by its place among those of its recording, is to be scored."""
+        return place % self.every == 0
 
     @property
     def selection(self) -> PointSelection:
@@ -160,13 +164,19 @@ class EvaluationOptions:
 
     def goes_on(self, method: str) -> bool:
         """Whether an estimate of a method depends on those before it."""
+        if method in _STATELESS or method.startswith(_STATELESS_PREFIXES):
+            return False
         # These register sweep after sweep, whatever the settings of the warm start say.
         registering = {"mnsf-objects", "ego-estimated"}
         if self.settings.field.kind == "objects":
             registering.add("mnsf")
-        settings = self.settings
-        is_chain = settings.warm_start.enabled or settings.ego_motion.removed
-        return is_chain or method in registering
+        is_warm = self.settings.warm_start.enabled and not method.startswith(_COLD)
+        return is_warm or self.settings.ego_motion.removed or method in registering
+
+
+def num_sweeps_needed(wanted: int, there: int) -> int:
+    """Sweeps that an example has at least: what is wanted, or all if a recording has fewer."""
+    return max(2, min(wanted, there))
 
 
 def choose_topics(

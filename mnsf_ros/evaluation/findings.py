@@ -17,6 +17,7 @@ SWEEPS_UNSTAMPED = "sweeps without a stamp, for which the time of reception was 
 SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
 SWEEPS_WITHOUT_POSE = "sweeps without odometry"
 TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
+TRUTH_UNFIT = "truth clouds that do not fit their sweep, or cannot be read, and are not used"
 FRAMES_DIFFER = (
     "sweeps in another frame than the odometry's child frame: where the sensor is in it is what "
     "ego_motion.sensor_x_m to sensor_yaw_deg tell"

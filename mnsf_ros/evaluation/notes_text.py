@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
+from mnsf_ros.evaluation.evaluation_options import num_sweeps_needed
 from mnsf_ros.evaluation.findings import SWEEPS_READ
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 
@@ -35,6 +36,7 @@ def notes_text(
         _without_errors(recordings, rows),
         _without_checksums(recordings),
         _without_truth(recordings),
+        _without_ground(run),
         _events(finished),
         _mixed_sessions(run.get("sessions", ())),
     )
@@ -62,6 +64,21 @@ def _without_truth(recordings: Iterable[Mapping[str, Any]]) -> Iterator[str]:
         yield f"{_listed(names)}: {_has(names)} no truth, so there are no errors."
 
 
+def _without_ground(run: Mapping[str, Any]) -> Iterator[str]:
+    """Methods that lose more by the removal of the ground than the others."""
+    identity = run["identity"]
+    is_removed = identity["crop_and_ground"]["ground.remove"]
+    registering = {"mnsf-objects", "ego-estimated"}
+    if identity["settings"]["field.kind"] == "objects":
+        registering.add("mnsf")
+    names = [method for method in run["methods"] if method in registering]
+    if names and is_removed and identity["realtime_rate"] is None:
+        yield (
+            f"{_listed(names)}: got sweeps without ground, as all methods did, and found the "
+            "sensor's motion less exactly than the live node; --realtime 1 gives whole sweeps."
+        )
+
+
 def _events(finished: Iterable[Mapping[str, Any]]) -> Iterator[str]:
     for task in finished:
         for event, count in task["counts"].items():
@@ -76,10 +93,11 @@ def _without_example(
     for task in finished:
         if task.get("num_examples") == 0:
             name = task["recording"]
-            needed = max(2, min(run["identity"]["num_sweeps"], num_sweeps[name]))
+            needed = num_sweeps_needed(run["identity"]["num_sweeps"], num_sweeps[name])
             yield (
                 f"{NO_EXAMPLE}{name} has nowhere {needed} sweeps in a row with no more than "
-                f"buffer.max_interval_s between them; sweeps in all: {num_sweeps[name]:,}."
+                f"buffer.max_interval_s between them (sweeps in all: {num_sweeps[name]:,}); "
+                "--pairs makes do with two."
             )
 
 

@@ -25,8 +25,10 @@ from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, rigid_flow
 
 # Argoverse 2 counts motion per sweep of this length.
 _USUAL_INTERVAL_S = 0.1
-# Fewer standing points do not fix the sensor's motion.
+# Fewer standing points, or such that lie closer together or on a line, do not fix the sensor's
+# motion: the second largest of their standard deviations counts.
 _MIN_STANDING = 20
+_MIN_SPREAD_M = 1.0
 
 
 def empty_row(example: Example, method: str) -> ResultRow:
@@ -147,9 +149,17 @@ def _sensor_motion(
     odometry: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
     """(4, 4) next_from_current: from the truth of what stands, as odometry may be worse."""
-    if odometry is not None and np.count_nonzero(~dynamic) < _MIN_STANDING:
+    standing = xyz[~dynamic]
+    if odometry is not None and not _fix_a_motion(standing):
         return odometry
-    return fit_rigid_motion(xyz[~dynamic], true_flow[~dynamic])
+    return fit_rigid_motion(standing, true_flow[~dynamic])
+
+
+def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
+    if len(xyz) < _MIN_STANDING:
+        return False
+    variances = np.linalg.eigvalsh(np.cov(xyz.astype(np.float64).T))
+    return bool(variances[1] >= _MIN_SPREAD_M**2)
 
 
 def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:

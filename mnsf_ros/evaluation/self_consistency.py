@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -59,12 +61,15 @@ def cycle_distance(
 
 
 def reversed_pair(triplet: SweepTriplet) -> SweepTriplet:
-    """Returns the way back from the next to the current sweep, without a third sweep."""
+    """Returns the way back from the next to the current sweep, without a third sweep.
+
+    Time goes on in it as on the way there, as methods that know time expect.
+    """
     motion = triplet.next_from_current
     way_back = None if motion is None else np.asarray(np.linalg.inv(motion), dtype=np.float64)
     return SweepTriplet(
         previous=None,
-        current=triplet.next,
-        next=triplet.current,
+        current=replace(triplet.next, stamp_ns=triplet.current.stamp_ns, odometry=None),
+        next=replace(triplet.current, stamp_ns=triplet.next.stamp_ns, odometry=None),
         next_from_current=way_back,
     )

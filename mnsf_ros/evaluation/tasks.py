@@ -65,8 +65,12 @@ def run_task(
         flow_recorder(options.flow_folder, *task.key) as recorder,
     ):
         examples = read_examples(reader, recording, options, findings)
-        wanted = (example for example in examples if example.number not in skipped)
-        yield from scorer.rows(wanted, recording, recorder)
+        wanted = (
+            (example, options.is_scored(place))
+            for place, example in enumerate(examples)
+            if example.number not in skipped
+        )
+        yield from scorer.rows(wanted, recorder)
     yield findings
 
 
@@ -123,7 +127,6 @@ class _Scorer:
         self._is_measured = not method.startswith(PREFIX)
         if self._is_measured:
             warm_up(method, options.method_settings)
-        # The way back has an estimator of its own: it must not disturb what the other carries on.
         self._backward = (
             make_estimator(method, options.method_settings)
             if options.check_cycle and self._is_measured
@@ -131,18 +134,19 @@ class _Scorer:
         )
 
     def rows(
-        self, examples: Iterator[Example], recording: EvaluatedRecording, recorder: FlowRecorder
+        self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
     ) -> Iterator[ResultRow]:
-        """Yields a row for each example that is to be scored."""
+        """Yields a row for each example of which is said that it is to be scored."""
         options, rate = self._options, self._options.realtime_rate
         if rate is None:
-            for example in examples:
-                if options.is_scored(example.number, recording):
+            for example, is_scored in examples:
+                if is_scored:
                     yield self._row(example, *self._estimate(example), recorder)
                 elif options.goes_on(self._method):
                     self._estimate(example)
             return
-        for outcome in played_in_real_time(examples, rate, self._estimate):
+        all_of_them = (example for example, _ in examples)
+        for outcome in played_in_real_time(all_of_them, rate, self._estimate):
             if outcome.result is None:
                 yield failed_row(outcome.example, self._method, DROPPED)
                 continue
@@ -172,7 +176,7 @@ class _Scorer:
         return self._with_cycle(row, example, result)
 
     def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
-        backward = self._backward
+        backward = self._way_back()
         if backward is None:
             return row
         triplet = example.triplet
@@ -183,6 +187,12 @@ class _Scorer:
         looked_at = answered & scored_points(example)
         cycle = cycle_distance(triplet, result.flow, way_back.flow, looked_at)
         return replace(row, consistency={**row.consistency, **cycle})
+
+    def _way_back(self) -> SceneFlowEstimator | None:
+        """An estimator of its own: it must not disturb what the other carries on, nor go on."""
+        if self._backward is not None and self._options.goes_on(self._method):
+            return make_estimator(self._method, self._options.method_settings)
+        return self._backward
 
 
 def _attempted(work: Callable[[], Result]) -> Result | str:

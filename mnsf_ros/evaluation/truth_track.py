@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
 from mnsf_ros.evaluation.stamp_order import REORDER_WINDOW, in_stamp_order
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
@@ -24,6 +24,8 @@ from msg_utils.stamps import decode_stamp
 # Stamps that went through floating point numbers are off by less, and no lidar is faster.
 _SAME_STAMP_NS: Final = 500_000
 _SAME_POINT_M: Final = 1e-3
+# All truth of a recording may be unfit in the same way.
+_MAX_TOLD: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ class TruthTrack:
         self._name = name
         self._head = next(self._clouds, None)
         self._last_ns: int | None = None
+        self._num_unfit = 0
 
     def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
         """Returns the truth of a sweep, and how many clouds were passed over to find it.
@@ -88,6 +91,9 @@ class TruthTrack:
         if self._head is None or self._head.stamp_ns > stamp_ns + _SAME_STAMP_NS:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
+        while self._head is not None and self._head.stamp_ns <= stamp_ns + _SAME_STAMP_NS:
+            cloud = min(cloud, self._head, key=lambda one: abs(one.stamp_ns - stamp_ns))
+            self._head = next(self._clouds, None)
         return self._decoded(cloud, sweep), passed_over
 
     def _skip_leftovers(self, last_ns: int) -> None:
@@ -105,16 +111,21 @@ class TruthTrack:
                 raise RecordingError(
                     f"truth has {len(truth)} rows, its sweep has {num_points} points"
                 )
-            _check_points(cloud.message, sweep)
+            _check_points(cloud.message, truth, sweep)
         except RecordingError as error:
-            where = f"truth at stamp {cloud.stamp_ns}"
-            self._findings.report(Damage(self._name, where, str(error)))
+            self._num_unfit += 1
+            if self._num_unfit <= _MAX_TOLD:
+                where = f"truth at stamp {cloud.stamp_ns}"
+                self._findings.report(Damage(self._name, where, str(error)))
+            self._findings.count(TRUTH_UNFIT)
             return None
         return truth
 
 
-def _check_points(message: Any, sweep: Sweep) -> None:  # noqa: ANN401
+def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa: ANN401
     """Makes sure that the rows of a truth cloud are in the order of its sweep, if it shows where.
+
+    Of a row that is not valid it need not be told where it is.
 
     Raises:
         RecordingError: A row is somewhere else.
@@ -126,7 +137,7 @@ def _check_points(message: Any, sweep: Sweep) -> None:  # noqa: ANN401
     with np.errstate(all="ignore"):
         xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
         near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
-    elsewhere = np.flatnonzero(~near.all(axis=1))
+    elsewhere = np.flatnonzero(truth.valid[sweep.source.rows] & ~near.all(axis=1))
     if len(elsewhere):
         first = elsewhere[0]
         raise RecordingError(

@@ -23,8 +23,10 @@ def storage_files(path: Path) -> list[Path]:
     """
     path = path.resolve()
     entries = sorted(path.iterdir()) if path.is_dir() else []
-    files = [entry.resolve() for entry in entries if entry.suffix in (*SUFFIXES, _COMPRESSED)]
-    return files or [path]
+    stored = [entry for entry in entries if entry.suffix in (*SUFFIXES, _COMPRESSED)]
+    # Whoever plays a compressed recording leaves a decompressed copy beside each file.
+    copies = {entry.with_suffix("") for entry in stored if entry.suffix == _COMPRESSED}
+    return [entry.resolve() for entry in stored if entry not in copies] or [path]
 
 
 def fingerprint(path: Path) -> dict[str, Any]:

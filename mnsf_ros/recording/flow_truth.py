@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
+_SCALARS = (*"xyz", *_FLOW, *_FLAGS)
 # Nothing on earth moves as far from one sweep to the next.
 _MAX_FLOW_M = 1000.0
 
@@ -109,6 +110,11 @@ class FlowTruth:
         if missing:
             raise RecordingError(
                 f"truth cloud has no field {', '.join(missing)}; it has {', '.join(names)}"
+            )
+        wide = [name for name in names if name in _SCALARS and points.dtype[name].shape]
+        if wide:
+            raise RecordingError(
+                f"truth cloud: field {', '.join(wide)} has more than one value a point"
             )
         flow = np.stack([points[name].astype(np.float32) for name in _FLOW], axis=1)
         valid = points["valid"] != 0

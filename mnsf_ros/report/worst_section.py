@@ -20,8 +20,9 @@ _SAME_M: Final = 1e-3
 _AGAIN: Final = "Estimated again for the picture"
 _ANOTHER: Final = "The picture shows another flow than that of the run: code or machine differ"
 _FROM_SCRATCH: Final = (
-    f"{_AGAIN}, from these sweeps alone. It shows another flow than that of the run, where the "
-    "method may have gone on from its last estimate; else code or machine differ"
+    "That was in the run. The picture is a new estimate from these sweeps alone, with a mean of "
+    "{mean:.3f} m: in the run the method may have gone on from its last estimate (--write-flow "
+    "keeps that), else code or machine differ"
 )
 _HINT: Final = (
     "Seen from above, x forward and y left in metres; the white triangle is the sensor. Color: "
@@ -93,7 +94,8 @@ def _card(rows: Sequence[ResultRow], example: PicturedExample) -> Html:
         said = item.method if row is None else f"{item.method}: {_said(row)}"
         is_another = row is not None and _is_another(row, item)
         if item.is_again:
-            said += f". {_FROM_SCRATCH if is_another else _AGAIN}"
+            mean_m = float(np.nanmean(item.error_m)) if is_another else 0.0
+            said += f". {_FROM_SCRATCH.format(mean=mean_m) if is_another else _AGAIN}"
         elif is_another:
             said += f". {_ANOTHER}"
         alt = f"Flow of {where} by {item.method} and its {example.error_name}, from above. {said}."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +12,7 @@ from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import summarize
 from mnsf_ros.evaluation.results_files import RunResults
+from mnsf_ros.evaluation.run_folder import replace_file
 from mnsf_ros.report.figures_section import (
     bands_section,
     failures_section,
@@ -53,17 +53,14 @@ def write_report(
         notes: What makes the figures less certain; None for what the record of the run says.
 
     Raises:
-        OSError: Writing fails.
+        WritingError: Writing fails.
     """
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
     summaries = summarize(rows, run["methods"])
     said = notes_text(run, ()) if notes is None else list(notes)
     results = RunResults(dict(run), rows, summaries, protocol_text(run, summaries), said)
     text = report_html(results, pictured, focus or focus_method(rows, run["methods"]))
-    path = Path(path)
-    draft = path.with_name(f".{path.name}.new")
-    draft.write_text(text, encoding="utf-8")
-    os.replace(draft, path)  # noqa: PTH105 - Path.replace is the same
+    replace_file(Path(path), [text])
 
 
 def report_html(results: RunResults, pictured: Sequence[PicturedExample], focus: str) -> str:

@@ -11,6 +11,7 @@ from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 
 from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
@@ -80,6 +81,11 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
     """
     how = how or LandscapeOptions()
     check_folder(options.out, resume=options.resume)
+    if options.settings.ego_motion.removed:
+        raise SettingsError(
+            "ego_motion.removed is true, expected false: the landscape is that of networks in the "
+            "sensor's frame"
+        )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
     optima = fitted_optima(example.triplet, options.evaluation().method_settings)

@@ -40,7 +40,8 @@ class SweepInFile:
 
     def sweep(self) -> Sweep:
         """The measured points as a sweep."""
-        return Sweep(np.ascontiguousarray(self.xyz[self.measured]), self.stamp_ns)
+        xyz = np.ascontiguousarray(self.xyz[self.measured])
+        return Sweep(xyz, self.stamp_ns, odometry=self.pose)
 
 
 def xyz_of_columns(path: Path, columns: list[NDArray[Any]]) -> NDArray[np.float32]:

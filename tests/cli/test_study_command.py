@@ -104,6 +104,7 @@ def test_case_study_takes_its_own_options(
         (["landscape", "--radius=nan"], "radius: got nan, expected more than 0"),
         (["landscape", "--radius=inf"], "radius: got inf, expected more than 0, at most 10"),
         (["landscape", "--radius=0"], "radius: got 0, expected more than 0"),
+        (["landscape", "--set=ego_motion.removed=true"], "ego_motion.removed is true, expected"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(

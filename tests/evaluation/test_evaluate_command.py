@@ -21,6 +21,8 @@ from mnsf_ros.cli.setting_values import parse_assignments
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.task_runs import run_serially
+from mnsf_ros.recording.bag_writer import BagWriter
+from msg_utils.point_cloud2 import encode_columns
 
 SETTINGS = [f"--set={name}={value}" for name, value in small.TINY.items()]
 
@@ -127,7 +129,7 @@ def test_results_survive_a_report_that_fails(bag, tmp_path, capsys, monkeypatch,
 
     monkeypatch.setattr("mnsf_ros.report.run_report.report_run", report_run)
     out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
+    assert mnsf(bag, "--methods", "zero", "--out", out) == evaluate.EXIT_DAMAGED
     assert "no report: " in capsys.readouterr().out
     assert (out / "results.json").stat().st_size > 0
     assert not (out / "report.html").exists()
@@ -422,3 +424,41 @@ def test_disk_that_is_full_from_the_start_leaves_no_folder(bag, tmp_path):
     assert done.returncode == evaluate.EXIT_UNWRITTEN
     assert "run.json: cannot be written" in done.stderr
     assert not out.exists()
+
+
+def test_pairs_of_a_recording_are_examples_when_asked_for(tmp_path):
+    """Three pairs with gaps between them, as of single pairs that were converted together."""
+    with BagWriter(tmp_path / "pairs") as writer:
+        for index in (0, 1, 30, 31, 60, 61):
+            points = small.xyz(index % 30)
+            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
+            encoded = encode_columns(columns, 1, len(points))
+            writer.write_cloud("/points", encoded, small.stamp(index), "lidar")
+    bag = tmp_path / "pairs"
+    arguments = ["--methods", "zero,mnsf", "--out"]
+    assert mnsf(bag, *arguments, tmp_path / "without") == evaluate.EXIT_DAMAGED
+    assert mnsf(bag, "--pairs", *arguments, tmp_path / "with") == 0
+    rows = [json.loads(line) for line in (tmp_path / "with/rows.jsonl").read_text().splitlines()]
+    assert [(row["method"], row["number"]) for row in rows] == [
+        *(("zero", number) for number in (0, 2, 4)),
+        *(("mnsf", number) for number in (0, 2, 4)),
+    ]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_full_disk_under_the_output_costs_no_results(bag, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", bag, "--methods", "zero"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*command, *SETTINGS, "--pictures", "0", "--out", out],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+    assert done.returncode == 0
+    assert done.stderr.count("the output cannot be written: No space left on device") == 1
+    assert (out / "results.json").stat().st_size > 0
+    assert (out / "report.html").stat().st_size > 0

@@ -2,27 +2,35 @@ from __future__ import annotations
 
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import small_evaluations as small
+from box_street import pose
 
 from mnsf_ros.evaluation import findings as noticed
 from mnsf_ros.evaluation.examples import ExampleBuilder
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.point_selection import PointSelection
 from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose
-from mnsf_ros.evaluation.tasks import read_examples
+from mnsf_ros.evaluation.tasks import make_estimator, read_examples
 from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import BufferSettings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 
-def truth_cloud(index):
-    encoded = small.truth(index).encode(small.xyz(index))
+def truth_cloud(index, truth=None):
+    encoded = (truth or small.truth(index)).encode(small.xyz(index))
     message = cloud_message(encoded, small.stamp(index), "lidar", is_dense=False)
     return TruthCloud(small.stamp(index), message)
+
+
+def poses_of(indices):
+    return PoseTrack(
+        StampedPose(small.stamp(index), small.pose(index), "lidar") for index in indices
+    )
 
 
 def examples_of(sweeps, *, truth_of=None, selection=None, findings=None, **options):
@@ -140,10 +148,7 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
 
 
 def test_motion_from_odometry():
-    poses = PoseTrack(
-        StampedPose(small.stamp(index), small.pose(index), "lidar") for index in range(3)
-    )
-    (example,) = examples_of(map(small.sweep, range(3)), poses=poses)
+    (example,) = examples_of(map(small.sweep, range(3)), poses=poses_of(range(3)))
     expected = np.eye(4)
     expected[0, 3] = -0.5
     assert np.allclose(example.next_from_current, expected)
@@ -231,3 +236,54 @@ def test_odometry_that_contradicts_the_truth_is_counted(jump_m, count):
     sweeps = map(small.sweep, range(3))
     list(examples_of(sweeps, truth_of=range(3), poses=poses, findings=findings))
     assert findings.counts[noticed.ODOMETRY_CONTRADICTS] == count
+
+
+@pytest.mark.parametrize(("num_dynamic", "count"), [(58, 0), (10, 1)])
+def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
+    """Of 60 points 48 are half a metre off: only if they are said to stand, odometry is wrong."""
+    findings = Findings()
+    truth = small.truth(1)
+    truth.flow[:48, 1] = 0.5
+    truth = replace(truth, dynamic=np.arange(60) < num_dynamic, ground=np.zeros(60, bool))
+    clouds = [truth_cloud(0), truth_cloud(1, truth), truth_cloud(2)]
+    builder = ExampleBuilder(
+        "drive",
+        PointSelection(),
+        BufferSettings(),
+        findings,
+        truth=TruthTrack(clouds, findings, "drive"),
+        poses=poses_of(range(3)),
+    )
+    assert len(list(builder.examples(map(small.sweep, range(3))))) == 1
+    assert findings.counts[noticed.ODOMETRY_CONTRADICTS] == count
+
+
+def test_sweeps_carry_the_pose_of_the_recording():
+    examples = examples_of(map(small.sweep, range(5)), poses=poses_of(range(5)), num_sweeps=5)
+    (triplet,) = (example.triplet for example in examples)
+    for index, sweep in enumerate((*reversed(triplet.before), triplet.current, triplet.next)):
+        assert np.array_equal(sweep.odometry, small.pose(index))
+
+
+def test_sweeps_without_a_pose_carry_none():
+    (example,) = examples_of(map(small.sweep, range(3)), poses=poses_of([1]))
+    triplet = example.triplet
+    assert triplet.previous.odometry is None
+    assert np.array_equal(triplet.current.odometry, small.pose(1))
+    assert triplet.next.odometry is None
+
+
+def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
+    """Odometry tells of a curve that the points know nothing of: they cannot have told it."""
+    monkeypatch.setattr(small, "pose", lambda index: pose(0.4 * index, yaw_deg=3.0 * index))
+    recording = small.recording_at(small.write_recording(tmp_path / "drive", 6))
+    options = small.options({"ego_motion.source": "odometry"})
+    told, found = (
+        make_estimator(method, options.method_settings) for method in ("ego", "ego-estimated")
+    )
+    with recording.inspection.open() as reader:
+        examples = list(read_examples(reader, recording, options, Findings()))
+    assert len(examples) == 4
+    for example in examples:
+        flow, expected = (method.estimate(example.triplet).flow for method in (found, told))
+        assert np.allclose(flow, expected, rtol=0, atol=1e-3)

@@ -265,6 +265,27 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
     assert len(notes) == len(set(notes))
 
 
+@pytest.mark.parametrize(
+    ("kind", "realtime", "removed", "told"),
+    [
+        ("objects", None, True, "mnsf, ego-estimated: got sweeps without ground"),
+        ("network", None, True, "ego-estimated: got sweeps without ground"),
+        ("objects", 1.0, True, ""),
+        ("objects", None, False, ""),
+    ],
+)
+def test_notes_tell_who_suffers_without_ground(results, kind, realtime, removed, told):
+    from mnsf_ros.evaluation.notes_text import notes_text
+
+    run = json.loads(json.dumps(results[0].run))
+    run["methods"] = ["zero", "mnsf", "ego-estimated"]
+    run["identity"]["settings"]["field.kind"] = kind
+    run["identity"]["realtime_rate"] = realtime
+    run["identity"]["crop_and_ground"]["ground.remove"] = removed
+    found = [note for note in notes_text(run, []) if "without ground" in note]
+    assert [note.startswith(told) for note in found] == ([True] if told else [])
+
+
 def test_notes_name_many_recordings_in_one_line(results):
     from mnsf_ros.evaluation.notes_text import notes_text
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 
 import pytest
 import small_evaluations as small
@@ -11,6 +12,7 @@ import small_evaluations as small
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.run_record import recording_record
+from mnsf_ros.evaluation.run_start import known_recordings, start_or_resume
 from mnsf_ros.recording.fingerprint import fingerprint, storage_files
 
 
@@ -58,6 +60,8 @@ def test_copies_keep_their_names(bags, tmp_path):
     copy = shutil.copytree(bags[0], tmp_path / "copy")
     records = known(bags[0], copy, names=("drive", "copy"))
     assert recording_names([copy, bags[0]], records) == ["copy", "drive"]
+    assert recording_names([bags[0], copy], records) == ["drive", "copy"]
+    assert recording_names([bags[0]], records) == ["drive"]
 
 
 def test_changed_recording_is_called_as_before_so_that_it_is_refused(bags):
@@ -110,3 +114,26 @@ def test_recording_that_is_not_there_is_itself(tmp_path):
     assert storage_files(tmp_path / "nowhere") == [tmp_path / "nowhere"]
     with pytest.raises(OSError, match="nowhere"):
         fingerprint(tmp_path / "nowhere")
+
+
+def resume(out, recording):
+    return start_or_resume(out, [recording], ["ego"], small.options(), resume=True)
+
+
+def test_other_odometry_is_another_recording(bags, tmp_path):
+    recording = small.recording_at(bags[0])
+    resume(tmp_path / "out", recording)
+    with pytest.raises(EvaluationError, match="'drive': odometry was /truth/odometry, is None"):
+        resume(tmp_path / "out", replace(recording, odometry=None))
+
+
+@pytest.mark.parametrize(
+    ("before", "now"), [(True, True), (True, False), (False, True), (False, False)]
+)
+def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, before, now):
+    recording = small.recording_at(bags[0])
+    for has_checksums in (before, now):
+        inspection = replace(recording.inspection, has_checksums=has_checksums)
+        resume(tmp_path / "out", replace(recording, inspection=inspection))
+    (known,) = known_recordings(tmp_path / "out")
+    assert known["has_checksums"] == (before and now)

@@ -21,8 +21,10 @@ from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, run_seriall
 from mnsf_ros.evaluation.tasks import run_task
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
+from msg_utils.point_cloud2 import encode_columns
 
 WARM = {"warm_start.enabled": True, "warm_start.max_iterations": 2}
 
@@ -258,12 +260,33 @@ def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
 
 
 def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(bag, tmp_path):
-    events = [row(1), row(2), TaskRestarted("lost"), row(1)]
+    method = "mnsf-network"
+    events = [row(1, method), row(2, method), TaskRestarted("lost"), row(1, method)]
     execute = scripted([*events, TaskFailed("lost again")])
-    outcome, folder = evaluate(tmp_path / "out", bag, ["ego"], small.options(WARM), execute=execute)
+    options = small.options(WARM)
+    outcome, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
     assert [item.number for item in folder.read_rows()] == [1]
-    assert outcome.failed == {("drive", "ego"): "lost again"}
+    assert outcome.failed == {("drive", method): "lost again"}
     assert folder.read_finished() == {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "methods"),
+    [
+        ({}, {"mnsf-objects", "ego-estimated"}),
+        (WARM, {"mnsf-objects", "ego-estimated", "mnsf", "mnsf-mean", "other"}),
+        (
+            {"ego_motion.removed": True},
+            {"mnsf-objects", "ego-estimated", "mnsf", "mnsf-mean", "other", "fnsf", "mnsf-cycle"},
+        ),
+        ({"field.kind": "objects"}, {"mnsf-objects", "ego-estimated", "mnsf"}),
+    ],
+)
+def test_methods_that_go_on_from_their_last_estimate(changes, methods):
+    """`other` is a plug-in, of which nobody knows."""
+    alone = {"zero", "ego", "file:here", "command:true", "fnsf", "mnsf-cycle", "mnsf", "mnsf-mean"}
+    options = small.options(changes)
+    assert {name for name in alone | methods | {"other"} if options.goes_on(name)} == methods
 
 
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
@@ -384,6 +407,30 @@ def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estima
     rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
     assert [row.number for row in rows] == [1, 4, 7]
     assert len(calls) == num_estimates
+
+
+def test_sampling_counts_examples_wherever_they_are(tmp_path):
+    """After a gap the numbers of sweeps go on, but the examples between are not there."""
+    with BagWriter(tmp_path / "drive") as writer:
+        for index in (0, 1, 20, 21, 22, 23, 24, 25):
+            points = small.xyz(index)
+            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
+            encoded = encode_columns(columns, 1, len(points))
+            writer.write_cloud("/points", encoded, small.stamp(index), "lidar")
+    task = small.task_at(tmp_path / "drive", "zero")
+    found = [[row.number for row in rows_of(task, small.options(every=n))] for n in (1, 2, 3, 20)]
+    assert found == [[3, 4, 5, 6], [3, 5], [3, 6], [3]]
+    rest = rows_of(task, small.options(every=2), frozenset({3}))
+    assert [row.number for row in rest] == [5]
+
+
+@pytest.mark.parametrize("method", ["ego-estimated", "mnsf-objects", "fnsf"])
+def test_way_back_is_measured_for_methods_that_know_time(tmp_path, method):
+    path = small.write_recording(tmp_path / "drive", 5, num_points=400)
+    options = small.options({"ego_motion.removed": True, "ground.remove": False}, check_cycle=True)
+    rows = rows_of(small.task_at(path, method), options)
+    assert [row.failure for row in rows] == [""] * 3
+    assert all(row.consistency["cycle_m"] >= 0 for row in rows)
 
 
 def test_sampled_rows_are_those_of_the_whole_run(bag):

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import small_evaluations as small
 from rosbags.typesys import Stores, get_typestore
 
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
 from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose, recorded_poses
 from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 
 
@@ -161,6 +164,89 @@ def test_truth_whose_stamp_is_rounded_is_that_of_its_sweep(off_ns):
     clouds = (TruthCloud(small.stamp(i) + off_ns, cloud(i)) for i in range(4))
     track = TruthTrack(clouds, Findings(), "drive")
     assert [take(track, index) for index in range(4)] == [(small.stamp(i), 0) for i in range(4)]
+
+
+@pytest.mark.parametrize("off_ns", [-600_000, 600_000])
+def test_truth_whose_stamp_is_farther_off_is_not_that_of_the_sweep(off_ns):
+    track = TruthTrack([TruthCloud(small.stamp(1) + off_ns, cloud(1))], Findings(), "drive")
+    assert take(track, 1)[0] is None
+
+
+def stamped_truth(index, off_ns):
+    encoded = small.truth(index).encode(small.xyz(index))
+    stamp_ns = small.stamp(index) + off_ns
+    return TruthCloud(stamp_ns, cloud_message(encoded, stamp_ns, "lidar", is_dense=False))
+
+
+@pytest.mark.parametrize(("farther_ns", "nearer_ns"), [(-400_000, 100_000), (-300_000, 0)])
+def test_nearer_of_two_truths_is_taken_and_the_other_is_none_without_a_sweep(farther_ns, nearer_ns):
+    offs_ns = (farther_ns, nearer_ns)
+    clouds = [*(stamped_truth(0, off_ns) for off_ns in offs_ns), stamped_truth(1, 0)]
+    track = TruthTrack(clouds, Findings(), "drive")
+    assert take(track, 0) == (small.stamp(0) + nearer_ns, 0)
+    assert take(track, 1) == (small.stamp(1), 0)
+
+
+def test_nearer_of_two_truths_is_taken_also_if_it_comes_first():
+    clouds = [stamped_truth(0, 100_000), stamped_truth(0, 400_000), stamped_truth(1, 0)]
+    track = TruthTrack(clouds, Findings(), "drive")
+    assert take(track, 0) == (small.stamp(0) + 100_000, 0)
+    assert take(track, 1) == (small.stamp(1), 0)
+
+
+def moved_truth(offset_m, rows=slice(None), *, invalid=()):
+    """Truth of sweep 0 that says its points were somewhere else."""
+    points, truth = small.xyz(0), small.truth(0)
+    points[rows] += np.float32(offset_m)
+    truth.valid[list(invalid)] = False
+    message = cloud_message(truth.encode(points), small.stamp(0), "lidar", is_dense=False)
+    return TruthCloud(small.stamp(0), message)
+
+
+@pytest.mark.parametrize(("offset_m", "is_used"), [(0.0005, True), (0.01, False)])
+def test_truth_is_of_points_that_are_the_same_to_a_millimetre(offset_m, is_used):
+    findings = Findings()
+    truth, _ = TruthTrack([moved_truth(offset_m)], findings, "drive").take(small.sweep(0))
+    assert (truth is not None) == is_used
+    assert findings.counts[TRUTH_UNFIT] == int(not is_used)
+
+
+@pytest.mark.parametrize("offset_m", [np.nan, 5.0])
+def test_row_that_is_not_valid_need_not_say_where_it_is(offset_m):
+    findings = Findings()
+    cloud = moved_truth(offset_m, [3, 8], invalid=[3, 8])
+    assert take(TruthTrack([cloud], findings, "drive"), 0) == (small.stamp(0), 0)
+    assert not findings.damages
+
+
+def holed_sweep(*holes):
+    """Sweep 0 as it comes where some points were not finite."""
+    whole, rows = small.sweep(0), np.delete(np.arange(60), holes)
+    source = replace(whole.source, rows=rows)
+    return Sweep(whole.xyz[rows], whole.stamp_ns, whole.frame_id, source)
+
+
+def test_rows_are_compared_with_the_points_that_are_left():
+    findings = Findings()
+    # Row 8 is the seventh point that is left; it is not valid, whatever row 6 is.
+    clouds = [moved_truth(5.0, [0, 7, 8], invalid=[8])]
+    truth, _ = TruthTrack(clouds, findings, "drive").take(holed_sweep(0, 7))
+    assert truth is not None
+    assert len(truth) == 60
+    assert not findings.damages
+
+
+@pytest.mark.parametrize("name", ["x", "flow_x", "valid"])
+def test_field_of_several_values_a_point_is_damage(name):
+    findings = Findings()
+    message = cloud(0)
+    message.fields = [
+        replace(field, count=3 if field.name == name else 1) for field in message.fields
+    ]
+    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
+    assert take(track, 0) == (None, 0)
+    (damage,) = map(str, findings.damages)
+    assert f"field {name} has more than one value a point" in damage
 
 
 def test_truth_in_another_order_than_its_sweep_is_not_used():

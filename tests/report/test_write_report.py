@@ -120,7 +120,9 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     captions = re.findall("<figcaption>([^<]*)<", (tmp_path / "report.html").read_text())
     (mnsf,) = [caption for caption in captions if caption.startswith("mnsf: ")]
     (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
-    assert "from these sweeps alone. It shows another flow than that of the run" in mnsf
+    assert "EPE 9.000 m" in mnsf
+    mean_m = float(flows[0].error_m.mean())
+    assert f"a new estimate from these sweeps alone, with a mean of {mean_m:.3f} m" in mnsf
     assert fnsf.endswith(". Estimated again for the picture")
 
 
