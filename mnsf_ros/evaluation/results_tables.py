@@ -43,16 +43,22 @@ def consistency_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     """Returns the figures that need no truth; None if there are none."""
     if not any(summary.consistency for summary in summaries):
         return None
-    header = ["method", "moved points to next sweep (m)", "unmoved (m)", "there and back (m)"]
-    keys = ("nearest_m", "zero_nearest_m", "cycle_m")
+    columns = {
+        "nearest_m": "moved points to next sweep (m)",
+        "zero_nearest_m": "unmoved (m)",
+        "cycle_m": "there and back (m)",
+    }
+    if all(math.isnan(summary.consistency.get("cycle_m", math.nan)) for summary in summaries):
+        # Nobody has asked for it.
+        del columns["cycle_m"]
     rows = [
         [
             summary.method,
-            *(format_number(summary.consistency.get(key, math.nan), 3) for key in keys),
+            *(format_number(summary.consistency.get(key, math.nan), 3) for key in columns),
         ]
         for summary in summaries
     ]
-    return TextTable(header, rows, "Self-consistency, which needs no truth")
+    return TextTable(["method", *columns.values()], rows, "Self-consistency, which needs no truth")
 
 
 def work_table(summaries: Sequence[MethodSummary]) -> TextTable:

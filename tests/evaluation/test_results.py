@@ -266,6 +266,21 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
 
 
 @pytest.mark.parametrize(
+    ("cycles", "columns"), [([{}, {}], 3), ([{}, {"cycle_m": 0.1}], 4), ([{"cycle_m": 0.0}] * 2, 4)]
+)
+def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
+    from mnsf_ros.evaluation.results_tables import consistency_table
+
+    rows = [
+        replace(row(1, 0.1, method), consistency={"nearest_m": 0.2, **cycle})
+        for method, cycle in zip(("zero", "mnsf"), cycles, strict=True)
+    ]
+    table = consistency_table(summarize(rows, ["zero", "mnsf"]))
+    assert len(table.header) == columns
+    assert ("there and back (m)" in table.header) == (columns == 4)
+
+
+@pytest.mark.parametrize(
     ("kind", "realtime", "removed", "told"),
     [
         ("objects", None, True, "mnsf, ego-estimated: got sweeps without ground"),
