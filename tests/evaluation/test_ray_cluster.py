@@ -86,15 +86,19 @@ def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatc
 
     monkeypatch.setattr(ray_cluster, "start_mailbox", kept)
     runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
-    failed, num_rows = {}, 0
+    failed, finished, num_rows = {}, set(), 0
     for task, event in ray_cluster.RayCluster("auto")(runs, small.options(SLOW)):
         num_rows += isinstance(event, ResultRow)
         if num_rows == 1 and isinstance(event, ResultRow):
             ray.kill(mailboxes[0])
+        if isinstance(event, Findings):
+            finished.add(task.method)
         if isinstance(event, TaskFailed):
             failed[task.method] = event.reason
     assert num_rows >= 1
-    assert failed.keys() == {*METHODS}
+    # There is room for one task at a time: all the first one has posted may have come at once.
+    assert finished <= {METHODS[0]}
+    assert failed.keys() == {*METHODS} - finished
     assert all("the Ray cluster is lost: Actor" in text for text in failed.values())
 
 
