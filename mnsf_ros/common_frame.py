@@ -11,19 +11,15 @@ import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.rigid_motion import rigid_flow, transformed
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # A point that is faster over ground moves by itself: 0.05 m within a sweep at 10 Hz.
 _DYNAMIC_SPEED_M_S: Final = 0.5
-_USUAL_INTERVAL_S: Final = 0.1
-
-
-def _never() -> bool:
-    return False
 
 
 class TripletEstimator(Protocol):
@@ -38,7 +34,7 @@ class TripletEstimator(Protocol):
         """How it estimates."""
 
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep."""
 
@@ -70,7 +66,7 @@ class CommonFrameEstimator(Generic[Inner]):
         return CommonFrameEstimator(inner, self._poses if still_hold else None)
 
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
@@ -126,7 +122,7 @@ def _over_ground(
     triplet: SweepTriplet, poses: dict[Sweep, SensorPose], motion: NDArray[np.float32]
 ) -> OverGround:
     current, following = poses[triplet.current], poses[triplet.next]
-    interval_s = triplet.interval_s if triplet.interval_s > 0 else _USUAL_INTERVAL_S
+    interval_s = triplet.interval_s if triplet.interval_s > 0 else USUAL_INTERVAL_S
     return OverGround(
         motion=motion,
         dynamic=np.linalg.norm(motion, axis=1) > _DYNAMIC_SPEED_M_S * interval_s,

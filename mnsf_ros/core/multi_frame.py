@@ -8,13 +8,10 @@ from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.estimation_run import EstimationRun
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-
-
-def _never() -> bool:
-    return False
 
 
 class MultiFrameEstimator:
@@ -56,7 +53,7 @@ class MultiFrameEstimator:
         return other
 
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep (section 3 of the paper).
 

@@ -8,6 +8,11 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
+def never() -> bool:
+    """Abandons no estimate: what estimators are asked for unless somebody may close them."""
+    return False
+
+
 class SceneFlowEstimator(Protocol):
     """Estimates the flow of the middle sweep of a triplet.
 

@@ -26,6 +26,7 @@ ALL_POINTS: Final = "all"
 # Methods, by name or how the name begins, that never look at what they did before.
 _STATELESS: Final = ("zero", "ego")
 _STATELESS_PREFIXES: Final = ("file:", "command:")
+_REGISTERING: Final = ("mnsf-objects", "ego-estimated")
 # Those that start each fit from scratch.
 _COLD: Final = ("fnsf", "nsfp", "mnsf-cycle")
 
@@ -166,12 +167,14 @@ class EvaluationOptions:
         """Whether an estimate of a method depends on those before it."""
         if method in _STATELESS or method.startswith(_STATELESS_PREFIXES):
             return False
-        # These register sweep after sweep, whatever the settings of the warm start say.
-        registering = {"mnsf-objects", "ego-estimated"}
-        if self.settings.field.kind == "objects":
-            registering.add("mnsf")
         is_warm = self.settings.warm_start.enabled and not method.startswith(_COLD)
-        return is_warm or self.settings.ego_motion.removed or method in registering
+        is_registering = registers(method, self.settings.field.kind)
+        return is_warm or self.settings.ego_motion.removed or is_registering
+
+
+def registers(method: str, field_kind: str) -> bool:
+    """Whether a method finds the sensor's motion sweep after sweep, whatever else is set."""
+    return method in _REGISTERING or (method == "mnsf" and field_kind == "objects")
 
 
 def num_sweeps_needed(wanted: int, there: int) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from mnsf_ros.evaluation.evaluation_options import num_sweeps_needed
+from mnsf_ros.evaluation.evaluation_options import num_sweeps_needed, registers
 from mnsf_ros.evaluation.findings import SWEEPS_READ
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 
@@ -68,10 +68,8 @@ def _without_ground(run: Mapping[str, Any]) -> Iterator[str]:
     """Methods that lose more by the removal of the ground than the others."""
     identity = run["identity"]
     is_removed = identity["crop_and_ground"]["ground.remove"]
-    registering = {"mnsf-objects", "ego-estimated"}
-    if identity["settings"]["field.kind"] == "objects":
-        registering.add("mnsf")
-    names = [method for method in run["methods"] if method in registering]
+    kind = identity["settings"]["field.kind"]
+    names = [method for method in run["methods"] if registers(method, kind)]
     if names and is_removed and identity["realtime_rate"] is None:
         yield (
             f"{_listed(names)}: got sweeps without ground, as all methods did, and found the "

@@ -51,11 +51,13 @@ def _known_names(paths: Sequence[Path], known: Sequence[Mapping[str, Any]]) -> d
     """The names of recordings that a run has already."""
     left = {record["name"]: record for record in known}
     names: dict[Path, str] = {}
+    # Read once: that is up to some megabytes of each file.
+    contents = {path: _content(path) for path in paths if known}
     # Copies may lie side by side, and another recording where one was before it moved. One that
     # is like none, but lies or is called as one, is for `start_or_resume` to compare.
     for key_of_path, key_of_record in (
-        (lambda path: (_files(path), _content(path)), lambda one: (_files(one["path"]), _of(one))),
-        (_content, _of),
+        (lambda path: (_files(path), contents[path]), lambda one: (_files(one["path"]), _of(one))),
+        (contents.__getitem__, _of),
         (_files, lambda one: _files(one["path"])),
         (_short_name, lambda one: one["name"]),
     ):

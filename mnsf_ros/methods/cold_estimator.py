@@ -9,16 +9,13 @@ import torch
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
-
-
-def _never() -> bool:
-    return False
 
 
 class ColdEstimator:
@@ -58,7 +55,7 @@ class ColdEstimator:
         self._preparation = SweepPreparation(settings)
 
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.errors import CancelledError
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse_motions, judge
@@ -23,10 +24,6 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _POINTS_TO_GUESS: Final = 24
-
-
-def _never() -> bool:
-    return False
 
 
 class ObjectFlowEstimator:
@@ -55,7 +52,7 @@ class ObjectFlowEstimator:
         return other
 
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = _never
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 

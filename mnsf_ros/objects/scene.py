@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,7 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
 from mnsf_ros.sweeps.rigid_motion import turned
-from mnsf_ros.sweeps.sweep import SweepTriplet
-
-# Without stamps nobody knows how fast anything is; lidars turn ten times a second.
-_USUAL_INTERVAL_S: Final = 0.1
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +64,7 @@ class Scene:
     @property
     def usual_interval_s(self) -> float:
         """Time to the next sweep, or what it usually is."""
-        return self.interval_s or _USUAL_INTERVAL_S
+        return self.interval_s or USUAL_INTERVAL_S
 
     def over_ground(
         self,

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import SweepError
 
 NANOSECONDS = 1_000_000_000
+# From sweep to sweep of most lidars, where stamps do not tell.
+USUAL_INTERVAL_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
