@@ -37,14 +37,14 @@ from rich.progress import track
 from rich.table import Table
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.evaluation_options import (
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     EvaluationTask,
     choose_topics,
 )
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.row_json import row_to_json
-from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 

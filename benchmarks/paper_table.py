@@ -30,12 +30,12 @@ from paper_settings import merged_settings, outdated
 from rich.console import Console
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import session_record
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
-from mnsf_ros.evaluation.warm_up import warm_up
+from mnsf_ros.evaluation.task import warm_up
 from mnsf_ros.methods import make_method
 
 

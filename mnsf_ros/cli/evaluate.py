@@ -153,7 +153,7 @@ def _num_points(text: str) -> int | None:
 
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation_run import evaluate
-    from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
+    from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.run_folder import WritingError
 
     settings = preset(options.preset).changed(parse_assignments(options.assignments))

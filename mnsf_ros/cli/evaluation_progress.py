@@ -20,12 +20,12 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from mnsf_ros.evaluation.evaluation_options import EvaluationTask
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluationTask
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import mean
 from mnsf_ros.evaluation.run_folder import TaskKey
-from mnsf_ros.evaluation.task_runs import TaskEvent, TaskFailed, TaskRestarted, TaskRun
+from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted, TaskRun
 
 
 class _SweepRateColumn(TextColumn):

@@ -8,7 +8,7 @@ from typing import Final
 from rich.console import Console
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording
+from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.run_folder import RunFolder
 

@@ -14,22 +14,28 @@ from rich.console import Console
 from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
 from mnsf_ros.cli.evaluation_report import write_run_report
 from mnsf_ros.errors import RecordingError, SettingsError
-from mnsf_ros.evaluation.evaluation_options import (
+from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.notes_text import DAMAGE, NO_EXAMPLE, NO_FLOW
+from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.examples import MAX_SWEEPS
-from mnsf_ros.evaluation.notes_text import DAMAGE, NO_EXAMPLE, NO_FLOW
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.results_tables import main_tables, work_table
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
-from mnsf_ros.evaluation.runner import RunOutcome, plan_runs, run_evaluation
-from mnsf_ros.evaluation.task_runs import Executor, TaskRun, run_serially
-from mnsf_ros.evaluation.tasks import make_estimator
+from mnsf_ros.evaluation.runner import (
+    Executor,
+    RunOutcome,
+    TaskRun,
+    plan_runs,
+    run_evaluation,
+    run_serially,
+)
+from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.methods import method_names
 from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
 from mnsf_ros.recording.inspection import inspect_recording

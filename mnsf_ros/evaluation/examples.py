@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.example import Example
 from mnsf_ros.evaluation.findings import (
     ARRIVALS,
     FRAMES_DIFFER,
@@ -21,20 +20,86 @@ from mnsf_ros.evaluation.findings import (
     TRUTH_WITHOUT_SWEEP,
     Findings,
 )
-from mnsf_ros.evaluation.point_selection import PointSelection
-from mnsf_ros.evaluation.pose_track import PoseTrack
-from mnsf_ros.evaluation.recorded_sweeps import CloudRows
-from mnsf_ros.evaluation.truth_track import TruthTrack
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, PointSelection
+from mnsf_ros.evaluation.pose_track import PoseTrack, recorded_poses
+from mnsf_ros.evaluation.tracks import (
+    CloudRows,
+    TruthTrack,
+    in_stamp_order,
+    recorded_sweeps,
+    truth_clouds,
+)
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import BufferSettings
 from mnsf_ros.sweeps.rigid_motion import residual_flow
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A triplet with what is known about the true flow of its current sweep.
+
+    Attributes:
+        recording: Name of the recording.
+        number: Place of the current sweep in the recording, in stamp order, counted from 0.
+        triplet: The sweeps as every method gets them: finite points, cropped, without ground,
+            sampled if a number of points was asked for.
+        truth: True flow of the points of the current sweep, row for row; None if unknown.
+        next_from_current: (4, 4) rigid motion of the standing world from the current to the next
+            sensor frame, from the recording's odometry; None if unknown.
+        scored: (N,) bool, the points of the current sweep that figures are taken of, the same for
+            all methods; None for all. Where a method prepares sweeps itself, it gets more than
+            these.
+    """
+
+    recording: str
+    number: int
+    triplet: SweepTriplet
+    truth: FlowTruth | None = None
+    next_from_current: NDArray[np.float64] | None = None
+    scored: NDArray[np.bool_] | None = None
+
+
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
 # Half of the points that stand are off by more where odometry and truth contradict each other.
 _MAX_CONTRADICTION_M: Final = 0.1
+
+
+def read_examples(
+    reader: BagReader,
+    recording: EvaluatedRecording,
+    options: EvaluationOptions,
+    findings: Findings,
+) -> Iterator[Example]:
+    """Yields the examples of an open recording in stamp order.
+
+    Args:
+        reader: The recording.
+        recording: Which of its topics to use.
+        options: Which points and triplets to use.
+        findings: Gets what is noticed on the way.
+    """
+    truth = poses = None
+    if recording.truth is not None:
+        clouds = truth_clouds(reader, recording.truth, findings)
+        truth = TruthTrack(clouds, findings, str(reader.path))
+    if recording.odometry is not None:
+        mounted = options.settings.ego_motion
+        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings, mounted))
+    builder = ExampleBuilder(
+        recording.name,
+        options.selection,
+        options.settings.buffer,
+        findings,
+        truth=truth,
+        poses=poses,
+        num_sweeps=options.num_sweeps_in(recording),
+    )
+    sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
+    return builder.examples(in_stamp_order(sweeps))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from msg_utils.point_cloud2 import encode_columns
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mnsf_ros.evaluation.example import Example
+    from mnsf_ros.evaluation.examples import Example
 
 FLOW_TOPIC: Final = "/flow"
 ERROR_TOPIC: Final = "/flow/error"

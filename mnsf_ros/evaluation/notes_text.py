@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from mnsf_ros.evaluation.evaluation_options import num_sweeps_needed, registers
 from mnsf_ros.evaluation.findings import SWEEPS_READ
+from mnsf_ros.evaluation.options import num_sweeps_needed, registers
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 
 # What notes begin with that tell of a recording which was not evaluated as a whole.

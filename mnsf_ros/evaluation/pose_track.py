@@ -13,7 +13,7 @@ from mnsf_ros.ego_motion.pose_interpolation import interpolated_pose
 from mnsf_ros.ego_motion.sensor_mount import robot_from_sensor
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.stamp_order import in_stamp_order
+from mnsf_ros.evaluation.tracks import in_stamp_order
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.poses import matrix_of

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.recorded_sweeps import CloudRows
+from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 PREFIX: Final = "file:"

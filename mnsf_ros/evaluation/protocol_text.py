@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mnsf_ros.evaluation.evaluation_options import ALL_POINTS
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
+from mnsf_ros.evaluation.options import ALL_POINTS
 from mnsf_ros.evaluation.results import MethodSummary
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.examples import Example
 
 Result = TypeVar("Result")
 

@@ -15,9 +15,13 @@ from typing import Any, Final
 import torch
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.evaluation_options import ALL_POINTS, EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.options import (
+    ALL_POINTS,
+    EvaluatedRecording,
+    EvaluationOptions,
+    PointSelection,
+)
 from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.point_selection import PointSelection
 from mnsf_ros.recording.fingerprint import fingerprint
 
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")

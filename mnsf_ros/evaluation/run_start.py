@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import identity, recording_record, session_record
 

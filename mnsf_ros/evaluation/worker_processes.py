@@ -11,10 +11,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Final
 
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.task_runs import (
+from mnsf_ros.evaluation.runner import (
     TaskEvent,
     TaskFailed,
     TaskRestarted,

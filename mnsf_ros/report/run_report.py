@@ -9,7 +9,7 @@ from typing import Any
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording
+from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.prediction_files import PREFIX
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import mean

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.task_runs import Executor, TaskEvent, TaskRun, run_serially, task_events
+from mnsf_ros.evaluation.runner import Executor, TaskEvent, TaskRun, run_serially, task_events
 
 
 def first_examples(number: int | None) -> Executor:

@@ -12,17 +12,16 @@ from matplotlib.figure import Figure
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.evaluation_options import EvaluatedRecording, EvaluationTask
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationTask
 from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.results_files import read_results, write_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.runner import TaskEvent, TaskRun, plan_runs, run_evaluation
 from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.task_runs import TaskEvent, TaskRun
 from mnsf_ros.studies.first_examples import first_examples
 from mnsf_ros.studies.study_examples import study_recordings
 from mnsf_ros.studies.study_options import StudyOptions

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from itertools import islice
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.evaluation_options import (
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
     choose_topics,
 )
-from mnsf_ros.evaluation.example import Example
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.recording_names import recording_names
-from mnsf_ros.evaluation.tasks import read_examples
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.settings import Settings
 
 Say = Callable[[str], None]

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 
-from mnsf_ros.evaluation.evaluation_options import (
+from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     EvaluationTask,
     choose_topics,
 )
-from mnsf_ros.evaluation.recorded_sweeps import CloudRows
 from mnsf_ros.evaluation.row_json import row_to_json
+from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth

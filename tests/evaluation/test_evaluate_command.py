@@ -20,7 +20,7 @@ from mnsf_ros.cli import evaluate, main
 from mnsf_ros.cli.setting_values import parse_assignments
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.task_runs import run_serially
+from mnsf_ros.evaluation.runner import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter
 from msg_utils.point_cloud2 import encode_columns
 

@@ -10,9 +10,8 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path, flow_recorder
 from mnsf_ros.evaluation.run_start import start_or_resume
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
-from mnsf_ros.evaluation.task_runs import run_serially
-from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation, run_serially
+from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.recording.bag_reader import BagReader
 
 

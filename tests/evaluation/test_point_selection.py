@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mnsf_ros.evaluation.point_selection import PointSelection
+from mnsf_ros.evaluation.options import PointSelection
 from mnsf_ros.settings import CropSettings, GroundSettings
 
 CROP = CropSettings(min_range_m=1.0, max_range_m=10.0, min_height_m=-2.0, max_height_m=3.0)

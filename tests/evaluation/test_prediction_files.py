@@ -8,7 +8,7 @@ import small_evaluations as small
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.prediction_files import PredictionFiles
-from mnsf_ros.evaluation.recorded_sweeps import CloudRows
+from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 ROWS = np.array([2, 3, 5])

@@ -7,11 +7,11 @@ import os
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.evaluation import ray_mailbox
+from mnsf_ros.evaluation import ray_cluster
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, TaskRun, run_serially
+from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, TaskRun, run_serially
 
 # Ray's own code warns of this and that.
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -76,12 +76,12 @@ def test_lost_node_costs_time_but_nothing_else(ray, cluster, bag):
 
 def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatch):
     """The mailbox is on the driver's own node: it is gone when that node is."""
-    from mnsf_ros.evaluation import ray_cluster
 
     mailboxes = []
+    start_mailbox = ray_cluster.start_mailbox
 
     def kept(module):
-        mailboxes.append(ray_mailbox.start_mailbox(module))
+        mailboxes.append(start_mailbox(module))
         return mailboxes[-1]
 
     monkeypatch.setattr(ray_cluster, "start_mailbox", kept)

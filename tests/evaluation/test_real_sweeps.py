@@ -10,7 +10,7 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.evaluation.results import summarize
-from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.point_cloud2 import encode_columns

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.example import Example
+from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.realtime import played_in_real_time
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -12,9 +12,9 @@ import pytest
 import small_evaluations as small
 
 import mnsf_ros
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.evaluation.results import mean, summarize
 from mnsf_ros.evaluation.results_files import (

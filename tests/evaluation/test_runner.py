@@ -6,19 +6,24 @@ import small_evaluations as small
 
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation import findings as noticed
-from mnsf_ros.evaluation import tasks
+from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.evaluation_options import (
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_start import start_or_resume
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
-from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, run_serially
-from mnsf_ros.evaluation.tasks import run_task
+from mnsf_ros.evaluation.runner import (
+    TaskFailed,
+    TaskRestarted,
+    plan_runs,
+    run_evaluation,
+    run_serially,
+)
+from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -401,8 +406,8 @@ def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estima
         estimator.estimate = counting
         return estimator
 
-    monkeypatch.setattr(tasks, "make_estimator", counted)
-    monkeypatch.setattr(tasks, "warm_up", lambda method, settings: None)
+    monkeypatch.setattr(task_module, "make_estimator", counted)
+    monkeypatch.setattr(task_module, "warm_up", lambda method, settings: None)
     task = small.task_at(path, method)
     rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
     assert [row.number for row in rows] == [1, 4, 7]

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.evaluation.error_bands import errors_by_band
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.example import Example
-from mnsf_ros.evaluation.scoring import failed_row, scored_row
-from mnsf_ros.evaluation.self_consistency import (
+from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.metrics import errors_by_band
+from mnsf_ros.evaluation.scoring import (
     cycle_distance,
+    failed_row,
     landing_distances,
     reversed_pair,
+    scored_row,
 )
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet

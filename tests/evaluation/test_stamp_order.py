@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from mnsf_ros.evaluation.stamp_order import in_stamp_order
+from mnsf_ros.evaluation.tracks import in_stamp_order
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
 from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose, recorded_poses
-from mnsf_ros.evaluation.truth_track import TruthCloud, TruthTrack
+from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording

@@ -11,7 +11,7 @@ import small_evaluations as small
 
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.task_runs import TaskFailed, TaskRestarted, TaskRun, run_serially
+from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, TaskRun, run_serially
 from mnsf_ros.evaluation.worker_processes import MAX_ATTEMPTS, WorkerProcesses
 
 METHODS = ("fnsf", "mnsf")

@@ -12,7 +12,7 @@ import pytest
 
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.evaluation_options import EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics
 from mnsf_ros.evaluation.row_json import row_to_json
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import start_or_resume

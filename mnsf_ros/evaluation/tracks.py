@@ -1,25 +1,126 @@
-"""The truth of one sweep after the other, read along with them."""
+"""Sweeps of a recording and what belongs to them, read along in the order of their stamps."""
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
-from mnsf_ros.evaluation.stamp_order import REORDER_WINDOW, in_stamp_order
+from mnsf_ros.evaluation.findings import SWEEPS_READ, SWEEPS_UNSTAMPED, TRUTH_UNFIT, Findings
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.readable_messages import readable_messages
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points
+from msg_utils.point_cloud2 import decode_points, decode_xyz
 from msg_utils.stamps import decode_stamp
+
+# Recorders write messages as they receive them; more than this many places off is a jump in time.
+REORDER_WINDOW: Final = 4
+
+
+class HasStamp(Protocol):
+    """Anything with a time."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Integer nanoseconds."""
+
+
+Item = TypeVar("Item", bound=HasStamp)
+
+
+def in_stamp_order(
+    items: Iterable[Item | None], window: int = REORDER_WINDOW
+) -> Iterator[Item | None]:
+    """Yields items by stamp, as far as that takes no more than a small window.
+
+    Args:
+        items: Items, and None wherever some may be missing: nothing moves across it.
+        window: So many items are held back.
+
+    Yields:
+        The same items and Nones. After a jump back in time order begins anew.
+    """
+    waiting: list[tuple[int, int, Item]] = []
+    newest_ns: int | None = None
+    for number, item in enumerate(items):
+        is_too_late = item is not None and newest_ns is not None and item.stamp_ns < newest_ns
+        if item is None or is_too_late:
+            yield from _in_order(waiting)
+            newest_ns = None
+        if item is None:
+            yield None
+            continue
+        heapq.heappush(waiting, (item.stamp_ns, number, item))
+        if len(waiting) > window:
+            newest_ns, _, oldest = heapq.heappop(waiting)
+            yield oldest
+    yield from _in_order(waiting)
+
+
+def _in_order(waiting: list[tuple[int, int, Item]]) -> Iterator[Item]:
+    """Empties the heap."""
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+@dataclass(frozen=True, eq=False)
+class CloudRows:
+    """Where the points of a sweep were in the recorded cloud; the `source` of a recorded sweep.
+
+    Attributes:
+        rows: (N,) row of each point of the sweep, counted row by row in the cloud.
+        num_points: Points of the cloud, also those that are not in the sweep.
+        recording: Name of the recording.
+    """
+
+    rows: NDArray[np.int64]
+    num_points: int
+    recording: str = ""
+
+
+def recorded_sweeps(
+    reader: BagReader, topic: str, recording: str, findings: Findings
+) -> Iterator[Sweep | None]:
+    """Yields the sweeps of a topic as they were received.
+
+    Args:
+        reader: An open recording.
+        topic: Topic of the clouds.
+        recording: Name of the recording.
+        findings: Gets what cannot be read.
+
+    Yields:
+        Sweeps of the finite points, whose `source` is a CloudRows; None where sweeps may be
+        missing.
+    """
+    for item in readable_messages(reader, topic):
+        if isinstance(item, Damage):
+            findings.report(item)
+            yield None
+            continue
+        received_ns, message = item
+        try:
+            xyz, finite = decode_xyz(message)
+            stamp_ns = decode_stamp(message.header.stamp)
+        except MessageError as error:
+            number = findings.counts[SWEEPS_READ]
+            where = f"after {number} sweeps on {topic!r}"
+            findings.report(Damage(str(reader.path), where, f"damaged cloud: {error}"))
+            yield None
+            continue
+        findings.count(SWEEPS_READ)
+        findings.count(SWEEPS_UNSTAMPED, int(stamp_ns == 0))
+        source = CloudRows(np.flatnonzero(finite), len(finite), recording)
+        yield Sweep(xyz, stamp_ns or received_ns, message.header.frame_id, source)
+
 
 # Stamps that went through floating point numbers are off by less, and no lidar is faster.
 _SAME_STAMP_NS: Final = 500_000

@@ -5,36 +5,36 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.evaluation_options import (
-    EvaluatedRecording,
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
+from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     EvaluationTask,
 )
-from mnsf_ros.evaluation.example import Example
-from mnsf_ros.evaluation.examples import ExampleBuilder
-from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
-from mnsf_ros.evaluation.pose_track import PoseTrack, recorded_poses
 from mnsf_ros.evaluation.prediction_files import PREFIX, PredictionFiles
 from mnsf_ros.evaluation.realtime import played_in_real_time
-from mnsf_ros.evaluation.recorded_sweeps import recorded_sweeps
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
-from mnsf_ros.evaluation.scoring import failed_row, scored_points, scored_row
-from mnsf_ros.evaluation.self_consistency import cycle_distance, reversed_pair
-from mnsf_ros.evaluation.stamp_order import in_stamp_order
-from mnsf_ros.evaluation.truth_track import TruthTrack, truth_clouds
-from mnsf_ros.evaluation.warm_up import warm_up
+from mnsf_ros.evaluation.scoring import (
+    cycle_distance,
+    failed_row,
+    reversed_pair,
+    scored_points,
+    scored_row,
+)
 from mnsf_ros.methods import make_method
-from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.methods.command_estimator import CommandEstimator
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 _LOG = logging.getLogger(__name__)
 
@@ -72,40 +72,6 @@ def run_task(
         )
         yield from scorer.rows(wanted, recorder)
     yield findings
-
-
-def read_examples(
-    reader: BagReader,
-    recording: EvaluatedRecording,
-    options: EvaluationOptions,
-    findings: Findings,
-) -> Iterator[Example]:
-    """Yields the examples of an open recording in stamp order.
-
-    Args:
-        reader: The recording.
-        recording: Which of its topics to use.
-        options: Which points and triplets to use.
-        findings: Gets what is noticed on the way.
-    """
-    truth = poses = None
-    if recording.truth is not None:
-        clouds = truth_clouds(reader, recording.truth, findings)
-        truth = TruthTrack(clouds, findings, str(reader.path))
-    if recording.odometry is not None:
-        mounted = options.settings.ego_motion
-        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings, mounted))
-    builder = ExampleBuilder(
-        recording.name,
-        options.selection,
-        options.settings.buffer,
-        findings,
-        truth=truth,
-        poses=poses,
-        num_sweeps=options.num_sweeps_in(recording),
-    )
-    sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
-    return builder.examples(in_stamp_order(sweeps))
 
 
 def make_estimator(method: str, settings: Settings) -> SceneFlowEstimator:
@@ -204,3 +170,38 @@ def _attempted(work: Callable[[], Result]) -> Result | str:
     except Exception as error:  # noqa: BLE001 - methods are other people's code, too
         _LOG.exception("an example failed")
         return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+
+
+_FEW_STEPS: Final = {
+    "optimization.max_iterations": 2,
+    "fusion.max_iterations": 2,
+    "warm_start.enabled": False,
+    # The points below are near.
+    "crop.min_range_m": 0.0,
+}
+
+
+def warm_up(method: str, settings: Settings) -> None:
+    """Lets a method estimate a small triplet once; nothing of it is kept.
+
+    Args:
+        method: Name of the method. Other programs are left alone: they start for every example.
+        settings: How it will estimate.
+
+    Raises:
+        SettingsError: There is no such method, or the settings do not suit it.
+    """
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (256, 3)).astype(np.float32)
+    sweeps = [Sweep(points, stamp_ns=number * 100_000_000) for number in range(5)]
+    triplet = SweepTriplet(
+        previous=sweeps[2],
+        current=sweeps[3],
+        next=sweeps[4],
+        earlier=(sweeps[1], sweeps[0]),
+        next_from_current=np.eye(4),
+    )
+    estimator = make_method(method, settings.changed(_FEW_STEPS))
+    if isinstance(estimator, CommandEstimator):
+        return
+    with suppress(MnsfError):
+        estimator.estimate(triplet)
