@@ -14,8 +14,8 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
+from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.rigid_motion import rigid_flow, transformed
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # A point that is faster over ground moves by itself: 0.05 m within a sweep at 10 Hz.

@@ -12,9 +12,9 @@ from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.estimators import changed_estimator, make_estimator
+from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.sweeps.rigid_motion import rigid_flow, transformed
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()

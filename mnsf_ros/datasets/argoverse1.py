@@ -8,10 +8,10 @@ import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
 from mnsf_ros.datasets.source_files import as_type, files_in, read_json, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse1_class
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 from mnsf_ros.sweeps_io.ply import read_vertices
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from mnsf_ros.datasets.argoverse2_labels import FlowLabels
 from mnsf_ros.datasets.arrow_tables import read_feather
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
 from mnsf_ros.datasets.source_files import as_type, files_in, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse2_class
+from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mnsf_ros.simulation.transforms import apply, invert
+from mnsf_ros.geometry.transforms import apply, invert
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

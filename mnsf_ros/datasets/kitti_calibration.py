@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import reading
-from mnsf_ros.simulation.transforms import apply
+from mnsf_ros.geometry.transforms import apply, rigid_pose
 
 if TYPE_CHECKING:
     from pathlib import Path

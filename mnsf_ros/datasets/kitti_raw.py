@@ -12,7 +12,7 @@ from mnsf_ros.datasets.kitti_calibration import CameraView, read_camera_view, re
 from mnsf_ros.datasets.kitti_tracklets import read_tracklets
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import files_in, read_float_rows, reading, stamp_in
-from mnsf_ros.simulation.transforms import invert, planar_pose, tilt
+from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,7 +11,7 @@ import numpy as np
 from mnsf_ros.datasets.labelled_sweep import Box
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import kitti_class
-from mnsf_ros.simulation.transforms import planar_pose
+from mnsf_ros.geometry.transforms import planar_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

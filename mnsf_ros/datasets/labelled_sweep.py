@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.recording.poses import is_rigid
-from mnsf_ros.simulation.transforms import FloatArray
+from mnsf_ros.geometry.transforms import FloatArray, is_rigid
 
 # Farther than any lidar sees; such numbers come from damaged files.
 _FARTHEST_M: Final = 1e6

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import as_type, files_in, read_json, read_npz, reading
 from mnsf_ros.datasets.surface_classes import kitti_class
-from mnsf_ros.simulation.transforms import planar_pose
+from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mnsf_ros.datasets.labelled_sweep import Box
-from mnsf_ros.simulation.transforms import FloatArray, invert
+from mnsf_ros.geometry.transforms import FloatArray, invert
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,10 +11,9 @@ import numpy as np
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.json_rows import json_rows
 from mnsf_ros.datasets.nuscenes_boxes import Annotation, Keyframe
-from mnsf_ros.datasets.poses import poses_from_quaternions, rigid_pose
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import nuscenes_class
-from mnsf_ros.simulation.transforms import FloatArray
+from mnsf_ros.geometry.transforms import FloatArray, poses_from_quaternions, rigid_pose
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -10,10 +10,10 @@ import numpy as np
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.open_scene_flow_poses import LidarTrack
-from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import as_type, reading, require
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
+from mnsf_ros.geometry.transforms import rigid_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

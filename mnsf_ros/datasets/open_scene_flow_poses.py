@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mnsf_ros.simulation.transforms import FloatArray, invert
+from mnsf_ros.geometry.transforms import FloatArray, invert
 
 # A lidar 1 m before the axis about which a vehicle turns goes so far astray at 1° per second.
 _SAME_PLACE_M: Final = 2e-3

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.boxes import box_of_points
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
+from mnsf_ros.geometry.transforms import FloatArray, invert
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import GroundSettings
-from mnsf_ros.simulation.transforms import FloatArray, invert
 from mnsf_ros.sweeps.ground import ground_mask
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 
 if TYPE_CHECKING:
     from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep

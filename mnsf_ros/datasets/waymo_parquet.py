@@ -10,7 +10,6 @@ import numpy as np
 from mnsf_ros.datasets.arrow_tables import parquet_groups, read_parquet
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.poses import rigid_pose
 from mnsf_ros.datasets.source_files import files_in, reading
 from mnsf_ros.datasets.surface_classes import waymo_class
 from mnsf_ros.datasets.waymo_range_image import (
@@ -20,7 +19,7 @@ from mnsf_ros.datasets.waymo_range_image import (
     shaped,
     waymo_sweep,
 )
-from mnsf_ros.simulation.transforms import planar_pose
+from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep
 from mnsf_ros.datasets.source_files import as_type
-from mnsf_ros.simulation.transforms import FloatArray, apply, invert
+from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.ego_motion.pose_interpolation import interpolated_pose
 from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
+from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 

@@ -21,18 +21,20 @@ from mnsf_ros.evaluation.findings import (
     Findings,
 )
 from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, PointSelection
-from mnsf_ros.evaluation.pose_track import PoseTrack, recorded_poses
 from mnsf_ros.evaluation.tracks import (
     CloudRows,
     TruthTrack,
     in_stamp_order,
+    recorded_poses,
     recorded_sweeps,
     truth_clouds,
 )
+from mnsf_ros.geometry.pose_track import PoseTrack
+from mnsf_ros.geometry.rigid_motion import residual_flow
+from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import BufferSettings
-from mnsf_ros.sweeps.rigid_motion import residual_flow
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
@@ -87,8 +89,8 @@ def read_examples(
         clouds = truth_clouds(reader, recording.truth, findings)
         truth = TruthTrack(clouds, findings, str(reader.path))
     if recording.odometry is not None:
-        mounted = options.settings.ego_motion
-        poses = PoseTrack(recorded_poses(reader, recording.odometry, findings, mounted))
+        recorded = recorded_poses(reader, recording.odometry, findings)
+        poses = PoseTrack(recorded, sensor_mount(options.settings.ego_motion))
     builder = ExampleBuilder(
         recording.name,
         options.selection,
@@ -219,7 +221,7 @@ class ExampleBuilder:
             self._findings.count(SWEEPS_WITHOUT_POSE)
             return None
         self._findings.count(FRAMES_DIFFER, int(pose.frame_id not in ("", sweep.frame_id)))
-        return pose.world_from_sensor
+        return pose.world_from_frame
 
     def _is_accepted(self, selected: SelectedSweep) -> bool:
         arrival = self._buffer.push(selected.sweep, self._settings)

@@ -25,8 +25,8 @@ from mnsf_ros.evaluation.metrics import (
     errors_by_band,
 )
 from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 # Argoverse 2 counts motion per sweep of this length.

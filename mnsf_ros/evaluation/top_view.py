@@ -23,7 +23,7 @@ from mnsf_ros.evaluation.top_view_panel import (
     draw_panel,
     full_speed,
 )
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
 _DPI: Final = 100
 _WIDTH_PX: Final = 1600

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import SWEEPS_READ, SWEEPS_UNSTAMPED, TRUTH_UNFIT, Findings
+from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -120,6 +122,41 @@ def recorded_sweeps(
         findings.count(SWEEPS_UNSTAMPED, int(stamp_ns == 0))
         source = CloudRows(np.flatnonzero(finite), len(finite), recording)
         yield Sweep(xyz, stamp_ns or received_ns, message.header.frame_id, source)
+
+
+def recorded_poses(
+    reader: BagReader, topic: str, findings: Findings
+) -> Iterator[StampedPose | None]:
+    """Returns the poses of a nav_msgs/Odometry topic in stamp order.
+
+    None stands where some may be missing.
+
+    Args:
+        reader: An open recording.
+        topic: The topic.
+        findings: Gets what cannot be read.
+    """
+    return in_stamp_order(_received_poses(reader, topic, findings))
+
+
+def _received_poses(
+    reader: BagReader, topic: str, findings: Findings
+) -> Iterator[StampedPose | None]:
+    for number, item in enumerate(readable_messages(reader, topic)):
+        if isinstance(item, Damage):
+            findings.report(item)
+            yield None
+            continue
+        message = item[1]
+        try:
+            stamp_ns = decode_stamp(message.header.stamp)
+            pose = pose_matrix(message.pose.pose)
+        except MessageError as error:
+            where = f"message {number} on {topic!r}"
+            findings.report(Damage(str(reader.path), where, str(error)))
+            yield None
+            continue
+        yield StampedPose(stamp_ns, pose, message.child_frame_id)
 
 
 # Stamps that went through floating point numbers are off by less, and no lidar is faster.

@@ -8,8 +8,8 @@ import torch
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.rigid_motion import rigid_flow
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CPU = torch.device("cpu")

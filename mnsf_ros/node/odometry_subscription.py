@@ -10,8 +10,9 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from mnsf_ros.ego_motion.odometry_track import OdometryTrack
-from mnsf_ros.node.pose_messages import pose_from_message
+from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
+from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.errors import MessageError
@@ -50,7 +51,7 @@ class OdometrySubscription:
 
     def change_settings(self, settings: EgoMotionSettings) -> None:
         """Lets other settings hold; what was heard before is forgotten."""
-        self._track = OdometryTrack(settings)
+        self._track = PoseTrack(mount=sensor_mount(settings))
         is_wanted = settings.source == "odometry"
         if is_wanted and self._subscription is None:
             self._subscription = self._node.create_subscription(
@@ -62,16 +63,17 @@ class OdometrySubscription:
 
     def located(self, sweep: Sweep) -> Sweep:
         """The sweep with the sensor's pose by odometry, if that is known."""
-        pose = self._track.sensor_pose_at(sweep.stamp_ns)
-        return sweep if pose is None else replace(sweep, odometry=pose)
+        pose = self._track.pose_at(sweep.stamp_ns)
+        return sweep if pose is None else replace(sweep, odometry=pose.world_from_frame)
 
     def _on_message(self, message: Odometry) -> None:
         try:
-            stamp_ns, pose = decode_stamp(message.header.stamp), pose_from_message(message)
+            stamp_ns = decode_stamp(message.header.stamp)
             if stamp_ns == 0:
-                raise MessageError("odometry: got no stamp, expected the time of the pose")
+                raise MessageError("no stamp, expected the time of the pose")
+            pose = StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
         except MessageError as error:
             self._on_bad(UNDECODABLE, str(error))
             return
-        if not self._track.add(stamp_ns, pose):
-            self._on_bad(OUT_OF_ORDER, f"odometry: {stamp_ns} is not after the last stamp")
+        if not self._track.add(pose):
+            self._on_bad(OUT_OF_ORDER, f"stamp {stamp_ns} is not after the last one")

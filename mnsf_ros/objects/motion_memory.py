@@ -12,11 +12,11 @@ from scipy.spatial import cKDTree
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.rigid_motion import transformed, turned
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 
 # How far back an object is followed: three sweeps at 10 Hz. A pedestrian has then moved by more

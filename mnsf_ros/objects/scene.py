@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import OverGround, Start
 from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.objects.confidence import (
     doubtful_confidence,
     moving_confidence,
@@ -19,7 +20,6 @@ from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
-from mnsf_ros.sweeps.rigid_motion import turned
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
 

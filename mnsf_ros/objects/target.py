@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.sweeps.rigid_motion import transformed, turned
 
 # Farther than this a point is simply unexplained.
 _TRUNCATION_M: Final = 0.5

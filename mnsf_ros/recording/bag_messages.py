@@ -20,7 +20,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     std_msgs__msg__Header,
 )
 
-from mnsf_ros.recording.poses import quaternion_of
+from mnsf_ros.geometry.pose_messages import pose_quaternion
 from msg_utils.stamps import encode_stamp
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ def odometry_message(
         child_frame_id: The moving frame.
 
     Raises:
-        MessageError: The stamp does not fit a ROS message.
+        MessageError: The stamp does not fit a ROS message, or the pose is no rigid motion.
     """
     x, y, z = (float(value) for value in pose[:3, 3])
-    qx, qy, qz, qw = quaternion_of(pose)
+    qx, qy, qz, qw = pose_quaternion(pose)
     return nav_msgs__msg__Odometry(
         header=_header(stamp_ns, frame_id),
         child_frame_id=child_frame_id,

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
+from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.recording.poses import matrix_of
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
@@ -114,8 +114,8 @@ def read_sensor_poses(
     for message in reader.messages(topic):
         stamp_ns = _stamp(reader, topic, message)
         try:
-            poses[stamp_ns] = matrix_of(message.pose.pose)
-        except RecordingError as error:
+            poses[stamp_ns] = pose_matrix(message.pose.pose)
+        except MessageError as error:
             where = f"{reader.path}: {topic!r} at stamp {stamp_ns}"
             raise RecordingError(f"{where}: {error}") from error
     return dict(sorted(poses.items()))

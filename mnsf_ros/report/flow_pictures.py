@@ -21,9 +21,9 @@ from mnsf_ros.evaluation.top_view_panel import (
     draw_panel,
     full_speed,
 )
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 from mnsf_ros.report.error_map import draw_error_map, draw_error_scale
 from mnsf_ros.report.pictured import PicturedExample, PicturedFlow
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow
 
 _DPI: Final = 100
 _HEIGHT_PX: Final = 476

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from mnsf_ros.simulation.routes import Trip
 
 if TYPE_CHECKING:
+    from mnsf_ros.geometry.transforms import FloatArray
     from mnsf_ros.simulation.shapes import Shape
-    from mnsf_ros.simulation.transforms import FloatArray
 
 
 class SurfaceClass(IntEnum):

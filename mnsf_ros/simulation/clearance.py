@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from mnsf_ros.geometry.transforms import FloatArray
     from mnsf_ros.simulation.routes import Trip
-    from mnsf_ros.simulation.transforms import FloatArray
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from mnsf_ros.simulation.street import LANE_LATERAL_M, Crossing, Street
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mnsf_ros.geometry.transforms import FloatArray
     from mnsf_ros.simulation.ego import Stop
-    from mnsf_ros.simulation.transforms import FloatArray
 
 _SIDE_REACH_M = 70.0
 _STEP_M = 0.25

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mnsf_ros.geometry.transforms import FloatArray, planar_pose, tilt
 from mnsf_ros.simulation.routes import SpeedProfile, Trip
-from mnsf_ros.simulation.transforms import FloatArray, planar_pose, tilt
 
 SENSOR_HEIGHT_M = 1.73
 EGO_LENGTH_M = 4.4

@@ -12,7 +12,7 @@ from mnsf_ros.simulation.street import CURB_HEIGHT_M, Street
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mnsf_ros.simulation.transforms import FloatArray
+    from mnsf_ros.geometry.transforms import FloatArray
 
 _BISECTIONS = 14
 

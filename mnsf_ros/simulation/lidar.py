@@ -13,7 +13,7 @@ from mnsf_ros.simulation.shapes import Directions, Shape, entry_ranges
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mnsf_ros.simulation.transforms import FloatArray
+    from mnsf_ros.geometry.transforms import FloatArray
 
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
 MIN_RANGE_M = 0.9

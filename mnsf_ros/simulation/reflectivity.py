@@ -12,7 +12,7 @@ from mnsf_ros.simulation.street import PARKING_LATERAL_M, Street
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mnsf_ros.simulation.transforms import FloatArray
+    from mnsf_ros.geometry.transforms import FloatArray
 
 _ASPHALT, _SIDEWALK, _PAINT = 22.0, 48.0, 150.0
 _SPECKLE = 5.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mnsf_ros.simulation.transforms import FloatArray, planar_pose
+from mnsf_ros.geometry.transforms import FloatArray, planar_pose
 
 
 @dataclass(frozen=True)

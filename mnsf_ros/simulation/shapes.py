@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mnsf_ros.simulation.transforms import FloatArray, planar_pose
+from mnsf_ros.geometry.transforms import FloatArray, planar_pose
 
 Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 

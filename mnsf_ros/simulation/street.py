@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mnsf_ros.geometry.transforms import FloatArray, planar_pose
 from mnsf_ros.simulation.routes import Route
-from mnsf_ros.simulation.transforms import FloatArray, planar_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

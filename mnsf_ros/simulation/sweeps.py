@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.simulation.bodies import SurfaceClass
 from mnsf_ros.simulation.ground import ground_hits
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.reflectivity import intensities
 from mnsf_ros.simulation.scene import Scene, build_scene
-from mnsf_ros.simulation.transforms import FloatArray, apply, invert
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

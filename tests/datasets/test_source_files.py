@@ -9,7 +9,6 @@ from tiny_protobuf import field, varint
 
 from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.json_rows import json_rows
-from mnsf_ros.datasets.poses import poses_from_quaternions
 from mnsf_ros.datasets.protobuf_wire import WireMessage
 from mnsf_ros.datasets.source_files import require
 from mnsf_ros.datasets.surface_classes import (
@@ -20,6 +19,7 @@ from mnsf_ros.datasets.surface_classes import (
     nuscenes_class,
     waymo_class,
 )
+from mnsf_ros.geometry.transforms import poses_from_quaternions
 
 
 @pytest.mark.parametrize("module", ["pyarrow.feather", "h5py"])

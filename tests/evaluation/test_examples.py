@@ -13,9 +13,9 @@ from mnsf_ros.evaluation import findings as noticed
 from mnsf_ros.evaluation.examples import ExampleBuilder, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import PointSelection
-from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose
 from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
+from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import BufferSettings
 from mnsf_ros.sweeps.sweep_buffer import Arrival

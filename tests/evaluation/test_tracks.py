@@ -10,8 +10,9 @@ import small_evaluations as small
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
-from mnsf_ros.evaluation.pose_track import PoseTrack, StampedPose, recorded_poses
-from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
+from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack, recorded_poses
+from mnsf_ros.geometry.pose_track import PoseTrack
+from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
@@ -79,72 +80,12 @@ def test_truth_of_another_number_of_rows_is_reported_and_not_used():
     assert take(track, 1) == (small.stamp(1), 0)
 
 
-def pose(seconds, x, yaw=0.0):
-    matrix = np.eye(4)
-    matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    matrix[0, 3] = x
-    return StampedPose(round(seconds * 1e9), matrix, "lidar")
-
-
-def pose_at(track, seconds):
-    found = track.pose_at(round(seconds * 1e9))
-    return None if found is None else found.world_from_sensor
-
-
-def test_pose_of_the_same_stamp_is_taken_as_it_is():
-    poses = [pose(0.1 * number, number) for number in range(4)]
-    track = PoseTrack(poses)
-    for expected in poses:
-        assert track.pose_at(expected.stamp_ns) is expected
-
-
-def test_pose_between_two_is_between_them():
-    track = PoseTrack([pose(0.0, 1.0, yaw=0.0), pose(0.2, 3.0, yaw=0.4)])
-    found = pose_at(track, 0.05)
-    assert found[0, 3] == pytest.approx(1.5)
-    assert np.arctan2(found[1, 0], found[0, 0]) == pytest.approx(0.1)
-    assert found[3].tolist() == [0, 0, 0, 1]
-
-
-def test_no_pose_outside_and_in_long_gaps():
-    track = PoseTrack([pose(1.0, 0.0), pose(1.1, 1.0), pose(2.0, 2.0)])
-    assert pose_at(track, 0.9) is None
-    assert pose_at(track, 1.05)[0, 3] == pytest.approx(0.5)
-    assert pose_at(track, 1.5) is None
-    assert pose_at(track, 2.0)[0, 3] == 2.0
-    assert pose_at(track, 2.1) is None
-
-
-def test_no_pose_where_damage_took_some():
-    track = PoseTrack([pose(1.0, 0.0), pose(1.1, 1.0), None, pose(1.3, 3.0), pose(1.4, 4.0)])
-    assert pose_at(track, 1.05)[0, 3] == pytest.approx(0.5)
-    assert pose_at(track, 1.2) is None
-    assert pose_at(track, 1.3)[0, 3] == 3.0
-    assert pose_at(track, 1.35)[0, 3] == pytest.approx(3.5)
-
-
-def test_poses_of_the_second_round_of_a_loop():
-    times = [10.0, 10.1, 10.2, 10.3, 10.4, 10.5, 1.0, 1.1, 1.2]
-    track = PoseTrack([pose(time, time) for time in times])
-    assert [pose_at(track, time)[0, 3] for time in times] == times
-
-
-def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses():
-    track = PoseTrack([pose(1000 + 0.1 * number, number) for number in range(200)])
-    assert pose_at(track, 1001.0)[0, 3] == 10
-    assert pose_at(track, 5.0) is None
-    assert pose_at(track, 1000.9) is None
-    assert pose_at(track, 1010.0)[0, 3] == 100
-
-
 def test_poses_of_a_recording(tmp_path):
     path = small.write_recording(tmp_path / "drive", 4)
     with inspect_recording(path).open() as reader:
-        found = list(recorded_poses(reader, "/truth/odometry", Findings(), EgoMotionSettings()))
+        found = list(recorded_poses(reader, "/truth/odometry", Findings()))
     assert [item.stamp_ns for item in found] == [small.stamp(i) for i in range(4)]
-    assert np.allclose(
-        [item.world_from_sensor for item in found], [small.pose(i) for i in range(4)]
-    )
+    assert np.allclose([item.world_from_frame for item in found], [small.pose(i) for i in range(4)])
     assert {item.frame_id for item in found} == {"lidar"}
 
 
@@ -152,10 +93,12 @@ def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     path = small.write_recording(tmp_path / "drive", 3)
     mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)
     with inspect_recording(path).open() as reader:
-        found = list(recorded_poses(reader, "/truth/odometry", Findings(), mount))
+        poses = recorded_poses(reader, "/truth/odometry", Findings())
+        track = PoseTrack(poses, sensor_mount(mount))
+        found = [track.pose_at(small.stamp(index)) for index in range(3)]
     expected = [[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]
     for index, item in enumerate(found):
-        assert np.allclose(item.world_from_sensor, small.pose(index) @ expected)
+        assert np.allclose(item.world_from_frame, small.pose(index) @ expected)
     assert {item.frame_id for item in found} == {""}
 
 
@@ -293,7 +236,22 @@ def test_damage_of_odometry_says_which_message(tmp_path):
             raw = typestore.serialize_cdr(message, kind)
             writer.write_raw("/odometry", kind, small.stamp(index), raw)
     with inspect_recording(tmp_path / "drive").open() as reader:
-        found = list(recorded_poses(reader, "/odometry", findings, EgoMotionSettings()))
+        found = list(recorded_poses(reader, "/odometry", findings))
     assert [item is None for item in found] == [False, True, False, True]
     positions = [damage.position for damage in findings.damages]
     assert positions == ["message 1 on '/odometry'", "message 3 on '/odometry'"]
+
+
+def test_quaternion_that_is_a_little_off_is_normalised_as_live(tmp_path):
+    typestore, kind = get_typestore(Stores.ROS2_JAZZY), "nav_msgs/msg/Odometry"
+    message = odometry_message(small.pose(0), small.stamp(0), "odom", "lidar")
+    for axis in "xyzw":
+        value = getattr(message.pose.pose.orientation, axis)
+        setattr(message.pose.pose.orientation, axis, 1.002 * value)
+    with BagWriter(tmp_path / "drive") as writer:
+        writer.write_raw("/odometry", kind, small.stamp(0), typestore.serialize_cdr(message, kind))
+    findings = Findings()
+    with inspect_recording(tmp_path / "drive").open() as reader:
+        (found,) = recorded_poses(reader, "/odometry", findings)
+    np.testing.assert_allclose(found.world_from_frame, small.pose(0), atol=1e-9)
+    assert not findings.damages

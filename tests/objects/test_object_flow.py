@@ -10,9 +10,9 @@ from box_street import BoxStreet, pose, stamp_ns, triplets_of, unrelated_sweep
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.rigid_motion import rigid_flow
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()

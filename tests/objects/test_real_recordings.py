@@ -10,8 +10,8 @@ import pytest
 
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
 from mnsf_ros.estimators import make_estimator
+from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.rigid_motion import rigid_flow
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[3] / "shared" / "data"))

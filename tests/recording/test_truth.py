@@ -165,7 +165,7 @@ def test_pose_that_is_no_rigid_motion_is_not_written(tmp_path, pose):
 
 
 @pytest.mark.parametrize(
-    ("factor", "text"), [(0.0, "length 0, expected 1"), (2.0, "length 2"), (np.nan, "not finite")]
+    ("factor", "text"), [(0.0, "norm 0, expected 1"), (2.0, "norm 2,"), (np.nan, "norm nan")]
 )
 def test_pose_that_is_none_is_refused(tmp_path, factor, text):
     with BagWriter(tmp_path / "bag") as writer:

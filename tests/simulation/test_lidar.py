@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
 from mnsf_ros.simulation.shapes import Shape, ShapeKind, box, entry_ranges
-from mnsf_ros.simulation.transforms import invert, planar_pose, tilt
 
 FULL = (slice(None), slice(None))
 

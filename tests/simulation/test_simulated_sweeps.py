@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial import cKDTree
 from slow_geometry import signed_distance
 
+from mnsf_ros.geometry.transforms import apply, invert
 from mnsf_ros.simulation.bodies import SurfaceClass
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import CURB_HEIGHT_M
 from mnsf_ros.simulation.sweeps import FIRST_STAMP_NS, SweepSimulator, simulate_sweeps
-from mnsf_ros.simulation.transforms import apply, invert
 
 SMALL = SimulationSettings(seed=5, num_beams=16, num_columns=300)
 EXACT = replace(SMALL, range_noise_m=0.0, dropout=0.0)

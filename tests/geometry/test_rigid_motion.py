@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.sweeps.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 
 
 def make_motion(seed=0, max_angle=0.1, max_way=2.0):

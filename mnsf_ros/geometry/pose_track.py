@@ -1,0 +1,157 @@
+"""The poses of the last minutes, and the pose at the stamp of a sweep."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.transforms import interpolated_pose
+
+_MAX_POSES: Final = 2000
+# A robot that brakes with 4 m/s² is then .045 m from where the interpolation puts it.
+_MAX_GAP_NS: Final = 300_000_000
+# A sweep may be decoded before the odometry of its time arrives: this far the motion is
+# extrapolated ...
+_MAX_AHEAD_NS: Final = 100_000_000
+# ... from poses this far apart: the noise of neighbouring poses would grow with the way ahead.
+_MIN_BASE_NS: Final = 50_000_000
+# A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
+_JUMP_NS: Final = 1_000_000_000
+# Poses from before such a jump that may still be unread after it.
+_MAX_LEFTOVERS: Final = 50
+
+
+@dataclass(frozen=True, eq=False)
+class StampedPose:
+    """A pose with its time.
+
+    Attributes:
+        stamp_ns: Integer nanoseconds.
+        world_from_frame: (4, 4) float64.
+        frame_id: The moving frame, as the message names it.
+    """
+
+    stamp_ns: int
+    world_from_frame: NDArray[np.float64]
+    frame_id: str = ""
+
+
+class PoseTrack:
+    """Finds the pose of the sensor at a stamp. Not for use from several threads at once.
+
+    Poses come by `add`, as live, or are read from a recording as far ahead as a stamp needs them.
+    Memory is bounded: the last 2000 poses are kept.
+    """
+
+    def __init__(
+        self,
+        recorded: Iterable[StampedPose | None] = (),
+        mount: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Starts without a pose.
+
+        Args:
+            recorded: Poses to read on the way, in stamp order; None where some may be missing.
+            mount: (4, 4) frame_from_sensor, where the sensor is in the moving frame of the poses;
+                None if the poses are those of the sensor.
+        """
+        self._recorded = iter(recorded)
+        is_mounted = mount is not None and not np.array_equal(mount, np.eye(4))
+        self._mount = mount if is_mounted else None
+        self._poses: deque[StampedPose] = deque(maxlen=_MAX_POSES)
+        self._stamps_ns: deque[int] = deque(maxlen=_MAX_POSES)
+        self._last_asked_ns: int | None = None
+
+    def add(self, pose: StampedPose) -> bool:
+        """Takes a pose; returns False if it is not newer than the last one and is left out.
+
+        A pose more than a second older is of a clock that jumped: all before it is forgotten.
+        """
+        if self._stamps_ns and pose.stamp_ns < self._stamps_ns[-1] - _JUMP_NS:
+            self._forget()
+        if self._stamps_ns and pose.stamp_ns <= self._stamps_ns[-1]:
+            return False
+        self._stamps_ns.append(pose.stamp_ns)
+        self._poses.append(pose)
+        return True
+
+    def pose_at(self, stamp_ns: int) -> StampedPose | None:
+        """Returns the pose of the sensor at a stamp; None where no poses are near.
+
+        Between poses up to 0.3 s apart it is interpolated, up to 0.1 s after a pose extrapolated.
+        The pose of a mounted sensor has no frame_id.
+        """
+        self._read_to(stamp_ns)
+        pose = self._found(stamp_ns)
+        if pose is None or self._mount is None:
+            return pose
+        return StampedPose(stamp_ns, pose.world_from_frame @ self._mount)
+
+    def _forget(self) -> None:
+        self._stamps_ns.clear()
+        self._poses.clear()
+
+    def _read_to(self, stamp_ns: int) -> None:
+        last_ns, self._last_asked_ns = self._last_asked_ns, stamp_ns
+        if last_ns is not None and stamp_ns < last_ns - _JUMP_NS:
+            # Time jumped back. Not past all poses: a single sweep with a wrong stamp must not cost
+            # the others theirs.
+            for _ in range(_MAX_LEFTOVERS):
+                if not self._is_newest_after(stamp_ns + _JUMP_NS) or not self._read_one():
+                    break
+        while not self._is_newest_after(stamp_ns - 1) and self._read_one():
+            pass
+
+    def _is_newest_after(self, stamp_ns: int) -> bool:
+        return bool(self._stamps_ns) and self._stamps_ns[-1] > stamp_ns
+
+    def _read_one(self) -> bool:
+        """Whether there was something to read."""
+        for pose in self._recorded:
+            if pose is None:
+                # Nobody knows how the sensor moved where poses are missing.
+                self._forget()
+            else:
+                self.add(pose)
+            return True
+        return False
+
+    def _found(self, stamp_ns: int) -> StampedPose | None:
+        after = bisect_left(self._stamps_ns, stamp_ns)
+        if after == len(self._poses):
+            return self._extrapolated(after - 1, stamp_ns)
+        if self._stamps_ns[after] == stamp_ns:
+            return self._poses[after]
+        if after == 0:
+            return None
+        if self._gap_ns(after - 1, after) > _MAX_GAP_NS:
+            return self._extrapolated(after - 1, stamp_ns)
+        return self._on_line(after - 1, after, stamp_ns)
+
+    def _extrapolated(self, last: int, stamp_ns: int) -> StampedPose | None:
+        """The pose a moment after a pose, if there is one near before that, too."""
+        if last < 1 or stamp_ns - self._stamps_ns[last] > _MAX_AHEAD_NS:
+            return None
+        base = bisect_right(self._stamps_ns, self._stamps_ns[last] - _MIN_BASE_NS) - 1
+        if base < 0 or self._gap_ns(base, last) > _MAX_GAP_NS:
+            # The poses just before are preceded by a gap, or by nothing.
+            base += 1
+        base = min(base, last - 1)
+        if self._gap_ns(base, last) > _MAX_GAP_NS:
+            return None
+        return self._on_line(base, last, stamp_ns)
+
+    def _gap_ns(self, first: int, second: int) -> int:
+        return self._stamps_ns[second] - self._stamps_ns[first]
+
+    def _on_line(self, first: int, second: int, stamp_ns: int) -> StampedPose:
+        share = (stamp_ns - self._stamps_ns[first]) / self._gap_ns(first, second)
+        before, after = self._poses[first], self._poses[second]
+        pose = interpolated_pose(before.world_from_frame, after.world_from_frame, share)
+        return StampedPose(stamp_ns, pose, after.frame_id)

@@ -1,0 +1,133 @@
+"""Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:
+    from mnsf_ros.settings import EgoMotionSettings
+
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
+
+_RIGID_TOLERANCE: Final = 1e-3
+
+
+def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
+    """Returns the (4, 4) pose at (x, y, z) in metres, turned by `yaw` radians about +z."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array(
+        [[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]]
+    )
+
+
+def tilt(pitch: float, roll: float) -> FloatArray:
+    """Returns the (4, 4) rotation by `roll` about x, then by `pitch` about y, in radians."""
+    cos_p, sin_p = math.cos(pitch), math.sin(pitch)
+    cos_r, sin_r = math.cos(roll), math.sin(roll)
+    about_y = np.array([[cos_p, 0.0, sin_p], [0.0, 1.0, 0.0], [-sin_p, 0.0, cos_p]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cos_r, -sin_r], [0.0, sin_r, cos_r]])
+    pose = np.eye(4)
+    pose[:3, :3] = about_y @ about_x
+    return pose
+
+
+def sensor_mount(settings: EgoMotionSettings) -> NDArray[np.float64]:
+    """Returns the (4, 4) robot_from_sensor that the settings describe.
+
+    The robot is the moving frame of the odometry. Angles are yaw, then pitch, then roll.
+    """
+    pose = np.eye(4)
+    angles_deg = (settings.sensor_yaw_deg, settings.sensor_pitch_deg, settings.sensor_roll_deg)
+    pose[:3, :3] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
+    pose[:3, 3] = settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m
+    return pose
+
+
+def invert(pose: FloatArray) -> FloatArray:
+    """Returns the inverse of a rigid (4, 4) transform."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = pose[:3, :3].T
+    inverse[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return inverse
+
+
+def apply(pose: FloatArray, points: FloatArray) -> FloatArray:
+    """Returns (N, 3) points transformed by a (4, 4) matrix."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def interpolated_pose(
+    first: NDArray[np.float64], second: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    """Returns the pose between two poses, or beyond one, at constant velocity and turn rate.
+
+    Args:
+        first: (4, 4), the pose at share 0.
+        second: (4, 4), the pose at share 1.
+        share: Where between them; below 0 and above 1 the motion is extrapolated.
+
+    Returns:
+        (4, 4).
+    """
+    turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
+    pose = np.eye(4)
+    pose[:3, :3] = first[:3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
+    pose[:3, 3] = (1.0 - share) * first[:3, 3] + share * second[:3, 3]
+    return pose
+
+
+def is_rigid(pose: FloatArray) -> bool:
+    """Whether a matrix is (4, 4), finite, and made of a rotation and a translation only."""
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        return False
+    turn = pose[:3, :3].astype(np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        excess = np.abs(turn @ turn.T - np.eye(3)).max()
+        last_row = np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).max()
+        # The axes of a mirrored frame are orthogonal, too.
+        is_proper = np.linalg.det(turn) > 0
+    return bool(excess <= _RIGID_TOLERANCE and last_row <= _RIGID_TOLERANCE and is_proper)
+
+
+def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
+    """Returns 16 numbers, row by row, as a (4, 4) float64 pose.
+
+    Raises:
+        ValueError: If the count differs, or they are not a rotation and a translation.
+    """
+    pose = np.asarray(numbers, dtype=np.float64).reshape(4, 4)
+    if not is_rigid(pose):
+        raise ValueError(f"pose is no rigid motion: {pose.tolist()}")
+    return pose
+
+
+def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[np.float64]:
+    """Returns the transforms with these rotations and translations.
+
+    Args:
+        wxyz: (..., 4) quaternions, the real part first, of any length but 0.
+        translations: (..., 3) metres.
+
+    Returns:
+        (..., 4, 4) float64.
+
+    Raises:
+        ValueError: If a shape differs or a quaternion is 0.
+    """
+    quaternions = np.asarray(wxyz, dtype=np.float64)
+    positions = np.asarray(translations, dtype=np.float64)
+    if quaternions.shape[-1:] != (4,) or positions.shape != (*quaternions.shape[:-1], 3):
+        raise ValueError(f"quaternion {quaternions.shape} and position {positions.shape}")
+    poses = np.zeros((*quaternions.shape[:-1], 4, 4))
+    if quaternions.size:
+        xyzw = np.roll(quaternions.reshape(-1, 4), -1, axis=1)
+        matrices = Rotation.from_quat(xyzw).as_matrix()
+        poses[..., :3, :3] = matrices.reshape(*quaternions.shape[:-1], 3, 3)
+    poses[..., :3, 3] = positions
+    poses[..., 3, 3] = 1.0
+    return poses
