@@ -48,9 +48,10 @@ LAYERS = {
         *("recording", "simulation", "datasets", "ego_motion"),
     ],
     "node": [*_METHOD, "msg_utils", "settings_documents", "ego_motion", "online"],
+    "drawing": ["errors", "geometry"],
     "report": [
         *("mnsf_ros", "errors", "settings", "geometry", "sweeps", "msg_utils", "recording"),
-        "evaluation",
+        *("evaluation", "drawing"),
     ],
     "studies": [*_METHOD, "methods", "recording", "simulation", "evaluation"],
     "demo": ["*"],

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.demo.replay import FLOW_TOPIC, ReplayLog
+from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.evaluation.metrics import FlowErrors, by_motion, flow_errors, mean_of
 from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
-from mnsf_ros.evaluation.top_view import save_top_view
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.conventions import TRUTH_FLOW_TOPIC
 from mnsf_ros.recording.flow_truth import FlowTruth

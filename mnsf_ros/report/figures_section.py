@@ -7,17 +7,15 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, time_text
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, main_tables
 from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
-from mnsf_ros.report.band_chart import BandChart, band_chart
 from mnsf_ros.report.html import Html, element, joined
 from mnsf_ros.report.result_table import result_table, words_table
-from mnsf_ros.report.series import legend
-from mnsf_ros.report.stage_bars import stage_bars, stage_legend, text_of_time
 
 NO_FLOW: Final = "zero"
 _REST: Final = "other"
@@ -47,9 +45,9 @@ def tiles(summary: MethodSummary) -> Html:
             figures.append((f"{unmoved:.3f} m", "the same without any flow"))
         if not math.isnan(cycle := summary.consistency.get("cycle_m", math.nan)):
             figures.append((f"{cycle:.3f} m", "disagreement there and back"))
-    figures.append((text_of_time(summary.time_ms), "for one flow"))
+    figures.append((time_text(summary.time_ms), "for one flow"))
     if not math.isnan(summary.latency_ms):
-        figures.append((text_of_time(summary.latency_ms), "from sweep to flow"))
+        figures.append((time_text(summary.latency_ms), "from sweep to flow"))
     figures.append((f"{summary.num_examples:,}", "flows"))
     if summary.num_dropped or summary.num_failed:
         figures.append((f"{summary.num_dropped} / {summary.num_failed}", "dropped / failed"))
@@ -88,11 +86,10 @@ def bands_section(summaries: Sequence[MethodSummary]) -> Html:
         }
         chart = BandChart(title, f"{across} ({unit})", "EPE (m)", band_names(limits), values)
         heading = element("h3", title)
-        charts.append(element("figure", heading, band_chart(chart), class_="card"))
+        charts.append(element("figure", heading, Html(band_chart(chart)), class_="card"))
     if not charts:
         return Html()
-    names = [summary.method for summary in summaries]
-    return joined(element("div", *charts, class_="pair"), legend(names))
+    return element("div", *charts, class_="pair")
 
 
 def band_names(limits: Sequence[str]) -> list[str]:
@@ -109,7 +106,8 @@ def times_section(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary])
     times_ms = stage_times_ms(rows, [summary.method for summary in summaries])
     if not times_ms:
         return Html()
-    return element("figure", stage_bars(times_ms), stage_legend(times_ms), class_="card")
+    drawn = element("div", Html(stage_bars(times_ms)), class_="scroll")
+    return element("figure", drawn, class_="card wide")
 
 
 def stage_times_ms(

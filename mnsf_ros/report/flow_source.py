@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import end_point_errors
@@ -22,7 +23,6 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.report.pictured import PicturedExample, PicturedFlow
 from mnsf_ros.report.time_budget import TimeBudget
 from mnsf_ros.settings import Settings
 

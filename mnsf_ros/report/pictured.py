@@ -1,67 +1,14 @@
-"""Examples with the flows that methods found for them, ready to be drawn."""
+"""Which method and which examples the report shows in pictures."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.report.result_table import REFERENCES
 
 _PREFERRED = "mnsf"
-
-
-@dataclass(frozen=True, eq=False)
-class PicturedFlow:
-    """What one method found.
-
-    Attributes:
-        method: Its name.
-        flow: (N, 3) metres per sweep; rows that are not finite have none.
-        error_m: (N,) how wrong it is, see `PicturedExample.error_name`; NaN where unknown.
-        is_again: Whether it was estimated again for the picture, from its sweeps alone.
-    """
-
-    method: str
-    flow: NDArray[Any]
-    error_m: NDArray[np.float64]
-    is_again: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class PicturedExample:
-    """One example with the flows of some methods.
-
-    Attributes:
-        recording: Name of the recording.
-        number: Place of the sweep in the recording.
-        stamp_ns: Stamp of the sweep.
-        xyz: (N, 3) metres, the points that the methods got, sensor frame.
-        truth: (N, 3) metres per sweep, NaN where unknown; None if there is none at all.
-        next_from_current: (4, 4) the sensor's own motion; None if it is to be fitted.
-        flows: What the methods found.
-        error_name: What the errors are: the distance to the true flow, or, where there is no
-            truth, that of the moved points to the next sweep.
-    """
-
-    recording: str
-    number: int
-    stamp_ns: int
-    xyz: NDArray[np.float32]
-    truth: NDArray[np.float32] | None = None
-    next_from_current: NDArray[np.float64] | None = None
-    flows: list[PicturedFlow] = field(default_factory=list)
-    error_name: str = "end point error"
-
-    @property
-    def key(self) -> tuple[str, int]:
-        """Recording and number of the sweep."""
-        return self.recording, self.number
 
 
 def badness(row: ResultRow) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedRecording
@@ -17,7 +18,7 @@ from mnsf_ros.evaluation.results_files import RunResults, read_results
 from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
 from mnsf_ros.report.figures_section import NO_FLOW
 from mnsf_ros.report.flow_source import estimated_examples
-from mnsf_ros.report.pictured import PicturedExample, focus_method, worst_rows
+from mnsf_ros.report.pictured import focus_method, worst_rows
 from mnsf_ros.report.time_budget import TimeBudget
 from mnsf_ros.report.write_report import REPORT_FILE, write_report
 from mnsf_ros.report.written_flows import recorded_examples

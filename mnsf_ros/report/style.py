@@ -2,52 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
-NUM_SERIES: Final = 8
-# More areas than hues: then the hues come again, ever lighter.
-_SHADES: Final = ("1", ".5", ".22")
-
-# Eight hues that people with color blindness can tell apart as well, a set for each ground.
-_LIGHT: Final = [
-    "#0b62c4",
-    "#c4450a",
-    "#14804a",
-    "#8e3fb3",
-    "#a86a00",
-    "#0c7f92",
-    "#b3245f",
-    "#5b6470",
-]
-_DARK: Final = [
-    "#6cb0ff",
-    "#ff9a62",
-    "#5fd39a",
-    "#cf9bf0",
-    "#f0bc4e",
-    "#5fd0e2",
-    "#ff86b3",
-    "#a9b2bf",
-]
+from mnsf_ros.drawing.figures import DARK, LIGHT
 
 
-def area_class(number: int) -> str:
-    """Returns the class of an area, such as a part of a bar: another look for each of 24."""
-    shade = number // NUM_SERIES % len(_SHADES)
-    return f"s{number % NUM_SERIES} shade{shade}"
-
-
-def _series(colors: list[str]) -> str:
-    return "".join(f"--s{number}:{color};" for number, color in enumerate(colors))
+def _variables(colors: Mapping[str, str]) -> str:
+    return "".join(f"--{name}:{color};" for name, color in colors.items())
 
 
 STYLE: Final = (
-    ":root{color-scheme:light dark;--page:#f6f7f9;--card:#fff;--ink:#1b2027;--faint:#59626e;"
-    "--line:#d9dee5;--good:#0d6b3c;--goodback:#e2f4ea;--accent:#0b62c4;"
-    f"{_series(_LIGHT)}}}"
-    "@media (prefers-color-scheme:dark){:root{--page:#101216;--card:#191d24;--ink:#e8eaee;"
-    "--faint:#a3acb8;--line:#323945;--good:#7ce0ab;--goodback:#17352a;--accent:#6cb0ff;"
-    f"{_series(_DARK)}}}}}"
+    ":root{color-scheme:light dark;--page:#f6f7f9;"
+    "--good:#0d6b3c;--goodback:#e2f4ea;--accent:#0b62c4;"
+    f"{_variables(LIGHT)}}}"
+    "@media (prefers-color-scheme:dark){:root{--page:#101216;"
+    "--good:#7ce0ab;--goodback:#17352a;--accent:#6cb0ff;"
+    f"{_variables(DARK)}}}}}"
     """
 *{box-sizing:border-box}
 body{margin:0;background:var(--page);color:var(--ink);
@@ -86,14 +57,8 @@ td.best{color:var(--good);background:var(--goodback);font-weight:700}
 .pair .card{margin:0}
 .pair{margin:16px 0}
 figure{margin:0}
-figure svg{display:block;width:100%;height:auto;overflow:visible}
-svg text{fill:var(--faint);font-size:13px;font-family:inherit}
-svg .value,svg .name{fill:var(--ink)}
-svg .grid{stroke:var(--line);stroke-width:1}
-.legend{display:flex;flex-wrap:wrap;gap:4px 18px;list-style:none;padding:0;margin:10px 0 0;
-font-size:14px}
-.legend li{display:flex;align-items:center;gap:7px}
-.legend svg{width:26px;height:14px;flex:none}
+figure svg{display:block;width:100%;height:auto}
+.wide svg{min-width:680px}
 .picture{margin:12px 0 4px}
 .picture img{display:block;width:100%;height:auto;border-radius:8px}
 .truth{max-width:65%}
@@ -109,9 +74,9 @@ footer{padding:30px 24px 50px;color:var(--faint);font-size:13px}
 @media (max-width:560px){dl{grid-template-columns:1fr}dd{margin-bottom:8px}
 h1{font-size:25px}.truth{max-width:none}
 main,header>div,footer{padding-left:16px;padding-right:16px}}
-@media print{:root{color-scheme:light;--page:#fff;--card:#fff;--ink:#000;--faint:#444;--line:#bbb;
+@media print{:root{color-scheme:light;--page:#fff;
 --good:#064d29;--goodback:#e2f4ea;"""
-    f"{_series(_LIGHT)}"
+    f"{_variables(LIGHT)}"
     """}
 body{font-size:12px}nav{display:none}.scroll{overflow:visible}
 .card,figure,tr{break-inside:avoid}.card.long{break-inside:auto}h2,h3{break-after:avoid}
@@ -120,12 +85,4 @@ th,td{padding:3px 6px;font-size:10px}
 details::details-content{content-visibility:visible;display:block;height:auto}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}}
 """
-    + "".join(
-        f".s{number}{{color:var(--s{number})}}svg .s{number}{{stroke:var(--s{number});"
-        f"fill:var(--s{number})}}"
-        for number in range(NUM_SERIES)
-    )
-    + "svg path.series{fill:none;stroke-width:2.2;stroke-linejoin:round}"
-    + "".join(f"svg .shade{number}{{fill-opacity:{part}}}" for number, part in enumerate(_SHADES))
-    + "svg rect.bar{stroke:var(--card);stroke-width:1}"
 )

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
+from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
-from mnsf_ros.report.flow_pictures import ExamplePainter
 from mnsf_ros.report.html import Html, element, joined
-from mnsf_ros.report.pictured import PicturedExample, PicturedFlow, badness, worst_rows
+from mnsf_ros.report.pictured import badness, worst_rows
 from mnsf_ros.report.result_table import result_table
 
 _NUM_LISTED: Final = 10
@@ -120,6 +121,7 @@ def _said(row: ResultRow) -> str:
     return text
 
 
-def _picture(uri: str, alt: str, caption: str, kind: str = "picture") -> Html:
+def _picture(png: bytes, alt: str, caption: str, kind: str = "picture") -> Html:
+    uri = "data:image/png;base64," + base64.b64encode(png).decode("ascii")
     image = element("img", src=uri, alt=alt, loading="lazy")
     return element("figure", image, element("figcaption", caption), class_=kind)

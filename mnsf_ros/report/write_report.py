@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mnsf_ros import __version__
+from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.evaluation.notes_text import notes_text
 from mnsf_ros.evaluation.protocol_text import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
@@ -22,7 +23,7 @@ from mnsf_ros.report.figures_section import (
     times_section,
 )
 from mnsf_ros.report.html import Html, element, joined
-from mnsf_ros.report.pictured import PicturedExample, focus_method
+from mnsf_ros.report.pictured import focus_method
 from mnsf_ros.report.run_section import run_section
 from mnsf_ros.report.style import STYLE
 from mnsf_ros.report.worst_section import worst_section

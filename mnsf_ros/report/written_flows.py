@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.flow_recording import (
     ERROR_TOPIC,
@@ -18,7 +19,6 @@ from mnsf_ros.evaluation.flow_recording import (
 )
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.report.pictured import PicturedExample, PicturedFlow
 from msg_utils.point_cloud2 import decode_points
 
 

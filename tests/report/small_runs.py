@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.presets import preset
-from mnsf_ros.report.pictured import PicturedExample, PicturedFlow
 
 METHODS = ["mnsf", "fnsf", "zero"]
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from mnsf_ros.drawing.flow_panel import MISSING, SLOW, full_speed
+from mnsf_ros.drawing.flow_wheel import flow_colors
+from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.flow_wheel import flow_colors
-from mnsf_ros.evaluation.top_view import save_top_view
-from mnsf_ros.evaluation.top_view_panel import MISSING, SLOW, full_speed
 
 PANEL_LEFT, PANEL_BOTTOM, PANEL_SIDE = 62, 62, 642
 VIEW_M = 50.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mnsf_ros.evaluation.flow_wheel import draw_wheel, flow_colors, wheel_image
+from mnsf_ros.drawing.flow_wheel import draw_wheel, flow_colors, wheel_image
 
 NEUTRAL = (0.3, 0.4, 0.5)
 ANGLES = np.linspace(-np.pi, np.pi, 49)

@@ -6,14 +6,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.flow_wheel import draw_wheel
-from mnsf_ros.evaluation.top_view_panel import (
+from mnsf_ros.drawing.figures import pixel_axes, pixel_figure, png_bytes
+from mnsf_ros.drawing.flow_panel import (
     BACKGROUND,
     FAINT_INK,
     INK,
@@ -23,15 +20,20 @@ from mnsf_ros.evaluation.top_view_panel import (
     draw_panel,
     full_speed,
 )
+from mnsf_ros.drawing.flow_wheel import draw_wheel
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
-_DPI: Final = 100
 _WIDTH_PX: Final = 1600
 _ROW_PX: Final = 800
 _PANEL_PX: Final = 642
 _LEFT_PX: Final = 62
 _BELOW_PX: Final = 62
 _WHEEL_PX: Final = 78
+
+
+class DrawingError(MnsfError):
+    """Something cannot be drawn as asked."""
 
 
 def save_top_view(
@@ -62,34 +64,33 @@ def save_top_view(
         slow_m: Slower points are grey, metres per sweep.
 
     Raises:
-        EvaluationError: If the view or the slow limit is not a number above 0.
+        DrawingError: If the view or the slow limit is not a number above 0.
         SweepError: If an array has another shape.
         OSError: If the file cannot be written.
     """
     if not (0 < view_m < np.inf and 0 < slow_m < np.inf):
-        raise EvaluationError(f"view_m is {view_m!r}, slow_m is {slow_m!r}, expected above 0")
+        raise DrawingError(f"view_m is {view_m!r}, slow_m is {slow_m!r}, expected above 0")
     rows = [_row("" if truth is None else "estimate", xyz, flow, next_from_current, slow_m)]
     if truth is not None:
         rows.append(_row("truth", xyz, truth, next_from_current, slow_m))
     figure = _drawn(rows, title, slow_m=slow_m, view_m=view_m)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, format="png", dpi=_DPI, facecolor=BACKGROUND, bbox_inches=None)
+    path.write_bytes(png_bytes(figure))
 
 
 def _drawn(rows: list[tuple[Panel, Panel]], title: str, *, slow_m: float, view_m: float) -> Figure:
     height_px = len(rows) * _ROW_PX
-    figure = Figure((_WIDTH_PX / _DPI, height_px / _DPI), dpi=_DPI, facecolor=BACKGROUND)
-    FigureCanvasAgg(figure)
+    figure = pixel_figure(_WIDTH_PX, height_px, BACKGROUND)
     _draw_writing(figure, title, height_px)
     for column in range(2):
         # One scale for estimate and truth, or their colors could not be compared.
         scale = full_speed([row[column].flow for row in rows], slow_m)
         for number, row in enumerate(rows):
             left, bottom = column * _WIDTH_PX // 2 + _LEFT_PX, height_px - (number + 1) * _ROW_PX
-            axes = _add_axes(figure, left, bottom + _BELOW_PX, _PANEL_PX)
+            axes = pixel_axes(figure, left, bottom + _BELOW_PX, _PANEL_PX)
             draw_panel(axes, row[column], full_speed_m=scale, slow_m=slow_m, view_m=view_m)
-            wheel = _add_axes(figure, left + _PANEL_PX + 6, bottom + _BELOW_PX + 45, _WHEEL_PX)
+            wheel = pixel_axes(figure, left + _PANEL_PX + 6, bottom + _BELOW_PX + 45, _WHEEL_PX)
             draw_wheel(wheel, scale, neutral=SLOW, ink=INK)
     return figure
 
@@ -131,14 +132,6 @@ def _row(
             fast_area=7.0,
             arrow_cell_m=3.0,
         ),
-    )
-
-
-def _add_axes(figure: Figure, left_px: float, bottom_px: float, side_px: float) -> Axes:
-    """A square in the figure, counted in pixels from its lower left corner."""
-    width_px, height_px = figure.get_size_inches() * _DPI
-    return figure.add_axes(
-        (left_px / width_px, bottom_px / height_px, side_px / width_px, side_px / height_px)
     )
 
 

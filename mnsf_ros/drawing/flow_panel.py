@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.flow_wheel import Color, flow_colors
+from mnsf_ros.drawing.flow_wheel import Color, flow_colors
 
 BACKGROUND: Final = "#101216"
 INK: Final = "#e6e6e6"
@@ -19,9 +19,9 @@ MISSING: Final[Color] = (0.21, 0.22, 0.25)
 SWEEPS_PER_ARROW: Final = 5
 
 _FLOOR: Final = "#16191f"
-_GRID: Final = "#2b3038"
+GRID: Final = "#2b3038"
 _SLOW_AREA: Final = 0.8  # of the mark of a point, square typographic points
-_MAX_POINTS: Final = 150_000
+MAX_POINTS: Final = 150_000
 _MIN_POINTS_PER_ARROW: Final = 5
 # Scales that people can read off a legend, times a power of ten.
 _STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
@@ -75,7 +75,7 @@ def draw_panel(
         slow_m: Slower points are grey, metres per sweep.
         view_m: The view reaches so far from the sensor to each side, metres.
     """
-    _draw_floor(axes, panel, view_m)
+    draw_floor(axes, panel.title, panel.note, view_m)
     xy, flow = _in_view(panel, view_m)
     if len(xy) == 0:
         axes.text(0.0, view_m / 2, "no points in view", color=FAINT_INK, fontsize=13, ha="center")
@@ -97,24 +97,26 @@ def draw_panel(
 
 def _in_view(panel: Panel, view_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     rows = np.flatnonzero((np.abs(panel.xy) <= view_m).all(axis=1))
-    if len(rows) > _MAX_POINTS:
-        rows = np.sort(np.random.default_rng(0).choice(rows, _MAX_POINTS, replace=False))
+    if len(rows) > MAX_POINTS:
+        rows = np.sort(np.random.default_rng(0).choice(rows, MAX_POINTS, replace=False))
     return panel.xy[rows], panel.flow[rows]
 
 
-def _draw_floor(axes: Axes, panel: Panel, view_m: float) -> None:
+def draw_floor(axes: Axes, title: str, note: str, view_m: float) -> None:
+    """Draws an empty panel: dark ground, grid and writing, with equal scales of x and y."""
     axes.set_facecolor(_FLOOR)
     axes.set(xlim=(-view_m, view_m), ylim=(-view_m, view_m), aspect="equal")
     axes.set_xlabel("x, forward (m)", color=FAINT_INK)
     axes.set_ylabel("y, left (m)", color=FAINT_INK, labelpad=0)
     axes.tick_params(colors=FAINT_INK, length=3)
-    axes.grid(color=_GRID, linewidth=0.6)
+    axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
-        spine.set_color(_GRID)
+        spine.set_color(GRID)
     above: dict[str, Any] = {"transform": axes.transAxes, "verticalalignment": "bottom"}
-    axes.text(0.0, 1.04, panel.title, color=INK, fontsize=13, weight="bold", **above)
-    axes.text(0.0, 1.01, panel.note, color=FAINT_INK, fontsize=10, **above)
+    above |= {"parse_math": False}  # a dollar sign in a name is a dollar sign
+    axes.text(0.0, 1.055 if note else 1.02, title, color=INK, fontsize=13, weight="bold", **above)
+    axes.text(0.0, 1.01, note, color=FAINT_INK, fontsize=10, **above)
 
 
 def _draw_arrows(

@@ -1,0 +1,206 @@
+"""Pictures of a flow and of its error, in the manner of figures 3 and 5 of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from mnsf_ros.drawing.figures import pixel_axes, pixel_figure, png_bytes, shortened
+from mnsf_ros.drawing.flow_panel import (
+    BACKGROUND,
+    FAINT_INK,
+    GRID,
+    INK,
+    MAX_POINTS,
+    MISSING,
+    SLOW,
+    Panel,
+    draw_floor,
+    draw_panel,
+    full_speed,
+)
+from mnsf_ros.drawing.flow_wheel import draw_wheel
+from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
+
+_HEIGHT_PX: Final = 476
+_SIDE_PX: Final = 400
+_BOTTOM_PX: Final = 26
+_LEFTS_PX: Final = (36, 484, 932)
+_FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
+_SLOW_M: Final = 0.1
+_SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
+# An error that counts as an outlier, whatever the true length, has the full color.
+FULL_ERROR_M: Final = 0.3
+# Ever lighter, so that errors shine and the order can be seen without telling colors apart.
+_ERROR_COLORS: Final = LinearSegmentedColormap.from_list(
+    "error", ["#35507a", "#5c5fa8", "#a35aa6", "#e2636f", "#f79a4b", "#fdf1a0"]
+)
+
+Flow = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PicturedFlow:
+    """What one method found.
+
+    Attributes:
+        method: Its name.
+        flow: (N, 3) metres per sweep; rows that are not finite have none.
+        error_m: (N,) how wrong it is, see `PicturedExample.error_name`; NaN where unknown.
+        is_again: Whether it was estimated again for the picture, from its sweeps alone.
+    """
+
+    method: str
+    flow: NDArray[Any]
+    error_m: NDArray[np.float64]
+    is_again: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PicturedExample:
+    """One sweep with the flows of some methods.
+
+    Attributes:
+        recording: Name of the recording.
+        number: Place of the sweep in the recording.
+        stamp_ns: Stamp of the sweep.
+        xyz: (N, 3) metres, the points to draw, sensor frame.
+        truth: (N, 3) metres per sweep, NaN where unknown; None if there is none at all.
+        next_from_current: (4, 4) the sensor's own motion; None if it is to be fitted.
+        flows: What the methods found.
+        error_name: What the errors are: the distance to the true flow, or, where there is no
+            truth, that of the moved points to the next sweep.
+    """
+
+    recording: str
+    number: int
+    stamp_ns: int
+    xyz: NDArray[np.float32]
+    truth: NDArray[np.float32] | None = None
+    next_from_current: NDArray[np.float64] | None = None
+    flows: list[PicturedFlow] = field(default_factory=list)
+    error_name: str = "end point error"
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """Recording and number of the sweep."""
+        return self.recording, self.number
+
+
+class ExamplePainter:
+    """Draws the flows of one example as PNG files, all with the same scales."""
+
+    def __init__(self, example: PicturedExample) -> None:
+        """Looks at all flows to find scales that suit them together."""
+        self._example = example
+        self._finite = np.isfinite(example.xyz).all(axis=1)
+        self._xy = example.xyz[self._finite, :2].astype(np.float64)
+        self._view_m = _view(self._xy)
+        flows = [item.flow for item in example.flows]
+        # The truth sets the scale: a method that went astray must not make all others grey.
+        flows = flows if example.truth is None else [example.truth]
+        parts = [self._parts(flow) for flow in flows]
+        self._speed_m = full_speed([part[0] for part in parts], _SLOW_M)
+        self._own_speed_m = full_speed([part[1] for part in parts], _SLOW_M)
+
+    def truth(self) -> bytes | None:
+        """Returns the picture of the true flow; None if there is none."""
+        if self._example.truth is None:
+            return None
+        figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
+        self._draw_flow(figure, "truth", np.asarray(self._example.truth))
+        return png_bytes(figure)
+
+    def method(self, item: PicturedFlow) -> bytes:
+        """Returns the picture of the flow of a method, and of how wrong it is."""
+        figure = pixel_figure(_WHOLE_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
+        self._draw_flow(figure, item.method, item.flow)
+        axes = pixel_axes(figure, _LEFTS_PX[2], _BOTTOM_PX, _SIDE_PX)
+        errors_m = item.error_m[self._finite]
+        draw_floor(axes, self._example.error_name, _error_note(errors_m), self._view_m)
+        _without_labels(axes)
+        _draw_errors(axes, self._xy, errors_m)
+        left = (_LEFTS_PX[2] + _SIDE_PX + 8) / _WHOLE_WIDTH_PX
+        _draw_error_scale(figure, left, _BOTTOM_PX / _HEIGHT_PX)
+        return png_bytes(figure)
+
+    def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:
+        whole, own = self._parts(flow)
+        # The notes of the panels would be larger than the panels: the page says it once.
+        name = shortened(name)
+        panels = (
+            Panel(f"{name}: flow", "", self._xy, whole, 4.0, 10.0),
+            Panel(f"{name}: what moves", "", self._xy, own, 9.0, 3.0),
+        )
+        speeds = (self._speed_m, self._own_speed_m)
+        for left, panel, speed in zip(_LEFTS_PX, panels, speeds, strict=False):
+            axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
+            draw_panel(axes, panel, full_speed_m=speed, slow_m=_SLOW_M, view_m=self._view_m)
+            _without_labels(axes)
+            wheel = pixel_axes(figure, left + _SIDE_PX - 70, _BOTTOM_PX + 40, 58)
+            draw_wheel(wheel, speed, neutral=SLOW, ink=INK)
+
+    def _parts(self, flow: NDArray[Any]) -> tuple[Flow, Flow]:
+        """The flow (N, 2) as it is, and without the sensor's own motion."""
+        example = self._example
+        motion = example.next_from_current
+        if motion is None:
+            reference = flow if example.truth is None else example.truth
+            motion = fit_rigid_motion(example.xyz, reference)
+        own = residual_flow(example.xyz, flow, motion)
+        return (
+            flow[self._finite, :2].astype(np.float64),
+            own[self._finite, :2].astype(np.float64),
+        )
+
+
+def error_colors(errors_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the color of each error: (N,) metres to (N, 3) RGB, dim grey where unknown."""
+    shares = np.clip(np.nan_to_num(errors_m, nan=0.0), 0.0, FULL_ERROR_M) / FULL_ERROR_M
+    colors = np.asarray(_ERROR_COLORS(shares), dtype=np.float64)[:, :3]
+    colors[np.isnan(errors_m)] = MISSING
+    return colors
+
+
+def _draw_errors(axes: Axes, xy: NDArray[np.float64], errors_m: NDArray[np.float64]) -> None:
+    """Draws points in the colors of their errors, the largest errors on top."""
+    order = np.argsort(np.nan_to_num(errors_m, nan=-1.0), kind="stable")[-MAX_POINTS:]
+    xy, errors_m = xy[order], errors_m[order]
+    areas = 2.0 + 6.0 * np.clip(np.nan_to_num(errors_m), 0.0, FULL_ERROR_M) / FULL_ERROR_M
+    axes.scatter(xy[:, 0], xy[:, 1], s=areas, c=error_colors(errors_m), linewidths=0)
+
+
+def _draw_error_scale(figure: Figure, left: float, bottom: float) -> None:
+    """Draws the scale of the colors, its lower left corner at a share of the figure's sides."""
+    axes = figure.add_axes((left, bottom, 0.008, 0.5))
+    bar = figure.colorbar(ScalarMappable(Normalize(0.0, FULL_ERROR_M), _ERROR_COLORS), cax=axes)
+    bar.set_ticks([0.0, 0.05, 0.1, 0.2, 0.3], labels=["0", "0.05", "0.1", "0.2", "0.3+"])
+    axes.tick_params(colors=FAINT_INK, length=2, labelsize=8, pad=2)
+    axes.set_title("m", color=FAINT_INK, fontsize=8, pad=4)
+    bar.ax.spines[:].set_color(GRID)
+
+
+def _error_note(errors_m: NDArray[np.float64]) -> str:
+    known = errors_m[np.isfinite(errors_m)]
+    if len(known) == 0:
+        return "unknown for all points"
+    share = float((known >= FULL_ERROR_M).mean())
+    return f"mean {known.mean():.3f} m, {share:.0%} of {len(known):,} points 0.3 m or more"
+
+
+def _without_labels(axes: Axes) -> None:
+    axes.set(xlabel="", ylabel="")
+    axes.tick_params(labelsize=8)
+
+
+def _view(xy: NDArray[np.float64]) -> float:
+    """How far the view reaches: nearly all points, rounded to 5 m."""
+    reach = float(np.percentile(np.abs(xy).max(axis=1), 98)) if len(xy) else 0.0
+    return float(np.clip(np.ceil(reach / 5.0) * 5.0, _SMALLEST_VIEW_M, _LARGEST_VIEW_M))
