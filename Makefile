@@ -14,7 +14,7 @@ else
 EXTRAS := wheels,datasets,test,lint
 endif
 
-.PHONY: setup demo test lint check benchmark benchmark-online config clean
+.PHONY: setup demo test lint pins benchmark benchmark-online config clean
 
 setup: $(READY)
 
@@ -34,6 +34,10 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Resolves constraints.txt for every supported Python version; needs a package index.
+pins: $(READY)
+	$(BIN)/python .ci/check_pins.py
 
 # The paper's tables on real sweeps; hours on a CPU, and it goes on where it was stopped.
 benchmark: $(READY)

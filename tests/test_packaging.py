@@ -1,11 +1,15 @@
 """What colcon, pip and ROS need to find agrees with each other."""
 
 import re
+from distutils.core import run_setup
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from setuptools import Distribution
 
 import mnsf_ros
 from mnsf_ros.cli.parameters import TITLES
@@ -14,6 +18,8 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 ROOT = Path(__file__).parents[1]
+PYTHON_VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+INSTALLED_EXTRAS = ("wheels", "datasets", "test", "lint")
 
 
 def test_package_xml_has_the_version_of_the_package() -> None:
@@ -33,6 +39,51 @@ def test_ros_wheels_are_no_hard_requirement() -> None:
     text = (ROOT / "setup.py").read_text()
     required = text[text.index("install_requires") : text.index("extras_require")]
     assert "ros-" not in required
+
+
+def pins(version: str) -> dict[str, list[Requirement]]:
+    """The pins of constraints.txt that hold for a Python version, by the name of the library."""
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    all_pins = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    found: dict[str, list[Requirement]] = {canonicalize_name(pin.name): [] for pin in all_pins}
+    for pin in all_pins:
+        if not pin.marker or pin.marker.evaluate({"python_version": version}):
+            found[canonicalize_name(pin.name)].append(pin)
+    return found
+
+
+@pytest.fixture(scope="module")
+def package() -> Distribution:
+    return run_setup(str(ROOT / "setup.py"), stop_after="init")
+
+
+@pytest.mark.parametrize("version", PYTHON_VERSIONS)
+def test_each_library_has_one_pin_for_each_python(version: str) -> None:
+    """`make pins` checks that the pins have wheels."""
+    assert {name: len(found) for name, found in pins(version).items() if len(found) != 1} == {}
+
+
+@pytest.mark.parametrize("version", PYTHON_VERSIONS)
+def test_pins_are_what_setup_py_asks_for(version: str, package: Distribution) -> None:
+    extras = [line for name in INSTALLED_EXTRAS for line in package.extras_require[name]]
+    found = pins(version)
+    for line in [*package.install_requires, *extras]:
+        wanted = Requirement(line)
+        if wanted.name != "setuptools":
+            (pin,) = found[canonicalize_name(wanted.name)]
+            (exact,) = pin.specifier
+            assert wanted.specifier.contains(exact.version), line
+
+
+def test_python_versions_are_those_that_the_package_names(package: Distribution) -> None:
+    start = "Programming Language :: Python :: "
+    named = [
+        line.removeprefix(start)
+        for line in package.metadata.get_classifiers()
+        if line.startswith(start)
+    ]
+    assert tuple(named) == PYTHON_VERSIONS
+    assert package.python_requires == f">={PYTHON_VERSIONS[0]}"
 
 
 @pytest.mark.parametrize("name", PRESET_NAMES)
