@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource, SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -26,6 +26,8 @@ _PAST_TOLERANCE_S: Final = 0.12
 _MAX_SWEEPS: Final = 12
 # An object is the same as one of the last triplet if it is this close to where that would be.
 _SAME_OBJECT_M: Final = 1.5
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +53,21 @@ class MotionMemory:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._ego_motion = EgoMotion(settings.ego_motion)
+        self._poses: dict[Sweep, SensorPose] = {}
         self._sweeps: dict[Sweep, ObjectSweep] = {}
         self._known: KnownMotions | None = None
 
-    @staticmethod
-    def needs(settings: Settings) -> tuple[object, ...]:
-        """The settings that must stay the same for a memory to be of use."""
-        return settings.crop, settings.ground, settings.objects, settings.ego_motion
-
     def with_settings(self, settings: Settings) -> MotionMemory:
-        """A memory for other settings; it knows what this one does if that still holds."""
-        other = MotionMemory(settings)
-        if self.needs(settings) == self.needs(self._settings):
-            other._ego_motion, other._sweeps = self._ego_motion, self._sweeps
-            other._known = self._known
+        """Returns a memory for other settings, with what this one knows if that still holds.
+
+        The world and the poses in it depend on `ego_motion` only; what an object is depends on
+        `crop`, `ground` and `objects`, too.
+        """
+        other, last = MotionMemory(settings), self._settings
+        if settings.ego_motion == last.ego_motion:
+            other._ego_motion, other._poses = self._ego_motion, self._poses
+            if _objects_of(settings) == _objects_of(last):
+                other._sweeps, other._known = self._sweeps, self._known
         return other
 
     def prepared(self, *sweeps: Sweep) -> list[ObjectSweep]:
@@ -175,12 +178,26 @@ class MotionMemory:
         return expected.astype(np.float32)
 
     def _add(self, sweep: Sweep) -> None:
-        pose = self._ego_motion.pose_of(sweep)
-        if pose.source is EgoSource.START:
-            # Another world: what is known was seen in the last one.
-            self._sweeps.clear()
-            self._known = None
-        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        pose = self._poses.get(sweep)
+        if pose is None:
+            pose = self._ego_motion.pose_of(sweep)
+            if pose.source is EgoSource.START:
+                # Another world: what is known was seen in the last one.
+                self._poses.clear()
+                self._sweeps.clear()
+                self._known = None
+            _keep_last(self._poses, sweep, pose)
         # Here, not after a whole triplet: there may never be one if every third sweep is refused.
-        while len(self._sweeps) > _MAX_SWEEPS:
-            del self._sweeps[next(iter(self._sweeps))]
+        _keep_last(self._sweeps, sweep, ObjectSweep(sweep, pose, self._settings))
+
+
+def _objects_of(settings: Settings) -> tuple[object, ...]:
+    """The settings that say what an object is."""
+    return settings.crop, settings.ground, settings.objects
+
+
+def _keep_last(items: dict[Sweep, Item], sweep: Sweep, item: Item) -> None:
+    """Adds an item and drops those of the oldest sweeps."""
+    items[sweep] = item
+    while len(items) > _MAX_SWEEPS:
+        del items[next(iter(items))]
