@@ -12,7 +12,7 @@ from rich.console import Console
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.demo.report import FlowScore, figures_table, read_flows, save_picture
+from mnsf_ros.demo.scores import drop_hint, figures_table, score_and_draw
 from mnsf_ros.node.process_environment import prepare_environment
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
@@ -52,10 +52,16 @@ def run_demo(options: DemoOptions, console: Console) -> None:
         topic = find_points_topic(recording, options.topic)
         options.folder.mkdir(parents=True, exist_ok=True)
         log = _replayed(recording, topic, options, console)
-        score = FlowScore()
-        for item in read_flows(_flow_bag(options), recording):
-            score.add(item)
-    _show(log, score, options, console)
+    console.print(figures_table(log).rich())
+    hint = drop_hint(log)
+    if hint is not None:
+        console.print(hint, style="yellow", markup=False, highlight=False)
+    picture = options.folder / "flow.png"
+    errors = score_and_draw(bag, topic, _flow_bag(options), preset(options.preset), picture)
+    if errors is not None:
+        console.print(errors.rich())
+    console.print(f"picture   {picture}")
+    console.print(f"flow      {_flow_bag(options)} (mcap, for Foxglove or `ros2 bag play`)")
 
 
 def _flow_bag(options: DemoOptions) -> Path:
@@ -99,19 +105,6 @@ def _replayed(
 
 def _require_flow(log: ReplayLog, node: NodeProcess) -> None:
     if not log.arrived_s:
-        failure = log.node_values.get("last failure", "unknown")
         raise node.failure(
-            f"no flow came out of {len(log.published_s)} sweeps (last failure: {failure})"
+            f"no flow came out of {len(log.published_s)} sweeps (last failure: {log.last_failure})"
         )
-
-
-def _show(log: ReplayLog, score: FlowScore, options: DemoOptions, console: Console) -> None:
-    console.print(figures_table(log).rich())
-    errors = score.table()
-    if errors is not None:
-        console.print(errors.rich())
-    if score.last is not None:
-        picture = options.folder / "flow.png"
-        save_picture(picture, score.last)
-        console.print(f"picture   {picture}")
-    console.print(f"flow      {_flow_bag(options)} (mcap, for Foxglove or `ros2 bag play`)")

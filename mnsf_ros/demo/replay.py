@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -19,6 +19,8 @@ DIAGNOSTICS_TOPIC = "/diagnostics"
 
 _START_TIMEOUT_S = 120.0
 _LAST_FLOW_TIMEOUT_S = 120.0
+# So many messages on /diagnostics without any change: whatever is missing will not come any more.
+_QUIET_STATUSES = 5
 _NANOSECONDS = 1e9
 
 
@@ -29,12 +31,14 @@ class ReplayLog:
     Attributes:
         published_s: Stamp of a sweep to `time.monotonic()` of its publication, in that order.
         arrived_s: Stamp of a sweep to `time.monotonic()` of the arrival of its flow.
-        node_values: What the node said of itself at the end, from /diagnostics.
+        counts: Event to how often it happened, as the node counted on /diagnostics.
+        last_failure: Text of the last estimate that failed, as the node says.
     """
 
     published_s: dict[int, float] = field(default_factory=dict)
     arrived_s: dict[int, float] = field(default_factory=dict)
-    node_values: dict[str, str] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict)
+    last_failure: str = "unknown"
 
     @property
     def latencies_ms(self) -> list[float]:
@@ -46,6 +50,41 @@ class ReplayLog:
             for stamp, arrived_s in self.arrived_s.items()
             if stamp in following
         ]
+
+    @property
+    def num_dropped(self) -> int:
+        """Triplets that a newer one replaced before their turn."""
+        return self.counts.get("triplets_dropped", 0)
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """What else left a sweep without flow, to how often it did."""
+        counts = self.counts
+        return {
+            "failed estimates": counts.get("estimates_failed", 0),
+            "sweeps lost in transport": len(self.published_s) - _num_received(counts),
+            "flows lost in transport": counts.get("flows_out", 0) - len(self.arrived_s),
+        }
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the node has counted every sweep, and every flow that it published is there."""
+        counts = self.counts
+        num_done = sum(counts.get(event, 0) for event in _TRIPLET_ENDS)
+        return (
+            _num_received(counts) >= len(self.published_s)
+            and num_done >= counts.get("triplets_formed", 0)
+            and len(self.arrived_s) >= counts.get("flows_out", 0)
+        )
+
+
+# What can become of a triplet.
+_TRIPLET_ENDS = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
+
+
+def _num_received(counts: Mapping[str, int]) -> int:
+    events = ("sweeps_received", "clouds_undecodable", "clouds_empty")
+    return sum(counts.get(event, 0) for event in events)
 
 
 def replay(
@@ -89,9 +128,9 @@ def replay(
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s
             progress(len(log.published_s), len(log.arrived_s))
-        _wait_for_last_flow(link, node)
+        _wait_for_last_flow(link, node, log)
         progress(len(log.published_s), len(log.arrived_s))
-        log.node_values = link.flow_values
+        log.last_failure = link.flow_values.get("last failure", log.last_failure)
     return log
 
 
@@ -113,10 +152,22 @@ def _paced(reader: BagReader, topic: str, link: ReplayLink) -> Iterator[bytes]:
         yield raw
 
 
-def _wait_for_last_flow(link: ReplayLink, node: NodeProcess) -> None:
-    """Waits until the node says that it has nothing left to do."""
+def _wait_for_last_flow(link: ReplayLink, node: NodeProcess, log: ReplayLog) -> None:
+    """Waits until every sweep is accounted for, or nothing changes any more.
+
+    That the node says it is idle is not enough: the latest diagnostics may be from before the last
+    sweep, and a flow that is published may still be under way.
+    """
     deadline_s = time.monotonic() + _LAST_FLOW_TIMEOUT_S
-    link.spin_for(2.0)  # for a status from after the last sweep
-    while link.flow_values.get("busy") != "False" and time.monotonic() < deadline_s:
+    last: tuple[Mapping[str, int], int] | None = None
+    num_before = link.num_statuses
+    while time.monotonic() < deadline_s:
         node.check()
-        link.spin_for(0.5)
+        log.counts = link.counts
+        now = (log.counts, len(log.arrived_s))
+        if now != last:
+            last, num_before = now, link.num_statuses
+        is_idle = link.flow_values.get("busy") == "False"
+        if log.is_complete or (is_idle and link.num_statuses - num_before >= _QUIET_STATUSES):
+            return
+        link.spin_for(0.1)

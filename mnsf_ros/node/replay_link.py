@@ -59,6 +59,8 @@ class ReplayLink:
         self._on_flow = on_flow
         self._on_diagnostics = on_diagnostics
         self._values: dict[str, str] = {}
+        self._counts: dict[str, int] = {}
+        self._num_statuses = 0
         self._context = Context()
         rclpy.init(context=self._context)
         self._node = rclpy.create_node("mnsf_replay", context=self._context)
@@ -99,6 +101,16 @@ class ReplayLink:
         """Key to value of the node's latest `flow` status on /diagnostics."""
         return self._values
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Event to how often it happened, in the node's latest message on /diagnostics."""
+        return self._counts
+
+    @property
+    def num_statuses(self) -> int:
+        """Messages of the node on /diagnostics so far."""
+        return self._num_statuses
+
     def publish(self, raw: bytes) -> int:
         """Publishes a serialized cloud; returns the stamp in its header, nanoseconds.
 
@@ -121,8 +133,19 @@ class ReplayLink:
         self._on_flow(ReceivedFlow(stamp_ns, arrived_s, raw))
 
     def _receive_diagnostics(self, raw: bytes) -> None:
-        message = deserialize_message(raw, DiagnosticArray)
-        for status in message.status:
-            if status.name.endswith(FLOW_STATUS):
-                self._values = {item.key: item.value for item in status.values}
+        statuses = deserialize_message(raw, DiagnosticArray).status
+        values = [
+            {item.key: item.value for item in status.values}
+            for status in statuses
+            if status.name.endswith(FLOW_STATUS)
+        ]
+        if values:
+            self._values = values[-1]
+            self._num_statuses += 1
+            self._counts = {
+                item.key: int(item.value)
+                for status in statuses
+                for item in status.values
+                if item.value.isdigit() and " " not in item.key
+            }
         self._on_diagnostics(raw)

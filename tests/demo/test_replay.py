@@ -1,0 +1,126 @@
+"""The end of a replay: every sweep is accounted for, however late the node says so."""
+
+import itertools
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from mnsf_ros.demo import replay as replay_module
+from mnsf_ros.demo.replay import ReplayLog, replay
+from mnsf_ros.demo.scores import drop_hint, figures_table
+from mnsf_ros.node.replay_link import ReceivedFlow
+
+NUM_SWEEPS = 6
+
+
+class LateLink:
+    """A node on a loaded machine: its status is stale, its last flow late; time is counted."""
+
+    clock_s = 0.0
+
+    def __init__(self, events, on_flow):
+        self.events, self.on_flow = dict(events), on_flow
+        self.is_connected, self.num_published = True, 0
+        self.counts, self.flow_values, self.num_statuses = {}, {"busy": "False"}, 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def publish(self, raw):
+        self.num_published += 1
+        return raw
+
+    def spin_for(self, duration_s):
+        self.clock_s += max(duration_s, 0.0)
+        if self.num_published < NUM_SWEEPS:
+            return
+        for due_s in [due_s for due_s in self.events if due_s <= self.clock_s]:
+            self._happens(self.events.pop(due_s))
+
+    def _happens(self, event):
+        if isinstance(event, int):
+            self.on_flow(ReceivedFlow(event, self.clock_s, b""))
+            return
+        self.counts, self.num_statuses = event, self.num_statuses + 1
+        self.flow_values = {"busy": "False", **{key: str(value) for key, value in event.items()}}
+
+
+def counts(received, formed, out, dropped=0):
+    names = ("sweeps_received", "triplets_formed", "flows_out", "triplets_dropped")
+    return dict(zip(names, (received, formed, out, dropped), strict=True))
+
+
+def replayed(monkeypatch, events):
+    """The log of a replay; `events`: seconds to what happens, a flow's stamp or counts."""
+    links = []
+
+    def link(points, flow, on_flow, on_diagnostics):
+        links.append(LateLink(events, on_flow))
+        return links[0]
+
+    monkeypatch.setattr(replay_module, "ReplayLink", link)
+    clock = SimpleNamespace(monotonic=lambda: links[0].clock_s if links else 0.0)
+    monkeypatch.setattr(replay_module, "time", clock)
+    stamps = [100_000_000 * number for number in range(1, NUM_SWEEPS + 1)]
+    reader = SimpleNamespace(raw_messages=lambda topic: zip(stamps, stamps, strict=True))
+    writer = SimpleNamespace(write_raw=lambda *_: None)
+    node = SimpleNamespace(check=lambda: None)
+    log = replay(reader, "/points", node, writer, lambda *_: None)
+    return log, dict(figures_table(log).rows)
+
+
+def test_stale_status_does_not_end_the_replay(monkeypatch):
+    stale, last = counts(4, 2, 2), counts(6, 4, 3, dropped=1)
+    events = {
+        0.6: 200_000_000,
+        0.7: 300_000_000,
+        1.0: stale,
+        2.2: stale,
+        4.0: 500_000_000,
+        4.5: last,
+    }
+    _, figures = replayed(monkeypatch, events)
+    assert figures["flows out"] == "3"
+    assert figures["dropped for a newer sweep"] == "1"
+    assert "flows lost in transport" not in figures
+
+
+def test_flow_that_is_published_is_waited_for(monkeypatch):
+    events = {0.6: 200_000_000, 1.0: counts(6, 4, 2, dropped=2), 3.9: 500_000_000}
+    _, figures = replayed(monkeypatch, events)
+    assert (figures["flows out"], figures["dropped for a newer sweep"]) == ("2", "2")
+
+
+def test_what_never_comes_is_told_and_not_waited_for_long(monkeypatch):
+    lost = counts(5, 3, 2, dropped=1)
+    events = {0.6: 200_000_000} | {1.0 + number: dict(lost) for number in range(60)}
+    log, figures = replayed(monkeypatch, events)
+    assert figures["flows lost in transport"] == "1"
+    assert figures["sweeps lost in transport"] == "1"
+    assert not log.is_complete
+
+
+def test_failed_estimates_are_told(monkeypatch):
+    events = {0.6: 200_000_000, 1.0: counts(6, 4, 1) | {"estimates_failed": 3}}
+    _, figures = replayed(monkeypatch, events)
+    assert figures["failed estimates"] == "3"
+
+
+def test_drops_are_explained():
+    arrived_s = dict.fromkeys(range(18), 0.0)
+    log = ReplayLog(arrived_s=arrived_s, counts={"triplets_dropped": 42})
+    assert "18 of 60 sweeps" in drop_hint(log)
+    assert "load" in drop_hint(log)
+    assert drop_hint(ReplayLog(arrived_s=arrived_s)) is None
+
+
+def test_without_drops_sweeps_are_flows_and_two_more(monkeypatch):
+    flows = {0.6 + number / 100: 100_000_000 * (number + 2) for number in range(4)}
+    log, figures = replayed(monkeypatch, flows | {1.0: counts(6, 4, 4)})
+    assert log.is_complete
+    assert list(itertools.islice(figures.values(), 3)) == ["6", "4", "0"]
