@@ -10,16 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.findings import (
-    ARRIVALS,
-    FRAMES_DIFFER,
-    INTERRUPTIONS,
-    ODOMETRY_CONTRADICTS,
-    SWEEPS_WITHOUT_POSE,
-    SWEEPS_WITHOUT_TRUTH,
-    TRUTH_WITHOUT_SWEEP,
-    Findings,
-)
+from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings
 from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, PointSelection
 from mnsf_ros.evaluation.tracks import (
     CloudRows,
@@ -178,7 +169,7 @@ class ExampleBuilder:
 
     def _interrupt(self) -> None:
         """Lets no triplet reach across this place."""
-        self._findings.count(INTERRUPTIONS, int(len(self._recent) > 0))
+        self._findings.count(Event.INTERRUPTIONS, int(len(self._recent) > 0))
         self._buffer = SweepBuffer()
         self._recent.clear()
 
@@ -206,11 +197,11 @@ class ExampleBuilder:
         if self._truth is None:
             return None
         truth, passed_over = self._truth.take(sweep)
-        self._findings.count(TRUTH_WITHOUT_SWEEP, passed_over)
+        self._findings.count(Event.TRUTH_WITHOUT_SWEEP, passed_over)
         if passed_over and self._recent and self._recent[-1].truth is not None:
             # The truth before leads to a sweep that is not there, and must not be scored.
             self._interrupt()
-        self._findings.count(SWEEPS_WITHOUT_TRUTH, int(truth is None))
+        self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
         return truth
 
     def _pose_of(self, sweep: Sweep) -> NDArray[np.float64] | None:
@@ -218,15 +209,15 @@ class ExampleBuilder:
             return None
         pose = self._poses.pose_at(sweep.stamp_ns)
         if pose is None:
-            self._findings.count(SWEEPS_WITHOUT_POSE)
+            self._findings.count(Event.SWEEPS_WITHOUT_POSE)
             return None
-        self._findings.count(FRAMES_DIFFER, int(pose.frame_id not in ("", sweep.frame_id)))
+        self._findings.count(Event.FRAMES_DIFFER, int(pose.frame_id not in ("", sweep.frame_id)))
         return pose.world_from_frame
 
     def _is_accepted(self, selected: SelectedSweep) -> bool:
         arrival = self._buffer.push(selected.sweep, self._settings)
         if arrival is not Arrival.ACCEPTED:
-            self._findings.count(ARRIVALS[arrival])
+            self._findings.count(ARRIVAL_EVENTS[arrival])
         if arrival in (Arrival.DUPLICATE, Arrival.OUT_OF_ORDER):
             return False
         if arrival is not Arrival.ACCEPTED:
@@ -242,7 +233,7 @@ class ExampleBuilder:
         motion = _motion(current, following)
         if motion is not None and current.truth is not None:
             contradicts = _contradicts(motion, current.sweep.xyz, current.truth)
-            self._findings.count(ODOMETRY_CONTRADICTS, int(contradicts))
+            self._findings.count(Event.ODOMETRY_CONTRADICTS, int(contradicts))
         return Example(
             recording=self._recording,
             number=current.number,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Final
 
 from mnsf_ros.recording.damage import Damage
@@ -12,28 +13,60 @@ from mnsf_ros.sweeps.sweep_buffer import Arrival
 # A recording that is rubbish from end to end must not fill the memory with reports of it.
 _MAX_DAMAGES: Final = 100
 
-SWEEPS_READ = "sweeps read"
-SWEEPS_UNSTAMPED = "sweeps without a stamp, for which the time of reception was taken"
-SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
-SWEEPS_WITHOUT_POSE = "sweeps without odometry"
-TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
-TRUTH_UNFIT = "truth clouds that do not fit their sweep, or cannot be read, and are not used"
-FRAMES_DIFFER = (
-    "sweeps in another frame than the odometry's child frame: where the sensor is in it is what "
-    "ego_motion.sensor_x_m to sensor_yaw_deg tell"
-)
-ODOMETRY_CONTRADICTS = (
-    "sweeps whose odometry contradicts the truth of what stands, so that methods which use it "
-    "(ego) are wrong there"
-)
-INTERRUPTIONS = "holes, across which no triplet reaches"
+
+class Event(Enum):
+    """What is counted while a recording is read; the value is its name in `tasks.jsonl`."""
+
+    SWEEPS_READ = "sweeps_read"
+    SWEEPS_UNSTAMPED = "sweeps_unstamped"
+    SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth"
+    SWEEPS_WITHOUT_POSE = "sweeps_without_pose"
+    SWEEPS_DUPLICATE = "sweeps_duplicate"
+    SWEEPS_OUT_OF_ORDER = "sweeps_out_of_order"
+    JUMPS_BACK = "jumps_back"
+    GAPS = "gaps"
+    FRAME_CHANGES = "frame_changes"
+    INTERRUPTIONS = "interruptions"
+    TRUTH_WITHOUT_SWEEP = "truth_without_sweep"
+    TRUTH_UNFIT = "truth_unfit"
+    FRAMES_DIFFER = "frames_differ"
+    ODOMETRY_CONTRADICTS = "odometry_contradicts"
+
+    @property
+    def text(self) -> str:
+        """What happened, for people."""
+        return _TEXTS[self]
+
+
+_TEXTS: Final = {
+    Event.SWEEPS_READ: "sweeps read",
+    Event.SWEEPS_UNSTAMPED: "sweeps without a stamp; the time of reception was used",
+    Event.SWEEPS_WITHOUT_TRUTH: "sweeps without truth",
+    Event.SWEEPS_WITHOUT_POSE: "sweeps without odometry",
+    Event.SWEEPS_DUPLICATE: "sweeps with the stamp of the previous sweep, skipped",
+    Event.SWEEPS_OUT_OF_ORDER: "sweeps older than the previous sweep, skipped",
+    Event.JUMPS_BACK: "jumps back in time; no triplet spans them",
+    Event.GAPS: "gaps in time; no triplet spans them",
+    Event.FRAME_CHANGES: "changes of frame_id; no triplet spans them",
+    Event.INTERRUPTIONS: "missing sweeps; no triplet spans the gap",
+    Event.TRUTH_WITHOUT_SWEEP: "truth clouds without a sweep",
+    Event.TRUTH_UNFIT: "truth clouds that do not match their sweep or cannot be read, not used",
+    Event.FRAMES_DIFFER: (
+        "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
+        "sensor_yaw_deg to where the sensor is mounted"
+    ),
+    Event.ODOMETRY_CONTRADICTS: (
+        "sweeps whose odometry contradicts the truth of static points; methods that use odometry "
+        "(ego) are wrong there"
+    ),
+}
 # What the buffer of sweeps, the same as in the node, found odd about a sweep.
-ARRIVALS: Final = {
-    Arrival.DUPLICATE: "sweeps with the stamp of the one before, left out",
-    Arrival.OUT_OF_ORDER: "sweeps older than the one before, left out",
-    Arrival.TIME_WENT_BACK: "jumps back in time, across which no triplet reaches",
-    Arrival.GAP: "gaps in time, across which no triplet reaches",
-    Arrival.FRAME_CHANGED: "changes of frame_id, across which no triplet reaches",
+ARRIVAL_EVENTS: Final = {
+    Arrival.DUPLICATE: Event.SWEEPS_DUPLICATE,
+    Arrival.OUT_OF_ORDER: Event.SWEEPS_OUT_OF_ORDER,
+    Arrival.TIME_WENT_BACK: Event.JUMPS_BACK,
+    Arrival.GAP: Event.GAPS,
+    Arrival.FRAME_CHANGED: Event.FRAME_CHANGES,
 }
 
 
@@ -46,10 +79,10 @@ class Findings:
         damages: What could not be read, each place once.
     """
 
-    counts: Counter[str] = field(default_factory=Counter)
+    counts: Counter[Event] = field(default_factory=Counter)
     damages: dict[Damage, None] = field(default_factory=dict)
 
-    def count(self, event: str, times: int = 1) -> None:
+    def count(self, event: Event, times: int = 1) -> None:
         """Counts an event."""
         if times:
             self.counts[event] += times
@@ -60,6 +93,6 @@ class Findings:
             self.damages.setdefault(damage)
 
     @property
-    def warnings(self) -> dict[str, int]:
+    def warnings(self) -> dict[Event, int]:
         """The counts that somebody should know of."""
-        return {event: count for event, count in self.counts.items() if event != SWEEPS_READ}
+        return {event: count for event, count in self.counts.items() if event != Event.SWEEPS_READ}

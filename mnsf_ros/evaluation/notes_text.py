@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
-from mnsf_ros.evaluation.findings import SWEEPS_READ
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import num_sweeps_needed, registers
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 
@@ -15,6 +15,9 @@ from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 DAMAGE = "Damage: "
 NO_EXAMPLE = "No example: "
 NO_FLOW = "No flow: "
+_EVENTS = frozenset(event.value for event in Event)
+# Runs of earlier versions have texts in place of names.
+_NO_NEWS = (Event.SWEEPS_READ.value, Event.SWEEPS_READ.text)
 
 
 def notes_text(
@@ -79,9 +82,10 @@ def _without_ground(run: Mapping[str, Any]) -> Iterator[str]:
 
 def _events(finished: Iterable[Mapping[str, Any]]) -> Iterator[str]:
     for task in finished:
-        for event, count in task["counts"].items():
-            if event != SWEEPS_READ:
-                yield f"{task['recording']}: {event}: {count:,}."
+        for name, count in task["counts"].items():
+            if name not in _NO_NEWS:
+                text = Event(name).text if name in _EVENTS else name
+                yield f"{task['recording']}: {text}: {count:,}."
 
 
 def _without_example(

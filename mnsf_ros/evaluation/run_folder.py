@@ -105,7 +105,7 @@ class RunFolder:
             "recording": key[0],
             "method": key[1],
             "num_examples": num_examples,
-            "counts": dict(findings.counts),
+            "counts": {event.value: count for event, count in findings.counts.items()},
             "damages": [path_text(str(damage)) for damage in findings.damages],
         }
         _append(self.path / TASKS_FILE, json.dumps(task, ensure_ascii=False))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.findings import SWEEPS_READ, SWEEPS_UNSTAMPED, TRUTH_UNFIT, Findings
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.recording.bag_reader import BagReader
@@ -113,13 +113,13 @@ def recorded_sweeps(
             xyz, finite = decode_xyz(message)
             stamp_ns = decode_stamp(message.header.stamp)
         except MessageError as error:
-            number = findings.counts[SWEEPS_READ]
+            number = findings.counts[Event.SWEEPS_READ]
             where = f"after {number} sweeps on {topic!r}"
             findings.report(Damage(str(reader.path), where, f"damaged cloud: {error}"))
             yield None
             continue
-        findings.count(SWEEPS_READ)
-        findings.count(SWEEPS_UNSTAMPED, int(stamp_ns == 0))
+        findings.count(Event.SWEEPS_READ)
+        findings.count(Event.SWEEPS_UNSTAMPED, int(stamp_ns == 0))
         source = CloudRows(np.flatnonzero(finite), len(finite), recording)
         yield Sweep(xyz, stamp_ns or received_ns, message.header.frame_id, source)
 
@@ -255,7 +255,7 @@ class TruthTrack:
             if self._num_unfit <= _MAX_TOLD:
                 where = f"truth at stamp {cloud.stamp_ns}"
                 self._findings.report(Damage(self._name, where, str(error)))
-            self._findings.count(TRUTH_UNFIT)
+            self._findings.count(Event.TRUTH_UNFIT)
             return None
         return truth
 

@@ -9,16 +9,14 @@ import pytest
 import small_evaluations as small
 from box_street import pose
 
-from mnsf_ros.evaluation import findings as noticed
 from mnsf_ros.evaluation.examples import ExampleBuilder, read_examples
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import PointSelection
 from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import BufferSettings
-from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 
 def truth_cloud(index, truth=None):
@@ -81,7 +79,7 @@ def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (4, 5, 6), (5, 6, 7)]
     assert all(not example.triplet.earlier for example in examples[2:3])
-    assert findings.warnings == {noticed.INTERRUPTIONS: 1}
+    assert findings.warnings == {Event.INTERRUPTIONS: 1}
 
 
 def test_scored_points_are_marked_where_methods_get_whole_sweeps():
@@ -100,9 +98,9 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (20, 21, 22), (23, 24, 25)]
     assert findings.warnings == {
-        noticed.ARRIVALS[Arrival.DUPLICATE]: 1,
-        noticed.ARRIVALS[Arrival.GAP]: 1,
-        noticed.ARRIVALS[Arrival.FRAME_CHANGED]: 1,
+        Event.SWEEPS_DUPLICATE: 1,
+        Event.GAPS: 1,
+        Event.FRAME_CHANGES: 1,
     }
 
 
@@ -144,7 +142,7 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
     sweeps = [small.sweep(index) for index in range(9) if index != 4]
     examples = list(examples_of(sweeps, truth_of=range(9), findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (5, 6, 7), (6, 7, 8)]
-    assert findings.warnings == {noticed.TRUTH_WITHOUT_SWEEP: 1, noticed.INTERRUPTIONS: 1}
+    assert findings.warnings == {Event.TRUTH_WITHOUT_SWEEP: 1, Event.INTERRUPTIONS: 1}
 
 
 def test_motion_from_odometry():
@@ -160,7 +158,7 @@ def test_odometry_that_is_missing_or_of_another_frame_is_counted():
     poses = PoseTrack([StampedPose(small.stamp(1), small.pose(1), "base_link")])
     (example,) = examples_of(map(small.sweep, range(3)), poses=poses, findings=findings)
     assert example.next_from_current is None
-    assert findings.warnings == {noticed.SWEEPS_WITHOUT_POSE: 2, noticed.FRAMES_DIFFER: 1}
+    assert findings.warnings == {Event.SWEEPS_WITHOUT_POSE: 2, Event.FRAMES_DIFFER: 1}
 
 
 def test_nothing_is_kept_of_a_recording_of_any_length():
@@ -219,8 +217,8 @@ def test_truth_that_no_sweep_fits_costs_no_example():
     assert triplets_of(examples) == [(0, 2, 4), (2, 4, 6)]
     assert [example.truth for example in examples] == [None, None]
     assert findings.warnings == {
-        noticed.TRUTH_WITHOUT_SWEEP: 3,
-        noticed.SWEEPS_WITHOUT_TRUTH: 4,
+        Event.TRUTH_WITHOUT_SWEEP: 3,
+        Event.SWEEPS_WITHOUT_TRUTH: 4,
     }
 
 
@@ -235,7 +233,7 @@ def test_odometry_that_contradicts_the_truth_is_counted(jump_m, count):
     )
     sweeps = map(small.sweep, range(3))
     list(examples_of(sweeps, truth_of=range(3), poses=poses, findings=findings))
-    assert findings.counts[noticed.ODOMETRY_CONTRADICTS] == count
+    assert findings.counts[Event.ODOMETRY_CONTRADICTS] == count
 
 
 @pytest.mark.parametrize(("num_dynamic", "count"), [(58, 0), (10, 1)])
@@ -255,7 +253,7 @@ def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
         poses=poses_of(range(3)),
     )
     assert len(list(builder.examples(map(small.sweep, range(3))))) == 1
-    assert findings.counts[noticed.ODOMETRY_CONTRADICTS] == count
+    assert findings.counts[Event.ODOMETRY_CONTRADICTS] == count
 
 
 def test_sweeps_carry_the_pose_of_the_recording():

@@ -12,6 +12,7 @@ import pytest
 import small_evaluations as small
 
 import mnsf_ros
+from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
 from mnsf_ros.evaluation.options import EvaluationOptions
@@ -256,11 +257,13 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
     found, _ = results
     run = json.loads(json.dumps(found.run))
     run["recordings"][0] |= {"damages": ["a.mcap, byte 7: cut"], "truth": None}
-    tasks = [{"recording": "drive", "counts": {"sweeps read": 5, "gaps": 2}, "damages": ["b: c"]}]
+    counts = {"sweeps_read": 5, "sweeps read": 5, "gaps": 2, "an event of an old run": 3}
+    tasks = [{"recording": "drive", "counts": counts, "damages": ["b: c"]}]
     notes = notes_text(run, tasks * 2)
     assert "Damage: a.mcap, byte 7: cut" in notes
     assert "Damage: b: c" in notes
-    assert "drive: gaps: 2." in notes
+    assert f"drive: {Event.GAPS.text}: 2." in notes
+    assert "drive: an event of an old run: 3." in notes
     assert "drive: has no truth, so there are no errors." in notes
     assert len(notes) == len(set(notes))
 

@@ -10,7 +10,7 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.result_row import ResultRow
@@ -123,11 +123,11 @@ def test_rows_of_a_task_can_be_dropped(folder):
 def test_finished_tasks_come_back(folder):
     assert folder.read_finished() == {}
     findings = Findings()
-    findings.count("sweeps read", 6)
+    findings.count(Event.SWEEPS_READ, 6)
     folder.append_finished(("drive", "mnsf"), findings, 4)
     task = folder.read_finished()["drive", "mnsf"]
     assert task["num_examples"] == 4
-    assert task["counts"] == {"sweeps read": 6}
+    assert task["counts"] == {"sweeps_read": 6}
     (folder.path / "tasks.jsonl").write_text("{}\n")
     with pytest.raises(EvaluationError, match="line 1: is no finished task"):
         folder.read_finished()

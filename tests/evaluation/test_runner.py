@@ -5,10 +5,9 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import RecordingError, SettingsError
-from mnsf_ros.evaluation import findings as noticed
 from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
@@ -374,7 +373,7 @@ def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
             writer.write_raw("/points", kind, small.stamp(index), raw)
     *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
     assert [row.stamp_ns for row in rows] == [small.stamp(1)]
-    assert findings.warnings == {noticed.SWEEPS_UNSTAMPED: 3}
+    assert findings.warnings == {Event.SWEEPS_UNSTAMPED: 3}
 
 
 def test_settings_error_before_anything_is_written(bag):

@@ -9,7 +9,7 @@ import pytest
 import small_evaluations as small
 from rosbags.typesys import Stores, get_typestore
 
-from mnsf_ros.evaluation.findings import TRUTH_UNFIT, Findings
+from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack, recorded_poses
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
@@ -151,7 +151,7 @@ def test_truth_is_of_points_that_are_the_same_to_a_millimetre(offset_m, is_used)
     findings = Findings()
     truth, _ = TruthTrack([moved_truth(offset_m)], findings, "drive").take(small.sweep(0))
     assert (truth is not None) == is_used
-    assert findings.counts[TRUTH_UNFIT] == int(not is_used)
+    assert findings.counts[Event.TRUTH_UNFIT] == int(not is_used)
 
 
 @pytest.mark.parametrize("offset_m", [np.nan, 5.0])
