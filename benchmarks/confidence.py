@@ -24,9 +24,9 @@ from rich.console import Console
 from scipy.optimize import minimize
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.estimators import make_estimator
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.methods import make_method
 from mnsf_ros.objects import confidence, scene
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -64,7 +64,7 @@ def main() -> None:
 
 def _samples(recordings: list[list[TrueSweep]]) -> Iterator[Samples]:
     for sweeps in recordings:
-        estimator = make_estimator(preset("online"))
+        estimator = make_method("online", preset("online"))
         for index in range(1, len(sweeps) - 1):
             triple = [item.sweep for item in sweeps[index - 1 : index + 2]]
             recorders = {kind: _Recorder(kind) for kind in ("moving", "doubtful")}

@@ -24,7 +24,7 @@ _NUM_THREADS: Final = 2
 _ONLINE: Final = "online preset"
 # Row to method, preset, and whether it is given whole sweeps or the points of the paper's protocol.
 _ROWS: Final = {
-    _ONLINE: ("mnsf-objects", "online", True),
+    _ONLINE: ("online", "online", True),
     "ego motion, estimated": ("ego-estimated", "online", True),
     "ego motion, the truth's own": ("ego", "online", True),
     "FNSF (paper)": ("fnsf", "paper", False),

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from online_recordings import real_sweeps, simulated_sweeps, to_and_fro
 
-from mnsf_ros.estimators import make_estimator
 from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -54,7 +54,7 @@ def _memory_rows(full: Sequence[Sweep], quick: bool) -> Iterator[list[str]]:
 
 
 def _memory_mb(sweeps: Sequence[Sweep], number: int) -> list[float]:
-    estimator = make_estimator(preset("online"))
+    estimator = make_method("online", preset("online"))
     recent: list[Sweep] = []
     memory_mb = []
     for sweep in to_and_fro(sweeps, number):
@@ -89,7 +89,7 @@ def _print_digest() -> None:
     """What a fresh process makes of a street, as a hash."""
     sweeps = [item.sweep for item in simulated_sweeps(5, 10)]
     settings = preset("online").changed({"compute.num_threads": int(os.environ["OMP_NUM_THREADS"])})
-    estimator = make_estimator(settings)
+    estimator = make_method("online", settings)
     digest = hashlib.sha256()
     for index in range(1, len(sweeps) - 1):
         digest.update(
@@ -114,7 +114,7 @@ def _size_table() -> TextTable:
 
 
 def _times_ms(sweeps: Sequence[Sweep]) -> list[float]:
-    estimator = make_estimator(preset("online"))
+    estimator = make_method("online", preset("online"))
     times_ms = []
     for index in range(1, len(sweeps) - 1):
         start_s = time.perf_counter()

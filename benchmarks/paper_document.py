@@ -18,7 +18,7 @@ from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
 
 _TABLES: Mapping[str, str] = {
     "Methods": "zero ego ego-estimated nsfp nsfp-linear fnsf fnsf-linear fnsf-joint fnsf-time"
-    " mnsf-cycle mnsf authors/mnsf mnsf-objects online/mnsf",
+    " mnsf-cycle mnsf authors/mnsf online online/online",
     "Ablations": "fnsf mnsf-no-backward mnsf-mean mnsf-no-inversion mnsf",
     "Fusion operation": "mnsf-mean mnsf-weighted-sum mnsf-mlp",
     "Fusion depth": "mnsf-depth2 mnsf-depth3 mnsf-depth5 mnsf-depth7",
@@ -33,7 +33,7 @@ Written by `make benchmark`; [methods.md](methods.md) says what the rows are and
 them. Four moments of KITTI raw drive 0005 (HDL-64E, in town) as triplets without ground, within
 80 m and 4 m of height, in the sensor's frame, ego motion not removed: 8,192 points a sweep in the
 layout of the authors' data, and the same sweeps in full, 44,000 points each. Preset `paper`, every
-triplet from scratch; `authors/mnsf` is the preset `authors`, `online/mnsf` that of the live node.
+triplet from scratch; `authors/mnsf` is the preset `authors`, `online/online` that of the live node.
 Without the networks of others ([methods.md](methods.md#learned-networks)).
 
 Every value is the mean over the moments and the seeds. The paper's figures are over all points;

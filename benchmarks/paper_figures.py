@@ -16,7 +16,6 @@ PARTS = ("all", "dynamic", "static")
 # Rows that are the same estimate under the name that a table needs.
 SAME_AS = {
     "mnsf-mlp": "mnsf",
-    "mnsf-network": "mnsf",
     "mnsf-depth3": "mnsf",
     "mnsf-frames3": "mnsf",
     "mnsf-frames2": "mnsf-no-backward",

@@ -20,8 +20,8 @@ _GROUPS = {
     # mnsf-mlp, mnsf-depth3 and mnsf-frames3 are mnsf, mnsf-frames2 is mnsf-no-backward.
     "ablations": "mnsf-no-backward,mnsf-mean,mnsf-no-inversion",
     "variants": "mnsf-weighted-sum,mnsf-depth2,mnsf-depth5,mnsf-depth7,mnsf-frames4,mnsf-frames5",
-    # Not of the paper; mnsf-network is mnsf with the preset `paper`.
-    "ours": "ego-estimated,mnsf-objects,online/mnsf",
+    # Not of the paper.
+    "ours": "ego-estimated,online,online/online",
 }
 # What matters most comes first, so that an interrupted run has that.
 PLAN = (

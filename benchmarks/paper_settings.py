@@ -10,7 +10,7 @@ from paper_plan import preset_of
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.presets import preset
 
-_OBJECTS = ("mnsf-objects", "online/mnsf")
+_OBJECTS = ("online", "online/online")
 _GROUPS_OF_OBJECTS = ("crop", "ground", "field", "ego_motion", "objects", "compute")
 # Groups of settings that nobody else looks at.
 _ONLY_FOR = {

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Final
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
-from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator, never
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
@@ -22,48 +22,40 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 _DYNAMIC_SPEED_M_S: Final = 0.5
 
 
-class TripletEstimator(Protocol):
-    """A method that can be abandoned half-way."""
+class CommonFrameEstimator:
+    """Another method, in the sensor frame or, with `ego_motion.removed`, in a common frame.
 
-    @property
-    def num_sweeps(self) -> int:
-        """Sweeps that the method looks at."""
-
-    @property
-    def settings(self) -> Settings:
-        """How it estimates."""
-
-    def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
-    ) -> FlowEstimate:
-        """Estimates the flow of the triplet's current sweep."""
-
-
-Inner = TypeVar("Inner", bound=TripletEstimator)
-
-
-class CommonFrameEstimator(Generic[Inner]):
-    """Finds the sensor's own motion and lets another method explain the rest.
-
+    In the common frame it finds the ego motion first and lets the other method explain the rest.
     Not for use from several threads at once.
     """
 
-    def __init__(self, inner: Inner, poses: TripletPoses | None = None) -> None:
+    def __init__(self, inner: SceneFlowEstimator, poses: TripletPoses | None = None) -> None:
         """Makes an estimator.
 
         Args:
             inner: What estimates the flow in the common frame; it is not used by anybody else.
-            poses: What knows the poses of the last sweeps; None if nobody does.
+            poses: What knows the poses of the last sweeps; None if nothing is known yet.
         """
         self.inner = inner
         self.settings = inner.settings
-        self.num_sweeps = inner.num_sweeps
         self._poses = poses or TripletPoses(self.settings.ego_motion)
 
-    def with_inner(self, inner: Inner) -> CommonFrameEstimator[Inner]:
-        """The same around another method, with the poses of this one, which it replaces."""
-        still_hold = inner.settings.ego_motion == self.settings.ego_motion
-        return CommonFrameEstimator(inner, self._poses if still_hold else None)
+    @property
+    def traits(self) -> MethodTraits:
+        """Those of the other method; poses are state, too."""
+        traits = self.inner.traits
+        removed = self.settings.ego_motion.removed
+        return replace(traits, carries_state=traits.carries_state or removed)
+
+    def with_settings(self, settings: Settings) -> CommonFrameEstimator:
+        """Returns an estimator with other settings that keeps what is still valid.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        still_hold = settings.ego_motion == self.settings.ego_motion
+        poses = self._poses if still_hold else None
+        return CommonFrameEstimator(self.inner.with_settings(settings), poses)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
@@ -81,6 +73,8 @@ class CommonFrameEstimator(Generic[Inner]):
             SweepError: If a sweep cannot follow the one before it.
             MnsfError: As the other method.
         """
+        if not self.settings.ego_motion.removed:
+            return self.inner.estimate(triplet, cancelled)
         clock = StageClock(torch.device("cpu"))
         with clock.stage("ego motion"):
             poses = self._poses.of(triplet)
@@ -96,11 +90,6 @@ class CommonFrameEstimator(Generic[Inner]):
             times_ms=clock.times_ms | estimate.times_ms,
             over_ground=over_ground,
         )
-
-
-def in_common_frame(estimator: Inner) -> Inner | CommonFrameEstimator[Inner]:
-    """The estimator as it is, or in the common frame if its settings ask for that."""
-    return CommonFrameEstimator(estimator) if estimator.settings.ego_motion.removed else estimator
 
 
 def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) -> SweepTriplet:

@@ -7,8 +7,8 @@ from mnsf_ros.settings import Settings, SettingValue
 
 # Section 3 of the paper and the settings of the authors' README, every triplet from scratch.
 _PAPER: dict[str, SettingValue] = {
+    "method.name": "mnsf",
     "crop.min_range_m": 0.0,
-    "field.kind": "network",
     "distance.kind": "grid",
     "distance.cell_size_m": 0.1,
     "distance.truncation_m": 0.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.estimators import make_estimator
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -39,4 +39,5 @@ def estimate_flow(
         current=Sweep.from_array(current, name="current"),
         next=Sweep.from_array(next, name="next"),
     )
-    return make_estimator(settings or preset("paper")).estimate(triplet)
+    settings = settings or preset("paper")
+    return make_method(settings.method.name, settings).estimate(triplet)

@@ -119,6 +119,18 @@ def _setting(
 
 
 @dataclass(frozen=True)
+class MethodSettings:
+    """Which method the node runs."""
+
+    name: str = _setting(
+        "online",
+        "Method that estimates the flow. online: ego motion and one motion for each object, in "
+        "a tenth of a second on a CPU; mnsf: the networks of the paper; or any other method of "
+        "docs/methods.md or of an installed package",
+    )
+
+
+@dataclass(frozen=True)
 class CropSettings:
     """Which points the fields are fitted to. Points outside get their flow all the same."""
 
@@ -202,7 +214,7 @@ class EgoMotionSettings:
 
 @dataclass(frozen=True)
 class ObjectSettings:
-    """How objects are told apart, and which of them move. Only for the field kind `objects`."""
+    """How objects are told apart, and which of them move. Only for the method `online`."""
 
     cell_size_m: float = _setting(
         0.25, "Points in touching cells of this size, seen from above, are one object", "m", 0.05, 5
@@ -323,12 +335,6 @@ class LinearSettings:
 class FieldSettings:
     """What the forward and the backward field are made of."""
 
-    kind: str = _setting(
-        "objects",
-        "objects: one motion for each object, on top of the sensor's own, in a tenth of a second "
-        "on a CPU; network: a small network for the whole sweep, as the paper",
-        choices=("objects", "network"),
-    )
     num_hidden_layers: int = _setting(
         8, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
     )
@@ -461,6 +467,7 @@ class NodeSettings:
 class Settings:
     """All settings. Immutable: a change makes a new object, see `changed`."""
 
+    method: MethodSettings = MethodSettings()
     crop: CropSettings = CropSettings()
     ground: GroundSettings = GroundSettings()
     buffer: BufferSettings = BufferSettings()
@@ -541,11 +548,19 @@ def declared_setting(name: str) -> Setting:
     import difflib
 
     by_name = {setting.name: setting for setting in declared_settings()}
+    if name in REPLACED:
+        raise SettingsError(f"unknown setting {name!r}: {REPLACED[name]}")
     if name not in by_name:
         near = difflib.get_close_matches(name, by_name, n=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise SettingsError(f"unknown setting {name!r}{hint}")
     return by_name[name]
+
+
+# Settings of earlier versions, and what to do instead.
+REPLACED = {
+    "field.kind": "set method.name instead, to online (it was objects) or to mnsf (it was network)"
+}
 
 
 def _declarations() -> Iterator[Setting]:

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, pose
 
-from mnsf_ros.common_frame import CommonFrameEstimator, in_common_frame
+from mnsf_ros.common_frame import CommonFrameEstimator
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import CancelledError, SweepError
-from mnsf_ros.estimators import changed_estimator, make_estimator
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -58,7 +57,7 @@ def triplet():
 
 @pytest.fixture(scope="module")
 def estimate(triplet):
-    return make_estimator(QUICK).estimate(triplet)
+    return make_method("mnsf", QUICK).estimate(triplet)
 
 
 def next_from_current(index):
@@ -74,7 +73,7 @@ def test_flow_of_what_stands_is_that_of_the_sensor(triplet, estimate):
 
 def test_sensor_frame_is_worse_where_the_sensor_is_fast(triplet, estimate):
     settings = QUICK.changed({"ego_motion.removed": False})
-    other = make_estimator(settings).estimate(triplet)
+    other = make_method("mnsf", settings).estimate(triplet)
     standing = rigid_flow(triplet.current.xyz, next_from_current(1))
     common, sensor = (
         np.linalg.norm(one.flow - standing, axis=1)[one.kept].mean() for one in (estimate, other)
@@ -101,7 +100,7 @@ def test_times_have_the_stages_of_both(estimate):
 
 
 def test_triplets_that_follow_each_other_share_a_world():
-    estimator = make_estimator(QUICK)
+    estimator = make_method("mnsf", QUICK)
     sweeps = [sweep_at(index) for index in range(5)]
     for index in range(1, 4):
         result = estimator.estimate(SweepTriplet(*sweeps[index - 1 : index + 2]))
@@ -112,14 +111,14 @@ def test_triplets_that_follow_each_other_share_a_world():
 def test_odometry_is_taken_where_it_is_wanted():
     settings = QUICK.changed({"ego_motion.source": "odometry"})
     sweeps = [sweep_at(index, odometry=pose(100, 3) @ path(index)) for index in range(3)]
-    known = make_estimator(settings).estimate(SweepTriplet(*sweeps)).over_ground
+    known = make_method("mnsf", settings).estimate(SweepTriplet(*sweeps)).over_ground
     assert known.source == EgoSource.ODOMETRY.value
     assert np.allclose(known.next_from_current, next_from_current(1), atol=1e-9)
 
 
 def test_pair_is_enough():
     pair = SweepTriplet(None, sweep_at(1), sweep_at(2))
-    result = make_estimator(QUICK).estimate(pair)
+    result = make_method("mnsf", QUICK).estimate(pair)
     assert np.allclose(result.over_ground.next_from_current, next_from_current(1), atol=0.02)
     assert set(result.fits) == {"forward"}
 
@@ -128,7 +127,6 @@ def test_pair_is_enough():
 def test_every_network_method_can_do_it(method):
     settings = QUICK.changed({"optimization.max_iterations": 3, "fusion.max_iterations": 3})
     estimator = make_method(method, settings)
-    assert isinstance(estimator, CommonFrameEstimator)
     sweeps = [sweep_at(index, points_per_box=60) for index in range(4)]
     triplet = SweepTriplet(sweeps[1], sweeps[2], sweeps[3], earlier=(sweeps[0],))
     result = estimator.estimate(triplet)
@@ -138,7 +136,7 @@ def test_every_network_method_can_do_it(method):
 
 
 def test_sweep_that_cannot_follow_is_refused():
-    estimator = make_estimator(QUICK)
+    estimator = make_method("mnsf", QUICK)
     late = SweepTriplet(sweep_at(0), sweep_at(1), sweep_at(400))
     with pytest.raises(SweepError, match="cannot follow"):
         estimator.estimate(late)
@@ -146,42 +144,55 @@ def test_sweep_that_cannot_follow_is_refused():
 
 
 def test_older_triplet_starts_a_new_world():
-    estimator = make_estimator(QUICK)
+    estimator = make_method("mnsf", QUICK)
     estimator.estimate(triplet_at(5))
     known = estimator.estimate(triplet_at(1)).over_ground
     assert np.allclose(known.next_from_current, next_from_current(1), atol=0.02)
 
 
 def test_same_triplet_twice_gives_the_same(triplet):
-    estimator = make_estimator(QUICK)
+    estimator = make_method("mnsf", QUICK)
     first, second = (estimator.estimate(triplet) for _ in range(2))
     assert np.array_equal(first.flow, second.flow)
 
 
 def test_changed_settings_keep_the_world_and_the_networks():
     settings = QUICK.changed({"warm_start.enabled": True})
-    estimator = make_estimator(settings)
+    estimator = make_method("mnsf", settings)
     sweeps = [sweep_at(index) for index in range(4)]
     estimator.estimate(SweepTriplet(*sweeps[:3]))
-    changed = changed_estimator(estimator, settings.changed({"optimization.max_iterations": 30}))
+    changed = estimator.with_settings(settings.changed({"optimization.max_iterations": 30}))
     result = changed.estimate(SweepTriplet(*sweeps[1:]))
     assert result.start.value == "warm"
     expected = np.linalg.inv(path(0)) @ path(2)
     assert np.allclose(result.over_ground.world_from_sensor, expected, atol=0.05)
 
 
-def test_switched_off_it_is_the_method_itself():
-    estimator = make_estimator(QUICK)
+def test_switched_off_and_on_on_the_way(triplet):
+    on = QUICK.changed({"warm_start.enabled": True})
+    off = on.changed({"ego_motion.removed": False})
+    estimator = make_method("mnsf", on)
+    estimator.estimate(triplet)
+    # What networks have learned in one frame is of no use in the other.
+    for settings in (off, on):
+        estimator = estimator.with_settings(settings)
+        result = estimator.estimate(triplet)
+        expected = make_method("mnsf", settings).estimate(triplet)
+        assert result.start.value == "cold: first triplet"
+        np.testing.assert_array_equal(result.flow, expected.flow)
+        assert (result.over_ground is None) == (settings is off)
+
+
+@pytest.mark.parametrize("method", ["mnsf", "fnsf"])
+def test_poses_are_state(method):
+    assert make_method(method, QUICK).traits.carries_state
     off = QUICK.changed({"ego_motion.removed": False})
-    assert isinstance(estimator, CommonFrameEstimator)
-    assert isinstance(changed_estimator(estimator, off), MultiFrameEstimator)
-    inner = MultiFrameEstimator(off)
-    assert in_common_frame(inner) is inner
+    assert not make_method(method, off).traits.carries_state
 
 
 def test_it_can_be_abandoned(triplet):
     with pytest.raises(CancelledError):
-        make_estimator(QUICK).estimate(triplet, lambda: True)
+        make_method("mnsf", QUICK).estimate(triplet, lambda: True)
 
 
 class KnownFlow:
@@ -191,7 +202,7 @@ class KnownFlow:
 
     def __init__(self, motion=0.0, num_sweeps=2):
         self.motion = motion
-        self.num_sweeps = num_sweeps
+        self.traits = MethodTraits(num_sweeps)
         self.asked = None
 
     def estimate(self, triplet, cancelled=None):
@@ -241,4 +252,4 @@ def test_source_is_that_of_the_motion_to_the_next_sweep():
 
 @pytest.mark.parametrize("num_sweeps", [2, 3, 5])
 def test_as_many_sweeps_are_looked_at_as_by_the_method_itself(num_sweeps):
-    assert CommonFrameEstimator(KnownFlow(num_sweeps=num_sweeps)).num_sweeps == num_sweeps
+    assert CommonFrameEstimator(KnownFlow(num_sweeps=num_sweeps)).traits.num_sweeps == num_sweeps

@@ -15,7 +15,7 @@ from mnsf_ros.settings import Settings
 SHORT = Settings().changed(
     {
         "compute.device": "cpu",
-        "field.kind": "network",
+        "method.name": "mnsf",
         "field.num_hidden_layers": 2,
         "field.hidden_width": 16,
         "optimization.max_iterations": 5,

@@ -31,7 +31,8 @@ def test_declaration_is_complete(setting):
     assert setting.kind in (bool, int, float, str)
     assert setting.text.strip()
     assert "\n" not in setting.text
-    assert bool(setting.choices) == (setting.kind is str)
+    # Any method may be named: those of other packages, too.
+    assert bool(setting.choices) == (setting.kind is str and setting.name != "method.name")
 
 
 @pytest.mark.parametrize("setting", named(ALL))
@@ -49,6 +50,19 @@ def test_range_ends_are_allowed_and_nothing_beyond(setting):
     for value in (setting.minimum - step, setting.maximum + step):
         with pytest.raises(SettingsError, match=re.escape(setting.range_text(" from {} to {}"))):
             setting.checked(value)
+
+
+def test_setting_of_an_earlier_version_is_explained():
+    with pytest.raises(SettingsError, match=r"field\.kind.*method\.name.*online.*mnsf"):
+        Settings().changed({"field.kind": "network"})
+
+
+def test_presets_name_their_method():
+    assert {name: preset(name).method.name for name in PRESET_NAMES} == {
+        "online": "online",
+        "paper": "mnsf",
+        "authors": "mnsf",
+    }
 
 
 def test_names_are_unique():

@@ -118,7 +118,7 @@ def _num_sweeps(methods: Sequence[str], evaluation: EvaluationOptions, *, is_rem
             if is_remote and method in method_names():
                 continue
             raise
-        needed.append(getattr(estimator, "num_sweeps", 0))
+        needed.append(estimator.traits.num_sweeps)
     return min(max(needed), MAX_SWEEPS)
 
 

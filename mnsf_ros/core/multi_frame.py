@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.estimation_run import EstimationRun
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.prepared_sweep import SweepPreparation
-from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.warm_start import WarmStart
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import Settings, SettingValue
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
@@ -20,19 +20,26 @@ class MultiFrameEstimator:
     Not for use from several threads at once.
     """
 
-    def __init__(self, settings: Settings, num_sweeps: int = 3) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        num_sweeps: int = 3,
+        fixed: Mapping[str, SettingValue] | None = None,
+    ) -> None:
         """Makes an estimator that has seen nothing yet.
 
         Args:
             settings: How to estimate.
             num_sweeps: Sweeps in all: a forward field and `num_sweeps` - 2 backward ones. With
                 2 the forward flow goes through the fusion alone.
+            fixed: Settings that make the variant, whatever the others are.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        self.settings = settings
-        self.num_sweeps = num_sweeps
+        self._fixed = dict(fixed or {})
+        self.settings = settings.changed(self._fixed)
+        self.traits = MethodTraits(num_sweeps, carries_state=settings.warm_start.enabled)
         self._device = compute_device(settings.compute)
         self._preparation = SweepPreparation(settings)
         self._warm_start = WarmStart()
@@ -43,7 +50,8 @@ class MultiFrameEstimator:
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        other, old = MultiFrameEstimator(settings, self.num_sweeps), self.settings
+        other = MultiFrameEstimator(settings, self.traits.num_sweeps, self._fixed)
+        old, settings = self.settings, other.settings
         if settings.compute == old.compute:
             if _networks(settings) == _networks(old):
                 other._warm_start = self._warm_start
@@ -79,7 +87,7 @@ class MultiFrameEstimator:
             preparation=self._preparation,
             warm_start=self._warm_start,
             cancelled=cancelled,
-            num_sweeps=self.num_sweeps,
+            num_sweeps=self.traits.num_sweeps,
         )
         if run.is_pair:
             return run.finish(run.forward_flow())
@@ -92,4 +100,6 @@ class MultiFrameEstimator:
 
 def _networks(settings: Settings) -> tuple[object, ...]:
     """What must be the same for networks to be carried over."""
-    return settings.field, settings.fusion, settings.optimization.joint
+    # In another frame the flow is another one.
+    is_removed = settings.ego_motion.removed
+    return settings.field, settings.fusion, settings.optimization.joint, is_removed

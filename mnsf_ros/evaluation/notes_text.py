@@ -71,8 +71,7 @@ def _without_ground(run: Mapping[str, Any]) -> Iterator[str]:
     """Methods that lose more by the removal of the ground than the others."""
     identity = run["identity"]
     is_removed = identity["crop_and_ground"]["ground.remove"]
-    kind = identity["settings"]["field.kind"]
-    names = [method for method in run["methods"] if registers(method, kind)]
+    names = [method for method in run["methods"] if registers(method)]
     if names and is_removed and identity["realtime_rate"] is None:
         yield (
             f"{_listed(names)}: got sweeps without ground, as all methods did, and found the "

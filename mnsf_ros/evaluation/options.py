@@ -92,7 +92,7 @@ ALL_POINTS: Final = "all"
 # Methods, by name or how the name begins, that never look at what they did before.
 _STATELESS: Final = ("zero", "ego")
 _STATELESS_PREFIXES: Final = ("file:", "command:")
-_REGISTERING: Final = ("mnsf-objects", "ego-estimated")
+_REGISTERING: Final = ("online", "ego-estimated")
 # Those that start each fit from scratch.
 _COLD: Final = ("fnsf", "nsfp", "mnsf-cycle")
 
@@ -234,13 +234,13 @@ class EvaluationOptions:
         if method in _STATELESS or method.startswith(_STATELESS_PREFIXES):
             return False
         is_warm = self.settings.warm_start.enabled and not method.startswith(_COLD)
-        is_registering = registers(method, self.settings.field.kind)
+        is_registering = registers(method)
         return is_warm or self.settings.ego_motion.removed or is_registering
 
 
-def registers(method: str, field_kind: str) -> bool:
+def registers(method: str) -> bool:
     """Whether a method finds the sensor's motion sweep after sweep, whatever else is set."""
-    return method in _REGISTERING or (method == "mnsf" and field_kind == "objects")
+    return method in _REGISTERING
 
 
 def num_sweeps_needed(wanted: int, there: int) -> int:

@@ -16,6 +16,7 @@ methods of the same run are scored on all of theirs, as the numbers of points in
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,8 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.tracks import CloudRows
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 PREFIX: Final = "file:"
@@ -35,20 +38,31 @@ _NO_PYARROW: Final = "reading .feather files needs pyarrow: pip install pyarrow"
 class PredictionFiles:
     """Looks flow up instead of estimating it."""
 
-    def __init__(self, method: str) -> None:
+    traits = MethodTraits(is_external=True, is_timed=False)
+
+    def __init__(self, method: str, settings: Settings) -> None:
         """Names the folder.
 
         Args:
             method: `file:FOLDER` or `file:FOLDER::MASKS`.
+            settings: Not used.
 
         Raises:
             EvaluationError: There is no such folder.
         """
+        self._method = method
+        self.settings = settings
         folder, _, masks = method.removeprefix(PREFIX).partition("::")
         self._folder = _existing(folder)
         self._masks = _existing(masks) if masks else None
 
-    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
+    def with_settings(self, settings: Settings) -> PredictionFiles:
+        """Returns the same with other settings."""
+        return PredictionFiles(self._method, settings)
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
         """Returns the predicted flow of the current sweep, which must be a recorded one.
 
         Raises:

@@ -32,7 +32,6 @@ from mnsf_ros.evaluation.scoring import (
     scored_row,
 )
 from mnsf_ros.methods import make_method
-from mnsf_ros.methods.command_estimator import CommandEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -80,7 +79,11 @@ def make_estimator(method: str, settings: Settings) -> SceneFlowEstimator:
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
-    return PredictionFiles(method) if method.startswith(PREFIX) else make_method(method, settings)
+    return (
+        PredictionFiles(method, settings)
+        if method.startswith(PREFIX)
+        else make_method(method, settings)
+    )
 
 
 class _Scorer:
@@ -201,7 +204,7 @@ def warm_up(method: str, settings: Settings) -> None:
         next_from_current=np.eye(4),
     )
     estimator = make_method(method, settings.changed(_FEW_STEPS))
-    if isinstance(estimator, CommandEstimator):
+    if estimator.traits.is_external:
         return
     with suppress(MnsfError):
         estimator.estimate(triplet)

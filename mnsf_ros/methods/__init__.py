@@ -1,4 +1,5 @@
-"""The methods that the evaluator compares, by name."""
+"""The methods of estimating scene flow, by name."""
 
+from mnsf_ros.methods.registry import check_method as check_method
 from mnsf_ros.methods.registry import make_method as make_method
 from mnsf_ros.methods.registry import method_names as method_names

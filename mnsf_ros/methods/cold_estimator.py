@@ -9,7 +9,7 @@ import torch
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.prepared_sweep import SweepPreparation
-from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.settings import Settings
@@ -22,8 +22,8 @@ class ColdEstimator:
     """Estimates scene flow from triplets, each by itself.
 
     Attributes:
-        num_sweeps: Sweeps that the method looks at.
         settings: How it estimates.
+        traits: What the method needs.
     """
 
     def __init__(
@@ -46,13 +46,26 @@ class ColdEstimator:
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        self.num_sweeps = num_before + 2
+        self.traits = MethodTraits(num_before + 2)
         self._flow_of = flow_of
         self.settings = settings
         self._num_before = num_before
         self._distance_kind = distance_kind
         self._device = compute_device(settings.compute)
         self._preparation = SweepPreparation(settings)
+
+    def with_settings(self, settings: Settings) -> ColdEstimator:
+        """Returns an estimator with other settings; there is nothing to take over.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        return ColdEstimator(
+            self._flow_of,
+            settings,
+            num_before=self._num_before,
+            distance_kind=self._distance_kind,
+        )
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never

@@ -15,7 +15,7 @@ import shlex
 import signal
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import MethodError, SettingsError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -45,7 +46,7 @@ def variable_of(method: str) -> str:
 class CommandEstimator:
     """Lets another program estimate the flow of the points inside the crop; elsewhere it is 0."""
 
-    num_sweeps = 2
+    traits = MethodTraits(is_external=True)
 
     def __init__(
         self, command: Sequence[str], settings: Settings, timeout_s: float = _TIMEOUT_S
@@ -58,8 +59,8 @@ class CommandEstimator:
             timeout_s: The program is ended after this time, seconds.
         """
         # The points go into files: whatever device the program takes, here they need none.
-        self._settings = settings.changed({"compute.device": "cpu"})
-        self._preparation = SweepPreparation(self._settings)
+        self.settings = settings.changed({"compute.device": "cpu"})
+        self._preparation = SweepPreparation(self.settings)
         self._command = list(command)
         self._timeout_s = timeout_s
 
@@ -94,7 +95,13 @@ class CommandEstimator:
             )
         return cls.from_text(text, settings)
 
-    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
+    def with_settings(self, settings: Settings) -> CommandEstimator:
+        """Returns the same command with other settings."""
+        return CommandEstimator(self._command, settings, self._timeout_s)
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
         Raises:

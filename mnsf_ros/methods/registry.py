@@ -1,50 +1,134 @@
-"""Name of a method to its estimator: ours, and those of other installed packages.
+"""Name of a method to its estimator: our methods, and those of other installed packages.
 
-Another package registers a method with an entry point in the group `mnsf_ros.methods`: its name
-is the name of the method, its object is called with the settings and returns an estimator.
+Another package registers a method with an entry point in the group `mnsf_ros.methods`. Its name
+is the name of the method; its object is called with the settings and returns an estimator, see
+`SceneFlowEstimator`.
 """
 
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
+from typing import Final
 
-from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
+from mnsf_ros.common_frame import CommonFrameEstimator
+from mnsf_ros.core.multi_frame import MultiFrameEstimator
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods.built_in import BUILT_IN
-from mnsf_ros.methods.command_estimator import COMMAND_PREFIX, CommandEstimator
-from mnsf_ros.settings import Settings
+from mnsf_ros.methods.cold_estimator import ColdEstimator, FlowOf
+from mnsf_ros.methods.command_estimator import CommandEstimator
+from mnsf_ros.methods.fnsf import fnsf, fnsf_joint, fnsf_linear, fnsf_time
+from mnsf_ros.methods.mnsf_cycle import mnsf_cycle
+from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
+from mnsf_ros.methods.without_optimization import (
+    EgoMotionEstimator,
+    EstimatedEgoMotionEstimator,
+    ZeroEstimator,
+)
+from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.settings import Settings, SettingValue
 
-GROUP = "mnsf_ros.methods"
+GROUP: Final = "mnsf_ros.methods"
+
+MethodMaker = Callable[[Settings], SceneFlowEstimator]
+
+
+def _cold(flow_of: FlowOf, num_before: int = 0, distance_kind: str | None = None) -> MethodMaker:
+    make = partial(ColdEstimator, flow_of, num_before=num_before, distance_kind=distance_kind)
+    return lambda settings: CommonFrameEstimator(make(settings))
+
+
+def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
+    """The method of the paper, with some settings of its fusion fixed."""
+    values = {f"fusion.{name}": value for name, value in changes.items()}
+
+    def make(settings: Settings) -> SceneFlowEstimator:
+        return CommonFrameEstimator(MultiFrameEstimator(settings, num_sweeps, values))
+
+    return make
+
+
+# A new method is one line here; docs/extending.md has the recipe.
+_METHODS: Final[dict[str, MethodMaker]] = {
+    "online": ObjectFlowEstimator,
+    "mnsf": _mnsf(),
+    "zero": ZeroEstimator,
+    "ego": EgoMotionEstimator,
+    "ego-estimated": EstimatedEgoMotionEstimator,
+    "nsfp": _cold(nsfp, distance_kind="tree"),
+    "nsfp-linear": _cold(nsfp_linear, distance_kind="tree"),
+    "fnsf": _cold(fnsf),
+    "fnsf-linear": _cold(fnsf_linear),
+    "fnsf-joint": _cold(fnsf_joint, num_before=1),
+    "fnsf-time": _cold(fnsf_time, num_before=1),
+    "mnsf-cycle": _cold(mnsf_cycle, num_before=1),
+    # Ablations (a) to (c) of the paper; (d) is the method itself.
+    "mnsf-no-backward": _mnsf(2),
+    "mnsf-mean": _mnsf(kind="mean"),
+    "mnsf-no-inversion": _mnsf(inversion=False),
+    # Fusion operations: mean is ablation (b), and the third is the method's own network.
+    "mnsf-weighted-sum": _mnsf(kind="weighted_sum"),
+    "mnsf-mlp": _mnsf(kind="mlp"),
+    **{f"mnsf-depth{depth}": _mnsf(num_hidden_layers=depth) for depth in (2, 3, 5, 7)},
+    # With two sweeps there is no backward flow: that is ablation (a).
+    **{f"mnsf-frames{number}": _mnsf(number) for number in (2, 3, 4, 5)},
+    **{
+        name: partial(CommandEstimator.from_environment, name)
+        for name in ("flot", "3dflow", "gmsf", "scoop")
+    },
+}
+
+# What follows the prefix says which files or programs they are.
+_PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
+    "command:": CommandEstimator.from_text,
+}
+
+_OLD_NAMES: Final = {"mnsf-objects": "online", "mnsf-network": "mnsf"}
 
 
 def method_names() -> tuple[str, ...]:
-    """The names that `make_method` knows: ours in the order of the paper's table, then others."""
-    return (*BUILT_IN, *(name for name in sorted(_plug_ins()) if name not in BUILT_IN))
+    """The names that `make_method` knows: our methods, then those of other packages."""
+    return (*_METHODS, *(name for name in sorted(_plug_ins()) if name not in _METHODS))
+
+
+def check_method(name: str) -> None:
+    """Checks that there is a method of that name, without making it.
+
+    Raises:
+        SettingsError: If there is none, or several packages offer it.
+    """
+    _maker(name)
 
 
 def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
-    """Makes the estimator of a method.
+    """Makes the estimator of a method, which has seen nothing yet.
 
     Args:
         name: One of `method_names`, or `command:` and a command line.
-        settings: How to estimate. What makes the method comes on top of them.
+        settings: How to estimate. Each method adds what makes it that method.
 
     Raises:
         SettingsError: If there is no such method, it cannot be made, or the settings ask for a
             device that is not there.
     """
-    if name in BUILT_IN:
-        return BUILT_IN[name](settings)
-    if name.startswith(COMMAND_PREFIX):
-        return CommandEstimator.from_text(name.removeprefix(COMMAND_PREFIX), settings)
+    return _maker(name)(settings)
+
+
+def _maker(name: str) -> MethodMaker:
+    if name in _METHODS:
+        return _METHODS[name]
+    for prefix, make in _PREFIXES.items():
+        if name.startswith(prefix):
+            return partial(make, name.removeprefix(prefix))
     plug_ins = _plug_ins().get(name, [])
     if not plug_ins:
         raise SettingsError(_unknown(name))
     if len(plug_ins) > 1:
         packages = " and ".join(sorted(_package(plug_in) for plug_in in plug_ins))
         raise SettingsError(f"method {name!r} is offered by {packages}; uninstall all but one")
-    return _made(plug_ins[0], settings)
+    return partial(_made, plug_ins[0])
 
 
 def _plug_ins() -> dict[str, list[EntryPoint]]:
@@ -62,12 +146,26 @@ def _made(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     except (ImportError, AttributeError) as error:
         raise SettingsError(f"{source}: cannot load {plug_in.value!r}: {error}") from error
     if not callable(make):
-        raise SettingsError(f"{source}: got {make!r}, expected something to call with settings")
-    estimator = make(settings)
-    if not callable(getattr(estimator, "estimate", None)):
-        raise SettingsError(f"{source}: got {estimator!r}, expected an object with estimate()")
-    made: SceneFlowEstimator = estimator
-    return made
+        raise SettingsError(f"{source}: got {make!r}, expected a class or function of settings")
+    estimator: SceneFlowEstimator = make(settings)
+    missing = _missing(estimator)
+    if missing:
+        raise SettingsError(
+            f"{source}: {type(estimator).__name__} lacks {', '.join(missing)}, which every method "
+            "must have; see docs/extending.md"
+        )
+    return estimator
+
+
+def _missing(estimator: object) -> list[str]:
+    """What an object lacks to be an estimator."""
+    methods = ("estimate", "with_settings")
+    missing = [f"{name}()" for name in methods if not callable(getattr(estimator, name, None))]
+    if not isinstance(getattr(estimator, "settings", None), Settings):
+        missing.append("settings (Settings)")
+    if not isinstance(getattr(estimator, "traits", None), MethodTraits):
+        missing.append("traits (MethodTraits)")
+    return missing
 
 
 def _package(plug_in: EntryPoint) -> str:
@@ -75,6 +173,8 @@ def _package(plug_in: EntryPoint) -> str:
 
 
 def _unknown(name: str) -> str:
+    if name in _OLD_NAMES:
+        return f"unknown method {name!r}: it is now called {_OLD_NAMES[name]!r}"
     names = method_names()
     near = difflib.get_close_matches(name, names, n=3)
     hint = f"; did you mean {' or '.join(near)}?" if near else ""

@@ -1,11 +1,14 @@
-"""Honest rows for every table: nothing moves, and only the sensor moves."""
+"""Reference rows for every table: zero flow, and the flow of a static world."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import torch
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
@@ -16,15 +19,22 @@ _CPU = torch.device("cpu")
 
 
 class ZeroEstimator:
-    """Says that no point moves in the sensor's frame."""
+    """Returns zero flow: no point moves in the sensor frame."""
 
-    num_sweeps = 2
+    traits = MethodTraits(is_reference=True)
 
     def __init__(self, settings: Settings) -> None:
         """Takes settings like every method, and needs none."""
+        self.settings = settings
 
-    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
-        """Estimates zero flow."""
+    def with_settings(self, settings: Settings) -> ZeroEstimator:
+        """Returns the same with other settings."""
+        return ZeroEstimator(settings)
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
+        """Returns zero flow."""
         clock = StageClock(_CPU)
         with clock.stage("zero"):
             flow = np.zeros_like(triplet.current.xyz)
@@ -32,23 +42,29 @@ class ZeroEstimator:
 
 
 class EgoMotionEstimator:
-    """Says that the world stands still and only the sensor moves, by the motion it is told."""
+    """Returns the flow of a static world, by the ego motion that the triplet has."""
 
-    num_sweeps = 2
+    traits = MethodTraits(needs_poses=True, is_reference=True)
 
     def __init__(self, settings: Settings) -> None:
         """Takes settings like every method, and needs none."""
+        self.settings = settings
 
-    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
-        """Estimates the flow of standing points from `triplet.next_from_current`.
+    def with_settings(self, settings: Settings) -> EgoMotionEstimator:
+        """Returns the same with other settings."""
+        return EgoMotionEstimator(settings)
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
+        """Returns the flow of static points from `triplet.next_from_current`.
 
         Raises:
-            SweepError: If the triplet does not say how the sensor moved, or not in a (4, 4)
-                transform.
+            SweepError: If the triplet has no ego motion, or it is not a (4, 4) rigid transform.
         """
         if triplet.next_from_current is None:
             raise SweepError(
-                f"sweep {triplet.current.stamp_ns}: nothing says how the sensor moved, expected "
+                f"sweep {triplet.current.stamp_ns}: the ego motion is not known, expected "
                 "next_from_current; does the recording have odometry?"
             )
         clock = StageClock(_CPU)
@@ -58,19 +74,29 @@ class EgoMotionEstimator:
 
 
 class EstimatedEgoMotionEstimator:
-    """Says that the world stands still, by the same ego motion that the online method finds.
+    """Returns the flow of a static world, by the ego motion that the method `online` finds.
 
-    Beside `ego`, whose motion is the recording's own and mostly that of the ground truth, too.
+    The motion of `ego` is that of the recording, which is mostly that of its ground truth, too.
     """
 
-    num_sweeps = 2
+    traits = MethodTraits(carries_state=True, is_reference=True)
 
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet."""
+        self.settings = settings
         self._poses = TripletPoses(settings.ego_motion)
 
-    def estimate(self, triplet: SweepTriplet) -> FlowEstimate:
-        """Estimates the flow of standing points.
+    def with_settings(self, settings: Settings) -> EstimatedEgoMotionEstimator:
+        """Returns the same with other settings; it keeps the poses if they are still valid."""
+        other = EstimatedEgoMotionEstimator(settings)
+        if settings.ego_motion == self.settings.ego_motion:
+            other._poses = self._poses
+        return other
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
+        """Estimates the ego motion and returns the flow of static points.
 
         Raises:
             SweepError: If a sweep cannot follow the one before it.

@@ -24,7 +24,7 @@ from mnsf_ros.node.odometry_subscription import OdometrySubscription
 from mnsf_ros.node.once_log import OnceLog
 from mnsf_ros.node.parameters import ParameterChanges, declare_parameters, undeclared_overrides
 from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from msg_utils.errors import MessageError
 
@@ -99,7 +99,9 @@ class SceneFlowNode(Node):
 
     def _greet(self) -> None:
         for name in undeclared_overrides(self):
-            self.get_logger().warning(f"there is no parameter {name!r}; its value is ignored")
+            text = f"there is no parameter {name!r}; its value is ignored"
+            instead = f"; {REPLACED[name]}" if name in REPLACED else ""
+            self.get_logger().warning(f"{text}{instead}")
         self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
 
     def _on_cloud(self, message: PointCloud2) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
-from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse_motions, judge
@@ -35,13 +36,20 @@ class ObjectFlowEstimator:
     Not for use from several threads at once.
 
     Attributes:
-        num_sweeps: Sweeps that the method looks at. It makes do with two.
+        settings: How it estimates.
+        traits: It uses three sweeps, or two where there is no previous one.
     """
 
-    num_sweeps = 3
+    traits = MethodTraits(num_sweeps=3, carries_state=True)
 
     def __init__(self, settings: Settings) -> None:
-        """Makes an estimator that has seen nothing yet."""
+        """Makes an estimator that has seen nothing yet.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        # It runs on the CPU. A device that is not there is an error all the same.
+        compute_device(settings.compute)
         self.settings = settings
         self._memory = MotionMemory(settings)
 

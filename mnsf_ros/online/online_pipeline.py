@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import CancelledError, MnsfError
-from mnsf_ros.estimators import changed_estimator, make_estimator
+from mnsf_ros.methods import check_method, make_method
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
@@ -68,7 +68,8 @@ class OnlinePipeline:
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._buffer = SweepBuffer()
-        self._estimator = make_estimator(settings)
+        self._estimator = make_method(settings.method.name, settings)
+        self._estimator_settings = settings
         self._worker: LatestOnlyWorker[TripletJob] = LatestOnlyWorker(self._estimate, "estimator")
 
     @property
@@ -80,8 +81,10 @@ class OnlinePipeline:
         """Lets other settings hold from the next triplet on.
 
         Raises:
-            SettingsError: If they ask for a device that is not there; nothing changes then.
+            SettingsError: If they ask for a method or a device that is not there; nothing
+                changes then.
         """
+        check_method(settings.method.name)
         compute_device(settings.compute)
         self._settings = settings
 
@@ -127,8 +130,7 @@ class OnlinePipeline:
 
     def _estimate(self, job: TripletJob) -> None:
         try:
-            if job.settings != self._estimator.settings:
-                self._estimator = changed_estimator(self._estimator, job.settings)
+            self._adapt(job.settings)
             estimate = self._estimator.estimate(job.triplet, lambda: self._worker.is_closing)
             if self._worker.is_closing:
                 return
@@ -143,6 +145,14 @@ class OnlinePipeline:
                 self.statistics.count(OBJECTS_LEFT_OUT, estimate.num_left_out)
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
+
+    def _adapt(self, settings: Settings) -> None:
+        old = self._estimator_settings
+        if settings.method.name != old.method.name:
+            self._estimator = make_method(settings.method.name, settings)
+        elif settings != old:
+            self._estimator = self._estimator.with_settings(settings)
+        self._estimator_settings = settings
 
     def _fail(self, job: TripletJob, error: Exception) -> None:
         if self._worker.is_closing:

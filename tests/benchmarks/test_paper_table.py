@@ -84,9 +84,9 @@ def test_record_of_settings_is_that_of_each_method(load):
     module = load("paper_settings")
     before = dict(preset("paper").to_mapping())
     early = {"settings": {"paper": before | {"objects.cell_size_m": 9.0, "nsfp.patience": 1}}}
-    assert module.outdated(early, ["mnsf", "fnsf", "nsfp", "mnsf-objects"]) == [
+    assert module.outdated(early, ["mnsf", "fnsf", "nsfp", "online"]) == [
         "nsfp: nsfp.patience",
-        "mnsf-objects: objects.cell_size_m",
+        "online: objects.cell_size_m",
     ]
     merged = module.merged_settings(early, ["nsfp", "mnsf"], ["mnsf", "ego"])
     assert merged["nsfp"]["nsfp.patience"] == 1

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 
 HAS_CUDA = torch.cuda.is_available()
@@ -34,9 +34,9 @@ def test_cuda_where_there_is_none():
     with pytest.raises(SettingsError, match=text):
         compute_device(settings.compute)
     with pytest.raises(SettingsError, match=text):
-        MultiFrameEstimator(settings)
+        make_method("mnsf", settings)
     with pytest.raises(SettingsError, match=text):
-        MultiFrameEstimator(Settings()).with_settings(settings)
+        make_method("mnsf", Settings()).with_settings(settings)
 
 
 @pytest.fixture

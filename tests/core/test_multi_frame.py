@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -44,7 +44,7 @@ def pair_of(triplet):
 
 
 def estimate(triplet, settings=SHORT):
-    return MultiFrameEstimator(settings).estimate(triplet)
+    return make_method("mnsf", settings).estimate(triplet)
 
 
 def mean_errors(flow, scene):
@@ -247,7 +247,7 @@ def test_cold_start_does_not_depend_on_what_came_before(make_scene, start, batch
             "warm_start.max_loss_ratio": 1,
         }
     )
-    estimator = MultiFrameEstimator(settings)
+    estimator = make_method("mnsf", settings)
     estimator.estimate(triplet_of(make_scene(motion=(0, 0, 0))))
     seconds = 100 if start is Start.COLD_GAP else 0
     scene = make_scene(motion=(0, 1.9, 0), seed=1)
@@ -258,7 +258,7 @@ def test_cold_start_does_not_depend_on_what_came_before(make_scene, start, batch
 
 
 def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
-    estimator = MultiFrameEstimator(SHORT)
+    estimator = make_method("mnsf", SHORT)
     all_kept = estimator.estimate(triplet).kept
     near = SHORT.changed({"crop.max_range_m": 13})
     result = estimator.with_settings(near).estimate(triplet)
@@ -269,7 +269,7 @@ def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
 
 
 def test_settings_of_the_estimator():
-    estimator = MultiFrameEstimator(SHORT)
+    estimator = make_method("mnsf", SHORT)
     assert estimator.settings is SHORT
     assert estimator.with_settings(preset("paper")).settings == preset("paper")
     assert estimator.settings is SHORT
@@ -286,7 +286,7 @@ def test_sweep_with_too_few_points(triplet, which, num_points):
 
 
 def test_estimator_goes_on_after_an_error(triplet):
-    estimator = MultiFrameEstimator(SHORT)
+    estimator = make_method("mnsf", SHORT)
     empty = Sweep.from_array(np.zeros((0, 3)))
     with pytest.raises(SweepError):
         estimator.estimate(SweepTriplet(triplet.previous, triplet.current, empty))
@@ -295,12 +295,12 @@ def test_estimator_goes_on_after_an_error(triplet):
 
 def test_cancelled_at_any_step(triplet):
     asked = []
-    MultiFrameEstimator(SHORT).estimate(triplet, lambda: asked.append(None) is not None)
+    make_method("mnsf", SHORT).estimate(triplet, lambda: asked.append(None) is not None)
     assert len(asked) == 3 * 10  # before each step of each network
     for patience in (0, 5, 15, 25, 29):
         answers = iter([False] * patience + [True])
         with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
-            MultiFrameEstimator(SHORT).estimate(triplet, lambda: next(answers))  # noqa: B023
+            make_method("mnsf", SHORT).estimate(triplet, lambda: next(answers))  # noqa: B023
 
 
 # Steps of 1.0 blow up so deep a network: after the second step its flow is no float32.
@@ -340,7 +340,7 @@ def test_explosion_gives_the_best_flow_before_it(triplet):
 
 
 def test_estimator_recovers_from_an_explosion(triplet):
-    estimator = MultiFrameEstimator(EXPLOSIVE)
+    estimator = make_method("mnsf", EXPLOSIVE)
     with pytest.raises(OptimizationError):
         estimator.estimate(triplet)
     result = estimator.with_settings(SHORT).estimate(triplet)

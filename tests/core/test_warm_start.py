@@ -8,10 +8,10 @@ import torch
 
 from mnsf_ros.core.estimation_run import EstimationRun
 from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.warm_start import Learners, WarmStart
 from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -51,7 +51,7 @@ def starts(estimator, *triplets):
 @pytest.fixture
 def estimator():
     """An estimator with one triplet behind it, at 10 s."""
-    estimator = MultiFrameEstimator(SMALL)
+    estimator = make_method("mnsf", SMALL)
     assert starts(estimator, triplet(10)) == [Start.COLD_FIRST]
     return estimator
 
@@ -118,9 +118,9 @@ def test_warm_start_carries_on_where_the_last_triplet_ended(make_scene):
     def error(estimate):
         return np.linalg.norm(estimate.flow - scene.flow, axis=1)[scene.moving].mean()
 
-    estimator = MultiFrameEstimator(many)
+    estimator = make_method("mnsf", many)
     estimator.estimate(at(10))
-    warm, cold = estimator.estimate(at(10.1)), MultiFrameEstimator(few).estimate(at(10.1))
+    warm, cold = estimator.estimate(at(10.1)), make_method("mnsf", few).estimate(at(10.1))
     assert (warm.start, cold.start) == (Start.WARM, Start.COLD_FIRST)
     assert error(warm) < 0.15
     assert error(cold) > 0.4
@@ -155,12 +155,12 @@ def test_gap_counts_from_the_last_triplet_not_from_the_first(estimator):
 
 
 def test_switched_off():
-    estimator = MultiFrameEstimator(SMALL.changed({"warm_start.enabled": False}))
+    estimator = make_method("mnsf", SMALL.changed({"warm_start.enabled": False}))
     assert starts(estimator, triplet(10), triplet(10.1)) == [Start.COLD_BY_SETTING] * 2
 
 
 def test_carried_fields_that_no_longer_fit():
-    estimator = MultiFrameEstimator(SMALL.changed({"optimization.max_iterations": 100}))
+    estimator = make_method("mnsf", SMALL.changed({"optimization.max_iterations": 100}))
     strict = estimator.with_settings(SMALL.changed({"warm_start.max_loss_ratio": 3}))
     assert starts(estimator, triplet(10)) == [Start.COLD_FIRST]
     assert starts(strict, triplet(10.1)) == [Start.WARM]
@@ -185,7 +185,7 @@ def test_cancelled_in_the_last_stage():
         asked.append(None)
         return len(asked) > 5 + 5 + 1
 
-    estimator = MultiFrameEstimator(SMALL)
+    estimator = make_method("mnsf", SMALL)
     with pytest.raises(CancelledError):
         estimator.estimate(triplet(10), in_the_fusion)
     assert starts(estimator, triplet(10.1)) == [Start.COLD_FIRST]

@@ -284,20 +284,19 @@ def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
 
 
 @pytest.mark.parametrize(
-    ("kind", "realtime", "removed", "told"),
+    ("method", "realtime", "removed", "told"),
     [
-        ("objects", None, True, "mnsf, ego-estimated: got sweeps without ground"),
-        ("network", None, True, "ego-estimated: got sweeps without ground"),
-        ("objects", 1.0, True, ""),
-        ("objects", None, False, ""),
+        ("online", None, True, "online, ego-estimated: got sweeps without ground"),
+        ("mnsf", None, True, "ego-estimated: got sweeps without ground"),
+        ("online", 1.0, True, ""),
+        ("online", None, False, ""),
     ],
 )
-def test_notes_tell_who_suffers_without_ground(results, kind, realtime, removed, told):
+def test_notes_tell_who_suffers_without_ground(results, method, realtime, removed, told):
     from mnsf_ros.evaluation.notes_text import notes_text
 
     run = json.loads(json.dumps(results[0].run))
-    run["methods"] = ["zero", "mnsf", "ego-estimated"]
-    run["identity"]["settings"]["field.kind"] = kind
+    run["methods"] = ["zero", method, "ego-estimated"]
     run["identity"]["realtime_rate"] = realtime
     run["identity"]["crop_and_ground"]["ground.remove"] = removed
     found = [note for note in notes_text(run, []) if "without ground" in note]

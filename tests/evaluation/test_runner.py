@@ -204,9 +204,9 @@ def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, cha
         assert kept.items() <= times.items()
 
 
-@pytest.mark.parametrize("method", ["mnsf-objects", "ego-estimated", "mnsf"])
+@pytest.mark.parametrize("method", ["online", "ego-estimated"])
 def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
-    options = small.options({"field.kind": "objects"})
+    options = small.options()
     with pytest.raises(Stop):
         evaluate(tmp_path / "out", bag, [method, "fnsf"], options, watch=interrupted_after(8))
     folder = _folder(tmp_path / "out")
@@ -264,7 +264,7 @@ def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
 
 
 def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(bag, tmp_path):
-    method = "mnsf-network"
+    method = "mnsf"
     events = [row(1, method), row(2, method), TaskRestarted("lost"), row(1, method)]
     execute = scripted([*events, TaskFailed("lost again")])
     options = small.options(WARM)
@@ -277,13 +277,12 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
 @pytest.mark.parametrize(
     ("changes", "methods"),
     [
-        ({}, {"mnsf-objects", "ego-estimated"}),
-        (WARM, {"mnsf-objects", "ego-estimated", "mnsf", "mnsf-mean", "other"}),
+        ({}, {"online", "ego-estimated"}),
+        (WARM, {"online", "ego-estimated", "mnsf", "mnsf-mean", "other"}),
         (
             {"ego_motion.removed": True},
-            {"mnsf-objects", "ego-estimated", "mnsf", "mnsf-mean", "other", "fnsf", "mnsf-cycle"},
+            {"online", "ego-estimated", "mnsf", "mnsf-mean", "other", "fnsf", "mnsf-cycle"},
         ),
-        ({"field.kind": "objects"}, {"mnsf-objects", "ego-estimated", "mnsf"}),
     ],
 )
 def test_methods_that_go_on_from_their_last_estimate(changes, methods):
@@ -383,7 +382,7 @@ def test_settings_error_before_anything_is_written(bag):
 
 def test_rows_of_the_online_method_say_whether_it_knew_the_sweeps_before(bag):
     options = small.options({"warm_start.enabled": True})
-    starts = [row.start for row in rows_of(small.task_at(bag, "mnsf-objects"), options)]
+    starts = [row.start for row in rows_of(small.task_at(bag, "online"), options)]
     assert starts[0] == "cold: first triplet"
     assert set(starts[1:]) == {"warm"}
 
@@ -428,7 +427,7 @@ def test_sampling_counts_examples_wherever_they_are(tmp_path):
     assert [row.number for row in rest] == [5]
 
 
-@pytest.mark.parametrize("method", ["ego-estimated", "mnsf-objects", "fnsf"])
+@pytest.mark.parametrize("method", ["ego-estimated", "online", "fnsf"])
 def test_way_back_is_measured_for_methods_that_know_time(tmp_path, method):
     path = small.write_recording(tmp_path / "drive", 5, num_points=400)
     options = small.options({"ego_motion.removed": True, "ground.remove": False}, check_cycle=True)

@@ -11,11 +11,11 @@ from torch import nn
 from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.forward_backward_fields import fit_jointly
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.optimization import Learner, PartlyJudgedLoss, StopReason, minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.temporal_fusion import MlpFusion, WeightedSumFusion, fusion_network
 from mnsf_ros.core.warm_start import Learners
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 
@@ -118,7 +118,7 @@ def test_joint_fields_start_from_the_same_weights():
 
 
 def test_joint_estimate(translated):
-    result = MultiFrameEstimator(QUICK.changed({"optimization.joint": True})).estimate(translated)
+    result = make_method("mnsf", QUICK.changed({"optimization.joint": True})).estimate(translated)
     assert list(result.fits) == ["fields", "fusion"]
     assert list(result.times_ms) == ["prepare", "fields", "fusion"]
     truth = np.broadcast_to((0.3, -0.2, 0.05), result.flow.shape)
@@ -128,7 +128,7 @@ def test_joint_estimate(translated):
 def test_joint_fields_go_on_warm_and_alone(translated):
     values = {"optimization.joint": True, "warm_start.enabled": True}
     joint = QUICK.changed({**values, "warm_start.max_loss_ratio": 1000})
-    estimator = MultiFrameEstimator(joint)
+    estimator = make_method("mnsf", joint)
     starts = [estimator.estimate(translated).start for _ in range(2)]
     assert starts == [Start.COLD_FIRST, Start.WARM]
     # Fields with an optimizer each are other networks.
@@ -147,7 +147,7 @@ def test_fields_of_the_last_step_are_fused(translated):
         }
     )
     best, last = (
-        MultiFrameEstimator(wild.changed({"fusion.fields": each})).estimate(translated)
+        make_method("mnsf", wild.changed({"fusion.fields": each})).estimate(translated)
         for each in ("best", "last")
     )
     assert not np.allclose(best.flow, last.flow)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from moving_sweeps import QUICK, as_sweep, mean_error, moving_triplet, triplet_of
 
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.optimization import StopReason
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method, method_names
@@ -124,16 +123,17 @@ def test_time_budget_ends_each_stage_after_its_first_step(translated, name):
 def test_says_how_many_sweeps_it_needs_and_refuses_fewer(translated, name):
     estimator = make_method(name, SHORT)
     needed = dict.fromkeys(TWO_SWEEPS, 2) | {"mnsf-frames4": 4, "mnsf-frames5": 5}
-    assert estimator.num_sweeps == needed.get(name, 3)
-    enough = replace(translated, earlier=translated.earlier[: max(0, estimator.num_sweeps - 3)])
-    if estimator.num_sweeps == 2:
+    num_sweeps = estimator.traits.num_sweeps
+    assert num_sweeps == needed.get(name, 3)
+    enough = replace(translated, earlier=translated.earlier[: max(0, num_sweeps - 3)])
+    if num_sweeps == 2:
         enough = replace(enough, previous=None, earlier=())
     assert np.isfinite(estimator.estimate(enough).flow).all()
     # The paper's method itself makes do with two sweeps: without the previous one it is FNSF.
     if name in ("fnsf-joint", "fnsf-time", "mnsf-cycle"):
         with pytest.raises(SweepError, match=r"^sweep 10000000000: got 0 sweeps before it"):
             estimator.estimate(replace(translated, previous=None, earlier=()))
-    if estimator.num_sweeps > 3:
+    if num_sweeps > 3:
         with pytest.raises(SweepError, match=r"got 1 sweeps before it, expected"):
             estimator.estimate(replace(translated, earlier=()))
 
@@ -161,7 +161,7 @@ def test_ego_motion_must_be_told(translated):
 
 def test_fnsf_is_the_forward_field_of_the_paper(translated):
     pair = replace(translated, previous=None, earlier=())
-    alone = MultiFrameEstimator(SHORT).estimate(pair).flow
+    alone = make_method("mnsf", SHORT).estimate(pair).flow
     np.testing.assert_array_equal(estimate("fnsf", translated, SHORT).flow, alone)
 
 

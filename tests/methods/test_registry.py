@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods import make_method, method_names
-from mnsf_ros.methods.built_in import BUILT_IN
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -22,17 +20,30 @@ PAPER = preset("paper").changed({"compute.device": "cpu"})
 CODE = """
 import numpy as np
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 
 class Constant:
-    def __init__(self, settings):
-        self.seed = settings.compute.seed
+    traits = MethodTraits()
 
-    def estimate(self, triplet):
-        flow = np.full_like(triplet.current.xyz, self.seed)
+    def __init__(self, settings):
+        self.settings = settings
+
+    def with_settings(self, settings):
+        return Constant(settings)
+
+    def estimate(self, triplet, cancelled=never):
+        flow = np.full_like(triplet.current.xyz, self.settings.compute.seed)
         return FlowEstimate(flow, np.ones(len(flow), bool))
 
 class NoEstimator:
     def __init__(self, settings):
+        self.traits = 3
+
+class Old:
+    def __init__(self, settings):
+        self.settings = settings
+
+    def estimate(self, triplet):
         pass
 
 not_callable = 3
@@ -68,11 +79,12 @@ def triplet():
 def test_names_are_those_of_the_paper_and_unique():
     names = method_names()
     assert len(set(names)) == len(names)
-    assert names[:13] == (
+    assert names[:12] == (
+        *("online", "mnsf"),
         *("zero", "ego", "ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
-        *("fnsf-joint", "fnsf-time", "mnsf-cycle", "mnsf", "mnsf-objects", "mnsf-network"),
+        *("fnsf-joint", "fnsf-time", "mnsf-cycle"),
     )
-    assert set(names[13:]) >= {
+    assert set(names[12:]) >= {
         *("mnsf-no-backward", "mnsf-mean", "mnsf-no-inversion", "mnsf-weighted-sum"),
         *(f"mnsf-depth{depth}" for depth in (2, 3, 5, 7)),
         *(f"mnsf-frames{number}" for number in (2, 3, 4, 5)),
@@ -82,14 +94,14 @@ def test_names_are_those_of_the_paper_and_unique():
 
 def test_document_names_every_method():
     document = (Path(__file__).parents[2] / "docs" / "methods.md").read_text()
-    for name in BUILT_IN:
+    for name in method_names():
         series = re.fullmatch(r"(mnsf-(?:depth|frames))([3-7])", name)
         text = f"`{series[1]}2`.*`{series[2]}`" if series else f"`{name}`"
         assert re.search(text, document), name
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in BUILT_IN if name[:4] in ("mnsf", "fnsf", "nsfp")]
+    "name", [name for name in method_names() if name[:4] in ("mnsf", "fnsf", "nsfp", "onli")]
 )
 @pytest.mark.parametrize("preset_name", ["online", "paper", "authors"])
 def test_every_method_takes_every_preset(name, preset_name):
@@ -97,17 +109,44 @@ def test_every_method_takes_every_preset(name, preset_name):
     assert callable(estimator.estimate)
 
 
-def test_the_method_itself_is_the_one_of_the_node():
-    estimator = make_method("mnsf", PAPER)
-    assert type(estimator) is MultiFrameEstimator
-    assert estimator.settings is PAPER
+@pytest.mark.parametrize(("old", "new"), [("mnsf-objects", "online"), ("mnsf-network", "mnsf")])
+def test_old_names_are_pointed_to_the_new_ones(old, new):
+    with pytest.raises(SettingsError, match=f"{old}.*{new}"):
+        make_method(old, PAPER)
+
+
+@pytest.mark.parametrize("name", [*method_names(), "command:true"])
+def test_every_method_describes_itself(name, monkeypatch):
+    for network in ("FLOT", "3DFLOW", "GMSF", "SCOOP"):
+        monkeypatch.setenv(f"MNSF_{network}", "true")
+    settings = PAPER.changed({"warm_start.enabled": True})
+    estimator = make_method(name, settings)
+    traits = estimator.traits
+    assert traits.is_reference == (name in ("zero", "ego", "ego-estimated"))
+    assert traits.needs_poses == (name == "ego")
+    assert traits.is_external == (name in ("flot", "3dflow", "gmsf", "scoop", "command:true"))
+    goes_on = name in ("online", "ego-estimated") or (
+        name.startswith("mnsf") and name != "mnsf-cycle"
+    )
+    assert traits.carries_state == goes_on
+    assert traits.is_timed
+    # What makes the variant stays with it, whatever else changes.
+    changed = settings.changed({"compute.seed": 3, "fusion.kind": "weighted_sum"})
+    again = estimator.with_settings(changed)
+    assert again.settings == make_method(name, changed).settings
+    assert again.traits == traits
+
+
+def test_without_warm_start_networks_carry_nothing():
+    assert not make_method("mnsf", PAPER).traits.carries_state
+    assert make_method("online", PAPER).traits.carries_state
 
 
 @pytest.mark.parametrize("name", ["", "MNSF", "mnsf-depth4", "fnfs", "file:x"])
 def test_unknown_name(name):
     with pytest.raises(
         SettingsError,
-        match=rf"^unknown method {name!r}.*; there are zero, ego, ego-estimated, nsfp",
+        match=rf"{name!r}.*; there are online, mnsf, zero, ego, ego-estimated, nsfp",
     ):
         make_method(name, PAPER)
 
@@ -152,9 +191,10 @@ def test_same_name_in_two_packages(install):
 
 
 def test_our_names_stay_ours(install):
+    names = method_names()
     install("theirs", {"mnsf": "theirs_module:Constant"})
-    assert method_names() == tuple(BUILT_IN)
-    assert type(make_method("mnsf", PAPER)) is MultiFrameEstimator
+    assert method_names() == names
+    assert make_method("mnsf", PAPER).traits.num_sweeps == 3
 
 
 @pytest.mark.parametrize(
@@ -162,11 +202,12 @@ def test_our_names_stay_ours(install):
     [
         ("no_such_module:Constant", "cannot load 'no_such_module:Constant': No module named"),
         ("theirs_module:Missing", "cannot load 'theirs_module:Missing': .*no attribute 'Missing'"),
-        ("theirs_module:not_callable", "got 3, expected something to call with settings"),
+        ("theirs_module:not_callable", "got 3, expected a class or function"),
         (
             "theirs_module:NoEstimator",
-            r"got <.*NoEstimator.*>, expected an object with estimate\(\)",
+            r"NoEstimator lacks estimate\(\), with_settings\(\), settings .*, traits",
         ),
+        ("theirs_module:Old", r"Old lacks with_settings\(\), traits"),
     ],
 )
 def test_broken_package(install, target, text):

@@ -13,7 +13,7 @@ from waiting import PATIENCE_S
 _CHECKOUT = Path(__file__).resolve().parents[2]
 
 # The default but for ground, which the clouds of the tests have none of: an estimate of some 30 ms.
-# With `field.kind` network it is one of some 70 ms, however slow the machine is: no time budget.
+# With `method.name` mnsf it is one of some 70 ms, however slow the machine is: no time budget.
 QUICK = {
     "ground.remove": "false",
     "field.num_hidden_layers": 2,
@@ -34,7 +34,7 @@ QUICK = {
 
 RESTING = QUICK | {"node.always_estimate": "false"}
 
-NETWORK = QUICK | {"field.kind": "network"}
+NETWORK = QUICK | {"method.name": "mnsf"}
 
 # An estimate that takes minutes, in many short steps.
 ENDLESS = NETWORK | {"optimization.max_iterations": 100_000}

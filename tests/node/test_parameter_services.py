@@ -16,9 +16,9 @@ def same_settings_afterwards(peer):
 
     Their number of iterations shows which settings an estimate had.
     """
-    names = ("field.kind", "crop.min_range_m", "crop.max_range_m", "optimization.max_iterations")
+    names = ("method.name", "crop.min_range_m", "crop.max_range_m", "optimization.max_iterations")
     before = {name: peer.get(name) for name in names}
-    assert peer.set({"field.kind": "network"})[0].successful
+    assert peer.set({"method.name": "mnsf"})[0].successful
     yield
     assert peer.set_atomically(before).successful
 
@@ -206,15 +206,15 @@ def test_changes_in_the_middle_of_a_drive_do_not_stop_the_flow(peer, drive):
     assert peer.set({"field.hidden_width": 32})[0].successful
 
 
-def test_the_kind_of_field_can_change_on_the_way(peer, drive):
+def test_the_method_can_change_on_the_way(peer, drive):
     sweeps = drive.sweeps(*range(6))
     peer.send(*sweeps[:3])
     peer.flow_of(sweeps[1])
-    for kind, sweep, current in zip(
-        ("objects", "network", "objects"), sweeps[3:], sweeps[2:], strict=False
+    for method, sweep, current in zip(
+        ("online", "mnsf", "online"), sweeps[3:], sweeps[2:], strict=False
     ):
-        assert peer.set({"field.kind": kind})[0].successful
+        assert peer.set({"method.name": method})[0].successful
         peer.send(sweep)
         peer.flow_of(current)
         peer.wait_until_settled()
-        assert ("forward iterations, last" in peer.values("flow")) == (kind == "network")
+        assert ("forward iterations, last" in peer.values("flow")) == (method == "mnsf")

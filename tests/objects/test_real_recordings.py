@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
-from mnsf_ros.estimators import make_estimator
 from mnsf_ros.geometry.rigid_motion import rigid_flow
+from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -56,7 +56,7 @@ def test_flow_of_labelled_points():
     """Both halves of the target: what stands, and what moves beside ego motion only."""
     frames = recorded("kitti_0005")
     sweeps = [as_sweep(arrays) for arrays in frames]
-    estimator = make_estimator(SETTINGS)
+    estimator = make_method("online", SETTINGS)
     static_m, dynamic_m, ego_only_m = [], [], []
     for index in range(1, len(sweeps) - 1):
         result = estimator.estimate(SweepTriplet(*sweeps[index - 1 : index + 2]))

@@ -65,7 +65,7 @@ def network_settings(quick_settings):
     """An estimate of some 50 ms with networks, however slow the machine is: no time budget."""
     return quick_settings.changed(
         {
-            "field.kind": "network",
+            "method.name": "mnsf",
             "field.num_hidden_layers": 2,
             "field.hidden_width": 32,
             "fusion.num_hidden_layers": 2,

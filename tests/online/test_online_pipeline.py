@@ -219,11 +219,15 @@ class TestSettings:
         starts = starts_after(quick_settings, *changes)
         assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
 
-    def test_may_ask_for_the_other_kind_of_field(self, starts_after, quick_settings, recorder):
-        starts = starts_after(quick_settings, {"field.kind": "network"}, {"field.kind": "objects"})
+    def test_may_ask_for_another_method(self, starts_after, quick_settings, recorder):
+        starts = starts_after(quick_settings, {"method.name": "mnsf"}, {"method.name": "online"})
         assert starts == 3 * [Start.COLD_FIRST]
         has_networks = [bool(estimate.fits) for _, estimate in recorder.handed_out]
         assert has_networks == [False, True, False]
+
+    def test_that_name_no_method_change_nothing(self, pipeline, quick_settings):
+        with pytest.raises(SettingsError, match="unknown method 'mnfs'"):
+            pipeline.change_settings(quick_settings.changed({"method.name": "mnfs"}))
 
     def test_of_the_buffer_hold_at_once(self, pipeline, add, make_sweep, quick_settings):
         add(make_sweep(0))
@@ -247,13 +251,13 @@ class TestSettings:
         assert job.settings == network_settings
         assert estimate.fits["forward"].iterations == 60
 
-    @pytest.mark.parametrize("kind", ["objects", "network"])
+    @pytest.mark.parametrize("method", ["online", "mnsf"])
     @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
     def test_that_ask_for_a_missing_device_are_refused_at_the_start(
-        self, make_pipeline, quick_settings, kind
+        self, make_pipeline, quick_settings, method
     ):
         with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
-            make_pipeline(quick_settings.changed({"compute.device": "cuda", "field.kind": kind}))
+            make_pipeline(quick_settings.changed({"compute.device": "cuda", "method.name": method}))
 
 
 class TestFailure:

@@ -101,7 +101,7 @@ def test_report_without_pictures(street, tmp_path):
     assert "The worst 3 of 3 examples of ego" in text
 
 
-@pytest.mark.parametrize("method", ["mnsf-objects", "mnsf-frames2"])
+@pytest.mark.parametrize("method", ["online", "mnsf-frames2"])
 def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
     street, tmp_path, method
 ):
