@@ -43,7 +43,7 @@ from mnsf_ros.evaluation.options import (
     EvaluationTask,
     choose_topics,
 )
-from mnsf_ros.evaluation.row_json import row_to_json
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
@@ -106,7 +106,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
             if isinstance(event, Findings):
                 is_warned = is_warned or bool(event.damages) or bool(event.warnings)
                 continue
-            row = json.loads(row_to_json(event))
+            row = json.loads(to_json(event))
             is_warned = is_warned or bool(row["failure"])
             del row["time_ms"], row["stage_times_ms"]
             rows[method, row["stamp_ns"]] = row

@@ -6,7 +6,6 @@ import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from authors_figures import ACC5, AUTHORS, DECIMALS, DYNAMIC, EPE, STATIC, verdict
 from kitti_examples import SCALES
@@ -14,6 +13,7 @@ from paper_figures import Measured, measured_of
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
 from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
 
 _TABLES: Mapping[str, str] = {
@@ -48,7 +48,7 @@ deviation of ours from seed to seed. *No worse, within the seeds*: worse by less
 
 def document(
     rows: Sequence[ResultRow],
-    sessions: Sequence[Mapping[str, Any]],
+    sessions: Sequence[SessionRecord],
     missing: Sequence[str],
     outdated: Sequence[str] = (),
 ) -> str:
@@ -151,28 +151,27 @@ def _deviation(values: Sequence[float]) -> float:
     return statistics.stdev(values) if len(values) > 1 else math.nan
 
 
-def _provenance(sessions: Sequence[Mapping[str, Any]]) -> str:
+def _provenance(sessions: Sequence[SessionRecord]) -> str:
     facts = {
-        "Machine": [_machine(session["machine"]) for session in sessions],
+        "Machine": [_machine(session.machine) for session in sessions],
         "Threads": [
             "1, at low priority beside other work: times are rough. They are those of the core; "
             "of the rows of the first sessions those of the clock"
         ],
         "Versions": [
-            ", ".join(f"{name} {number}" for name, number in session["versions"].items())
+            ", ".join(f"{name} {number}" for name, number in session.versions.items())
             for session in sessions
         ],
-        "Commit": [_commit(session["git_commit"]) for session in sessions],
-        "Started": [session["started"][:10] for session in sessions],
+        "Commit": [_commit(session.git_commit) for session in sessions],
+        "Started": [session.started[:10] for session in sessions],
     }
     # Most runs of a folder are alike.
     return "".join(f"* {key}: {'; '.join(dict.fromkeys(texts))}\n" for key, texts in facts.items())
 
 
-def _machine(machine: Mapping[str, Any]) -> str:
-    gpu = machine["gpu"] or "no GPU"
-    cores = f"{machine['cores']} cores"
-    return f"{machine['name']}: {machine['processor']}, {cores}, {gpu}, {machine['system']}"
+def _machine(machine: MachineRecord) -> str:
+    gpu, cores = machine.gpu or "no GPU", f"{machine.cores} cores"
+    return f"{machine.name}: {machine.processor}, {cores}, {gpu}, {machine.system}"
 
 
 def _commit(commit: str | None) -> str:

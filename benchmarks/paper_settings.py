@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass
 
 from paper_plan import preset_of
 
 from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.presets import preset
+from mnsf_ros.settings import SettingValue
+
+Values = dict[str, SettingValue]
 
 _OBJECTS = ("online", "online/online")
 _GROUPS_OF_OBJECTS = ("crop", "ground", "field", "ego_motion", "objects", "compute")
@@ -23,14 +27,26 @@ _ONLY_FOR = {
 }
 
 
-def settings_of(method: str) -> dict[str, Any]:
+@dataclass(frozen=True)
+class PaperRecord:
+    """What the rows in a folder were computed with.
+
+    Attributes:
+        sessions: When and where.
+        settings: Method, or in the first records preset, to its settings.
+    """
+
+    sessions: list[SessionRecord]
+    settings: dict[str, Values]
+
+
+def settings_of(method: str) -> Values:
     """The settings that a method has now; those that it does not look at are left out."""
     return _its_own(method, preset(preset_of(method)).to_mapping())
 
 
-def recorded_settings(run: Mapping[str, Any], methods: Iterable[str]) -> dict[str, Any]:
+def recorded_settings(recorded: Mapping[str, Values], methods: Iterable[str]) -> dict[str, Values]:
     """Method to the settings that its rows were computed with."""
-    recorded = run["settings"]
     # The first records had them for each preset.
     return {
         method: _its_own(method, recorded.get(method) or recorded.get(preset_of(method), {}))
@@ -38,40 +54,40 @@ def recorded_settings(run: Mapping[str, Any], methods: Iterable[str]) -> dict[st
     }
 
 
-def changed(method: str, recorded: Mapping[str, Any]) -> list[str]:
+def changed(method: str, recorded: Values) -> list[str]:
     """Names of the settings that are others now. What was no setting then had no other value."""
     now = settings_of(method)
     return [name for name, value in recorded.items() if now.get(name) != value]
 
 
-def outdated(run: Mapping[str, Any], methods: Iterable[str]) -> list[str]:
+def outdated(recorded: Mapping[str, Values], methods: Iterable[str]) -> list[str]:
     """One line for each method whose rows were computed with other settings than it has now."""
-    recorded = recorded_settings(run, methods)
-    names = {method: changed(method, values) for method, values in recorded.items()}
+    own = recorded_settings(recorded, methods)
+    names = {method: changed(method, values) for method, values in own.items()}
     return [f"{method}: {', '.join(found)}" for method, found in names.items() if found]
 
 
 def merged_settings(
-    run: Mapping[str, Any], done: Iterable[str], todo: Iterable[str]
-) -> dict[str, Any]:
+    recorded: Mapping[str, Values], done: Iterable[str], todo: Iterable[str]
+) -> dict[str, Values]:
     """Method to settings, of rows that are there and of rows to come.
 
     Raises:
         EvaluationError: A method has rows that were computed with other settings.
     """
-    recorded = recorded_settings(run, done)
+    merged = recorded_settings(recorded, done)
     for method in todo:
-        names = changed(method, recorded.get(method, {}))
+        names = changed(method, merged.get(method, {}))
         if names:
             raise EvaluationError(
                 f"the rows of {method} were computed with another {names[0]}; "
                 f"`--again {method}` computes them again"
             )
-        recorded[method] = settings_of(method)
-    return recorded
+        merged[method] = settings_of(method)
+    return merged
 
 
-def _its_own(method: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _its_own(method: str, settings: Mapping[str, SettingValue]) -> Values:
     is_removed = settings.get("ego_motion.removed", False)
 
     def matters(name: str) -> bool:

@@ -26,14 +26,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from kitti_examples import KittiExample, missing_data, read_example
 from paper_document import document, printed
 from paper_plan import PLAN, Job, done_jobs, method_names, missing, planned
-from paper_settings import merged_settings, outdated
+from paper_settings import PaperRecord, merged_settings, outdated
 from rich.console import Console
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import session_record
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file
+from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.task import warm_up
 from mnsf_ros.methods import make_method
@@ -70,11 +71,11 @@ def main() -> None:
     for table in printed(rows):
         console.print(table.rich())
     if options.document:
-        record = folder.read_run()
-        others = outdated(record, {row.method: None for row in rows})
+        record = read_json(folder.path / RUN_FILE, PaperRecord)
+        others = outdated(record.settings, {row.method: None for row in rows})
         # What is missing of the whole plan, whatever part of it this run was asked for.
         whole = dict.fromkeys(job for part in (*PLAN, *options.plan) for job in planned(part))
-        text = document(rows, record["sessions"], missing(whole, rows), others)
+        text = document(rows, record.sessions, missing(whole, rows), others)
         options.document.write_text(text, encoding="utf-8")
 
 
@@ -85,16 +86,20 @@ def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Con
     done = done_jobs(folder.read_rows())
     todo = [job for job in jobs if job not in done]
     if todo:
-        earlier = folder.read_run() if done else {"sessions": [], "settings": {}}
+        file = folder.path / RUN_FILE
+        earlier = read_json(file, PaperRecord) if done else PaperRecord([], {})
         settings = merged_settings(
-            earlier, {job.method for job in done}, {job.method for job in todo}
+            earlier.settings, {job.method for job in done}, {job.method for job in todo}
         )
-        sessions = [*earlier["sessions"], session_record(sys.argv)]
-        folder.write_run({"sessions": sessions, "settings": settings})
+        sessions = [*earlier.sessions, SessionRecord.now(sys.argv)]
+        replace_file(file, [to_json(PaperRecord(sessions, settings), indent=2), "\n"])
     for number, job in enumerate(todo, start=1):
         row = measured(job, read_example(job.scale, job.moment))
         folder.append_row(row)
-        result = row.failure or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"
+        result = (
+            str(row.failure or "")
+            or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"
+        )
         place = f"{number}/{len(todo)} {job.scale} {job.method} seed {job.seed} {job.moment:03d}"
         console.print(f"{place}: {result}", highlight=False)
 

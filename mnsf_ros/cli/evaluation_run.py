@@ -15,7 +15,6 @@ from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progr
 from mnsf_ros.cli.evaluation_report import write_run_report
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
-from mnsf_ros.evaluation.notes_text import DAMAGE, NO_EXAMPLE, NO_FLOW
 from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
     EvaluationOptions,
@@ -91,7 +90,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         _warn(console, text)
     if outcome.failed or unreadable or results is None or not is_reported:
         return False
-    return not _is_incomplete(results)
+    return not results.is_incomplete
 
 
 def _split(texts: Sequence[str]) -> list[str]:
@@ -176,18 +175,14 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
     if not results.summaries:
         _warn(console, "there are no results yet")
         for note in results.notes:
-            _warn(console, note)
+            _warn(console, note.text)
         return
     for table in [*main_tables(results.summaries), work_table(results.summaries)]:
         console.print(table.rich())
-    for text in [*results.protocol, *results.notes]:
+    for text in [*results.protocol, *map(str, results.notes)]:
         console.print(text, markup=False, highlight=False, soft_wrap=False)
     text = f"Results: {path_text(folder.path / 'results.md')}"
     console.print(text, markup=False, highlight=False)
-
-
-def _is_incomplete(results: RunResults) -> bool:
-    return any(note.startswith((DAMAGE, NO_EXAMPLE, NO_FLOW)) for note in results.notes)
 
 
 def _warn(console: Console, text: str) -> None:

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from mnsf_ros.evaluation.run_record import RunIdentity
 from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.settings import SettingValue
 
 # Set by the evaluator itself.
 _OWN = ("compute.seed", "compute.num_threads", "ground.remove")
 
 
-def nearest_preset(
-    settings: Mapping[str, Any], crop_and_ground: Mapping[str, Any]
-) -> tuple[str, dict[str, Any]]:
-    """Returns the name of a preset, and name to value of the settings that it has otherwise.
-
-    Args:
-        settings: What the methods got, without what the evaluator sets itself.
-        crop_and_ground: What points were taken.
-    """
-    asked = {name: value for name, value in settings.items() if name not in _OWN}
-    asked.update(crop_and_ground)
+def nearest_preset(identity: RunIdentity) -> tuple[str, dict[str, SettingValue]]:
+    """Returns the name of a preset, and the settings of a run that differ from it."""
+    asked = {name: value for name, value in identity.settings.items() if name not in _OWN}
+    asked.update(identity.crop_and_ground)
     changes = {
         name: {
             key: asked[key]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.path_text import path_text
+from mnsf_ros.evaluation.run_record import RecordingRecord
 from mnsf_ros.recording.fingerprint import fingerprint, storage_files
 
 
-def recording_names(paths: Sequence[Path], known: Sequence[Mapping[str, Any]] = ()) -> list[str]:
+def recording_names(paths: Sequence[Path], known: Sequence[RecordingRecord] = ()) -> list[str]:
     """Returns a name for each recording: the last part of its path, or all of it if need be.
 
     Args:
@@ -26,7 +27,7 @@ def recording_names(paths: Sequence[Path], known: Sequence[Mapping[str, Any]] = 
     """
     _check_each_once(paths)
     names = _known_names(paths, known)
-    taken = {record["name"] for record in known}
+    taken = {record.name for record in known}
     short = {path: _short_name(path) for path in paths if path not in names}
     counts = Counter(chain(short.values(), taken))
     for path, name in short.items():
@@ -47,19 +48,22 @@ def _check_each_once(paths: Sequence[Path]) -> None:
                 raise EvaluationError(f"{path}: is the same recording as {owner}; name it once")
 
 
-def _known_names(paths: Sequence[Path], known: Sequence[Mapping[str, Any]]) -> dict[Path, str]:
+def _known_names(paths: Sequence[Path], known: Sequence[RecordingRecord]) -> dict[Path, str]:
     """The names of recordings that a run has already."""
-    left = {record["name"]: record for record in known}
+    left = {record.name: record for record in known}
     names: dict[Path, str] = {}
     # Read once: that is up to some megabytes of each file.
     contents = {path: _content(path) for path in paths if known}
     # Copies may lie side by side, and another recording where one was before it moved. One that
     # is like none, but lies or is called as one, is for `start_or_resume` to compare.
     for key_of_path, key_of_record in (
-        (lambda path: (_files(path), contents[path]), lambda one: (_files(one["path"]), _of(one))),
-        (contents.__getitem__, _of),
-        (_files, lambda one: _files(one["path"])),
-        (_short_name, lambda one: one["name"]),
+        (
+            lambda path: (_files(path), contents[path]),
+            lambda one: (_files(one.path), one.fingerprint),
+        ),
+        (contents.__getitem__, lambda one: one.fingerprint),
+        (_files, lambda one: _files(one.path)),
+        (_short_name, lambda one: one.name),
     ):
         names_of = {repr(key_of_record(record)): name for name, record in left.items()}
         for path in (path for path in paths if path not in names and names_of):
@@ -80,11 +84,6 @@ def _content(path: Path) -> dict[str, Any]:
     except OSError:
         # Whoever reads it says why it cannot be read.
         return {}
-
-
-def _of(record: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The fingerprint in a record; runs of earlier versions have none."""
-    return record.get("fingerprint")
 
 
 def _short_name(path: Path) -> str:

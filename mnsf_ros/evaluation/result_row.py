@@ -1,13 +1,39 @@
-"""What is written down about one estimate of one method."""
+"""What is written down about one estimate, and about a finished task."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 
-# The failure of an example that a newer one replaced before its turn, as in the live node.
-DROPPED = "dropped: a newer triplet took its place"
+
+class FailureKind(Enum):
+    """Why an example has no flow."""
+
+    FAILED = "failed"
+    DROPPED = "dropped"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no flow.
+
+    Attributes:
+        kind: Whether the method failed, or a newer triplet took the place of this one.
+        text: The reason in one line.
+    """
+
+    kind: FailureKind
+    text: str
+
+    def __str__(self) -> str:
+        """Returns the text."""
+        return self.text
+
+
+# In real time a newer example replaced this one before its turn, as in the live node.
+DROPPED = Failure(FailureKind.DROPPED, "dropped: a newer triplet took its place")
 
 
 @dataclass(frozen=True)
@@ -16,13 +42,13 @@ class ResultRow:
 
     Attributes:
         recording: Name of the recording.
-        number: Place of the sweep in the recording.
+        number: Index of the sweep in the recording.
         stamp_ns: Stamp of the sweep.
         method: Name of the method.
         num_points: Points of the current sweep that the method got.
         time_ms: Wall time of the whole estimate, device synchronized; NaN if it failed.
         stage_times_ms: Stage to wall time.
-        stop_reasons: Stage to the word that says why its optimization ended.
+        stop_reasons: Stage to the reason why its optimization ended.
         iterations: Stage to number of steps.
         errors: Group of points (all, dynamic, static) to its errors; empty without truth.
         by_range: Upper limit of a range band in metres, as text, to its errors.
@@ -34,10 +60,10 @@ class ResultRow:
         consistency: Figures that need no truth: nearest_m (mean distance of the moved points to
             the next sweep), zero_nearest_m (the same for zero flow), cycle_m (forward-backward
             disagreement where the method has both).
-        latency_ms: From the arrival of the next sweep to the flow, where time was played; else NaN.
-        start: Where the estimate took its first weights from; empty if that means nothing.
+        latency_ms: From the arrival of the next sweep to the flow, in real time; else NaN.
+        start: Source of the start weights (warm or cold); empty if the method has none.
         device: Where it was computed, `cpu` or `cuda`; empty if it was not.
-        failure: Why there is no flow; empty if there is one.
+        failure: Why there is no flow; None if there is one.
     """
 
     recording: str
@@ -59,4 +85,33 @@ class ResultRow:
     latency_ms: float = float("nan")
     start: str = ""
     device: str = ""
-    failure: str = ""
+    failure: Failure | None = None
+
+    @property
+    def is_dropped(self) -> bool:
+        """Whether a newer example replaced this one before its turn."""
+        return self.failure is not None and self.failure.kind is FailureKind.DROPPED
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the method was asked and gave no flow."""
+        return self.failure is not None and self.failure.kind is FailureKind.FAILED
+
+
+@dataclass(frozen=True)
+class FinishedTask:
+    """What was noticed while one method was run on one recording.
+
+    Attributes:
+        recording: Name of the recording.
+        method: Name of the method.
+        num_examples: Number of its rows; None in runs of early versions.
+        counts: Event to how often it happened. Runs of early versions have a sentence there.
+        damages: What could not be read.
+    """
+
+    recording: str
+    method: str
+    num_examples: int | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+    damages: list[str] = field(default_factory=list)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from mnsf_ros.evaluation.argoverse_metrics import added, bucketed_errors, three_way_epe_m
 from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
-from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.result_row import ResultRow
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ def summarize(rows: Iterable[ResultRow], methods: Sequence[str] = ()) -> list[Me
 
 
 def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
-    good = [row for row in rows if not row.failure]
-    num_dropped = sum(row.failure == DROPPED for row in rows)
+    good = [row for row in rows if row.failure is None]
+    num_dropped = sum(row.is_dropped for row in rows)
     sums = added(row.sums for row in good)
     three_way = three_way_epe_m(sums) if sums else {}
     return MethodSummary(

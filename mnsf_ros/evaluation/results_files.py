@@ -5,20 +5,22 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
-from mnsf_ros.evaluation.notes_text import notes_text
-from mnsf_ros.evaluation.protocol_text import protocol_text
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.notes import Note, notes_of
+from mnsf_ros.evaluation.options import ALL_POINTS
+from mnsf_ros.evaluation.protocol import protocol_text
+from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.results_tables import further_tables, main_tables
-from mnsf_ros.evaluation.row_json import plain
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
+from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_record import RunRecord
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
@@ -32,18 +34,32 @@ class RunResults:
     """All that a run gave.
 
     Attributes:
-        run: What was run, see `run.json`.
+        record: What was run.
         rows: One for each example and method, by recording and sweep.
         summaries: One for each method.
         protocol: Sentences on what the figures are figures of.
-        notes: Lines on what makes them less certain.
+        notes: What makes them less certain.
     """
 
-    run: dict[str, Any]
+    record: RunRecord
     rows: list[ResultRow]
     summaries: list[MethodSummary]
     protocol: list[str]
-    notes: list[str]
+    notes: list[Note]
+
+    @property
+    def is_incomplete(self) -> bool:
+        """Whether a recording was not evaluated as a whole."""
+        return any(note.kind.is_incomplete for note in self.notes)
+
+    @cached_property
+    def by_recording(self) -> dict[str, list[MethodSummary]]:
+        """Name of each recording to the summaries of the methods on it alone."""
+        rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in self.record.recordings}
+        for row in self.rows:
+            rows_of.setdefault(row.recording, []).append(row)
+        order = self.record.method_names
+        return {name: summarize(rows, order) for name, rows in rows_of.items()}
 
 
 def read_results(folder: RunFolder) -> RunResults:
@@ -52,11 +68,17 @@ def read_results(folder: RunFolder) -> RunResults:
     Raises:
         EvaluationError: There is no run, or its files are damaged.
     """
-    run = folder.read_run()
-    rows = sorted(folder.rows(), key=lambda row: (row.recording, row.number, row.method))
-    summaries = summarize(rows, run["methods"])
-    notes = notes_text(run, folder.read_finished().values(), rows)
-    return RunResults(run, rows, summaries, protocol_text(run, summaries), notes)
+    return results_of(folder.read_record(), folder.rows(), folder.read_finished().values())
+
+
+def results_of(
+    record: RunRecord, rows: Iterable[ResultRow], finished: Iterable[FinishedTask] = ()
+) -> RunResults:
+    """Returns what a run gave, from its rows in any order and what its tasks noticed."""
+    rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
+    summaries = summarize(rows, record.method_names)
+    protocol = protocol_text(record, summaries)
+    return RunResults(record, rows, summaries, protocol, notes_of(record, finished, rows))
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:
@@ -82,7 +104,7 @@ def results_markdown(results: RunResults) -> str:
     ]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
-    parts += ["## Run", "\n".join(f"* {line}" for line in _run_lines(results.run))]
+    parts += ["## Run", "\n".join(f"* {line}" for line in _run_lines(results.record))]
     return "\n\n".join(parts) + "\n"
 
 
@@ -92,11 +114,11 @@ def results_csv(results: RunResults) -> str:
     The column `recording` is empty for all recordings together. The last columns are the same on
     every line: how, with what and where the figures were made.
     """
-    origin = _origin(results.run)
+    origin = _origin(results.record)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *origin))
-    for recording, summaries in {"": results.summaries, **_by_recording(results)}.items():
+    for recording, summaries in {"": results.summaries, **results.by_recording}.items():
         for summary in summaries:
             for cells in _csv_lines(summary):
                 writer.writerow((recording, *cells, *origin.values()))
@@ -115,27 +137,25 @@ def _csv_lines(summary: MethodSummary) -> Iterator[list[object]]:
         yield [summary.method, name, *counts, *values, *others]
 
 
-def _origin(run: Mapping[str, Any]) -> dict[str, str]:
+def _origin(run: RunRecord) -> dict[str, str]:
     """How, with what and where a run was made; what sessions do not agree on is listed."""
-    identity, sessions = run["identity"], run["sessions"]
-    name, changes = nearest_preset(identity["settings"], identity["crop_and_ground"])
-    machines = (_machine_text(session["machine"]) for session in sessions)
-    commits = (session["git_commit"] or "" for session in sessions)
+    identity, sessions = run.identity, run.sessions
+    name, changes = nearest_preset(identity)
     return {
-        "seed": str(identity["seed"]),
+        "seed": str(identity.seed),
         "preset": name,
         "changed_settings": "; ".join(f"{key} = {value}" for key, value in changes.items()),
-        "num_threads": str(identity["settings"]["compute.num_threads"]),
-        "points_given": str(identity["num_points"]),
-        "ground": identity["ground"],
-        "realtime_rate": str(identity["realtime_rate"] or ""),
-        "every": str(identity.get("every", 1)),
+        "num_threads": str(identity.settings["compute.num_threads"]),
+        "points_given": ALL_POINTS if identity.num_points is None else str(identity.num_points),
+        "ground": identity.ground,
+        "realtime_rate": str(identity.realtime_rate or ""),
+        "every": str(identity.every),
         **{
-            f"{package}_version": _each_once(one["versions"].get(package, "") for one in sessions)
+            f"{package}_version": _each_once(one.versions.get(package, "") for one in sessions)
             for package in ("mnsf_ros", "torch")
         },
-        "machine": _each_once(machines),
-        "git_commit": _each_once(commits),
+        "machine": _each_once(str(one.machine) for one in sessions),
+        "git_commit": _each_once(one.git_commit or "" for one in sessions),
     }
 
 
@@ -143,46 +163,31 @@ def _each_once(texts: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(texts))
 
 
-def _by_recording(results: RunResults) -> dict[str, list[MethodSummary]]:
-    rows_of: dict[str, list[ResultRow]] = {one["name"]: [] for one in results.run["recordings"]}
-    for row in results.rows:
-        rows_of.setdefault(row.recording, []).append(row)
-    return {name: summarize(rows, results.run["methods"]) for name, rows in rows_of.items()}
-
-
 def results_json(results: RunResults) -> str:
     """Returns everything but the rows, which are in `rows.jsonl`."""
     document = {
         "protocol": results.protocol,
         "notes": results.notes,
-        "methods": [dataclasses.asdict(summary) for summary in results.summaries],
-        "by_recording": {
-            name: [dataclasses.asdict(summary) for summary in summaries]
-            for name, summaries in _by_recording(results).items()
-        },
-        "run": results.run,
+        "methods": results.summaries,
+        "by_recording": results.by_recording,
+        "run": results.record,
     }
-    return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return to_json(document, indent=2) + "\n"
 
 
 def _cell(value: float) -> str:
     return "" if math.isnan(value) else repr(value)
 
 
-def _run_lines(run: Mapping[str, Any]) -> list[str]:
-    session = run["sessions"][-1]
-    versions = session["versions"]
-    lines = [f"started {session['started']}"]
-    if session["command"]:
-        lines.append(f"command: `{' '.join(session['command'])}`")
-    lines.append(f"machine: {_machine_text(session['machine'])}")
-    lines.append("versions: " + ", ".join(f"{name} {value}" for name, value in versions.items()))
-    lines.append(f"git commit: {session['git_commit'] or 'none, not a checkout'}")
-    if len(run["sessions"]) > 1:
-        lines.append(f"sessions: {len(run['sessions'])}, see run.json")
+def _run_lines(run: RunRecord) -> list[str]:
+    session = run.sessions[-1]
+    versions = ", ".join(f"{name} {number}" for name, number in session.versions.items())
+    lines = [f"started {session.started}"]
+    if session.command:
+        lines.append(f"command: `{' '.join(session.command)}`")
+    lines.append(f"machine: {session.machine}")
+    lines.append(f"versions: {versions}")
+    lines.append(f"git commit: {session.git_commit or 'none, not a checkout'}")
+    if len(run.sessions) > 1:
+        lines.append(f"sessions: {len(run.sessions)}, see run.json")
     return lines
-
-
-def _machine_text(machine: Mapping[str, Any]) -> str:
-    text = f"{machine['name']}, {machine['processor']}, {machine['cores']} cores"
-    return f"{text}, {machine['gpu']}" if machine["gpu"] else text

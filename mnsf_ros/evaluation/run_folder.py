@@ -8,18 +8,18 @@ a run lasts, so that an interruption costs nothing but the line being written.
 from __future__ import annotations
 
 import fcntl
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
+from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
+from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_record import RunRecord
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
@@ -27,7 +27,7 @@ TASKS_FILE: Final = "tasks.jsonl"
 _LOCK_FILE: Final = ".lock"
 
 TaskKey = tuple[str, str]
-Parsed = TypeVar("Parsed")
+Kind = TypeVar("Kind")
 
 
 class WritingError(EvaluationError):
@@ -41,30 +41,23 @@ class RunFolder:
         """Names the folder."""
         self.path = path
 
-    def read_run(self) -> dict[str, Any]:
+    def read_record(self) -> RunRecord:
         """Returns what was run.
 
         Raises:
             EvaluationError: There is no such file, or it is damaged.
         """
-        file = self.path / RUN_FILE
-        try:
-            run = json.loads(file.read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing") from error
-        except (OSError, ValueError) as error:
-            raise EvaluationError(f"{file}: cannot be read: {error}") from error
-        if not isinstance(run, dict):
-            raise EvaluationError(f"{file}: is not the record of a run")
-        return run
+        if not (self.path / RUN_FILE).exists():
+            raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
+        return read_json(self.path / RUN_FILE, RunRecord)
 
-    def write_run(self, run: dict[str, Any]) -> None:
+    def write_record(self, record: RunRecord) -> None:
         """Writes what is run.
 
         Raises:
             WritingError: That fails.
         """
-        replace_file(self.path / RUN_FILE, [json.dumps(run, indent=2, ensure_ascii=False), "\n"])
+        replace_file(self.path / RUN_FILE, [to_json(record, indent=2), "\n"])
 
     def rows(self) -> Iterator[ResultRow]:
         """Yields all rows, in the order in which they got ready.
@@ -72,20 +65,20 @@ class RunFolder:
         Raises:
             EvaluationError: A line is no row.
         """
-        return _parsed(self.path / ROWS_FILE, row_from_json)
+        return _parsed(self.path / ROWS_FILE, ResultRow)
 
     def read_rows(self) -> list[ResultRow]:
         """Returns all rows at once, see `rows`."""
         return list(self.rows())
 
-    def read_finished(self) -> dict[TaskKey, dict[str, Any]]:
+    def read_finished(self) -> dict[TaskKey, FinishedTask]:
         """Returns recording and method of each finished task, and what was noticed.
 
         Raises:
             EvaluationError: A line is damaged.
         """
-        tasks = _parsed(self.path / TASKS_FILE, _task_from_json)
-        return {(task["recording"], task["method"]): task for task in tasks}
+        tasks = _parsed(self.path / TASKS_FILE, FinishedTask)
+        return {(task.recording, task.method): task for task in tasks}
 
     def append_row(self, row: ResultRow) -> None:
         """Adds a row.
@@ -93,7 +86,7 @@ class RunFolder:
         Raises:
             WritingError: That fails.
         """
-        _append(self.path / ROWS_FILE, row_to_json(row))
+        _append(self.path / ROWS_FILE, to_json(row))
 
     def append_finished(self, key: TaskKey, findings: Findings, num_examples: int) -> None:
         """Adds a finished task.
@@ -101,14 +94,9 @@ class RunFolder:
         Raises:
             WritingError: That fails.
         """
-        task = {
-            "recording": key[0],
-            "method": key[1],
-            "num_examples": num_examples,
-            "counts": {event.value: count for event, count in findings.counts.items()},
-            "damages": [path_text(str(damage)) for damage in findings.damages],
-        }
-        _append(self.path / TASKS_FILE, json.dumps(task, ensure_ascii=False))
+        counts = {event.value: count for event, count in findings.counts.items()}
+        damages = [path_text(str(damage)) for damage in findings.damages]
+        _append(self.path / TASKS_FILE, to_json(FinishedTask(*key, num_examples, counts, damages)))
 
     def drop_rows_of(self, keys: Iterable[TaskKey]) -> None:
         """Takes the rows of some tasks away.
@@ -118,7 +106,7 @@ class RunFolder:
         """
         dropped = set(keys)
         rows = (row for row in self.rows() if (row.recording, row.method) not in dropped)
-        replace_file(self.path / ROWS_FILE, (f"{row_to_json(row)}\n" for row in rows))
+        replace_file(self.path / ROWS_FILE, (f"{to_json(row)}\n" for row in rows))
 
     def cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed.
@@ -153,22 +141,28 @@ class RunFolder:
             yield
 
 
-def _task_from_json(line: str) -> dict[str, Any]:
+def read_json(file: Path, kind: type[Kind]) -> Kind:
+    """Returns the typed object that a file holds.
+
+    Raises:
+        EvaluationError: It cannot be read, or holds something else.
+    """
     try:
-        task = json.loads(line)
-    except ValueError as error:
-        raise EvaluationError(f"is no JSON: {line[:80]!r}") from error
-    if not isinstance(task, dict) or not {"recording", "method"} <= task.keys():
-        raise EvaluationError(f"is no finished task: {line[:80]!r}")
-    return task
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+    try:
+        return from_json(text, kind)
+    except EvaluationError as error:
+        raise EvaluationError(f"{file}: {error}") from error
 
 
-def _parsed(file: Path, parse: Callable[[str], Parsed]) -> Iterator[Parsed]:
+def _parsed(file: Path, kind: type[Kind]) -> Iterator[Kind]:
     number = 0
     try:
         for line in _lines(file):
             number += 1
-            yield parse(line)
+            yield from_json(line, kind)
     except EvaluationError as error:
         raise EvaluationError(f"{file}, line {number}: {error}") from error
 

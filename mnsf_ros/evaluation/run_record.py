@@ -1,4 +1,4 @@
-"""What a run was: settings, seed, versions, machine and commit, so that it can be trusted."""
+"""What a run was: settings, seed, recordings, versions, machine and commit."""
 
 from __future__ import annotations
 
@@ -8,89 +8,253 @@ import platform
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, Literal
 
 import torch
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.options import (
-    ALL_POINTS,
-    EvaluatedRecording,
-    EvaluationOptions,
-    PointSelection,
-)
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.recording.fingerprint import fingerprint
+from mnsf_ros.settings import Settings, SettingValue
 
+# Layout of the files of a run; those of early versions do not say theirs.
+FORMAT: Final = 2
+OLD_FORMAT: Final = 1
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
 
 
-def identity(options: EvaluationOptions) -> dict[str, Any]:
-    """Returns all that rows depend on, apart from recording and method, ready for JSON.
+@dataclass(frozen=True)
+class RunIdentity:
+    """All that rows depend on, apart from recording and method.
 
     Two runs with the same identity may put their rows together.
+
+    Attributes:
+        settings: What the methods get.
+        crop_and_ground: Settings by which the points to score are chosen.
+        num_points: Random points of each sweep; None for all.
+        seed: Of the random points and of the methods.
+        ground: What tells ground from other points: the truth, or the settings.
+        realtime_rate: Rate of the replay in real time; None if no time was played.
+        check_cycle: Whether the backward flow was estimated, too.
+        num_sweeps: Sweeps that an example has at least.
+        every: Only one in so many examples was scored.
     """
-    selection: PointSelection = options.selection
-    return {
-        "settings": dict(options.method_settings.to_mapping()),
-        "crop_and_ground": {
-            name: value
-            for name, value in options.settings.to_mapping().items()
-            if name.startswith(("crop.", "ground."))
-        },
-        "num_points": ALL_POINTS if selection.num_points is None else selection.num_points,
-        "seed": options.seed,
-        "ground": "truth" if selection.use_true_ground else "settings",
-        "realtime_rate": options.realtime_rate,
-        "check_cycle": options.check_cycle,
-        "num_sweeps": options.num_sweeps,
-        "every": options.every,
-    }
+
+    settings: dict[str, SettingValue]
+    crop_and_ground: dict[str, SettingValue]
+    num_points: int | None
+    seed: int
+    ground: Literal["truth", "settings"]
+    realtime_rate: float | None
+    check_cycle: bool
+    num_sweeps: int
+    every: int = 1
+
+    @classmethod
+    def of(cls, options: EvaluationOptions) -> RunIdentity:
+        """Returns the identity of a run with these options."""
+        selection = options.selection
+        settings = options.settings.to_mapping()
+        return cls(
+            settings=dict(options.method_settings.to_mapping()),
+            crop_and_ground={
+                name: value
+                for name, value in settings.items()
+                if name.startswith(("crop.", "ground."))
+            },
+            num_points=selection.num_points,
+            seed=options.seed,
+            ground="truth" if selection.use_true_ground else "settings",
+            realtime_rate=options.realtime_rate,
+            check_cycle=options.check_cycle,
+            num_sweeps=options.num_sweeps,
+            every=options.every,
+        )
+
+    def options(self) -> EvaluationOptions:
+        """Returns the options of the run, for one more estimate of its examples.
+
+        Raises:
+            SettingsError: The run has settings that this version does not know.
+        """
+        return EvaluationOptions(
+            settings=Settings().changed({**self.settings, **self.crop_and_ground}),
+            num_points=self.num_points,
+            seed=self.seed,
+            use_true_ground=self.ground == "truth",
+            realtime_rate=self.realtime_rate,
+            check_cycle=self.check_cycle,
+            num_sweeps=self.num_sweeps,
+            every=self.every,
+        )
 
 
-def recording_record(recording: EvaluatedRecording) -> dict[str, Any]:
-    """Returns what is to be remembered of a recording, ready for JSON.
+@dataclass(frozen=True)
+class MethodRecord:
+    """A method of a run.
 
-    Raises:
-        OSError: It cannot be read any more.
+    Attributes:
+        name: Its name.
+        is_reference: Whether it is a row to compare with (zero, ego), no rival of the others.
+        is_external: Whether another program or its files give the flow.
     """
-    inspection = recording.inspection
-    return {
-        "name": recording.name,
-        "path": str(inspection.path.resolve()),
-        "fingerprint": fingerprint(inspection.path),
-        "points": recording.points,
-        "truth": recording.truth,
-        "odometry": recording.odometry,
-        "num_sweeps": recording.num_sweeps,
-        "has_checksums": inspection.has_checksums,
-        "damages": [path_text(str(damage)) for damage in inspection.damages],
-    }
+
+    name: str
+    is_reference: bool = False
+    is_external: bool = False
+
+    @classmethod
+    def of(cls, name: str) -> MethodRecord:
+        """Returns the record of a method."""
+        is_external = name.startswith(("file:", "command:"))
+        return cls(name, is_reference=name in ("zero", "ego"), is_external=is_external)
 
 
-def session_record(arguments: Sequence[str]) -> dict[str, Any]:
-    """Returns when, where and by what a run was started, ready for JSON."""
-    return {
-        "started": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
-        "command": [path_text(argument) for argument in arguments],
-        "versions": _versions(),
-        "machine": machine(),
-        "git_commit": git_commit(),
-    }
+@dataclass(frozen=True)
+class RecordingRecord:
+    """A recording of a run.
+
+    Attributes:
+        name: What it is called in results.
+        path: Where it was.
+        points: Topic of the sweeps.
+        truth: Topic of the true flow; None if there is none.
+        odometry: Topic of the sensor's poses; None if there are none.
+        num_sweeps: Number of sweeps that are stored.
+        has_checksums: Whether flipped bits within a message would have been noticed.
+        damages: What could not be read.
+        fingerprint: See `recording.fingerprint`; None in runs of early versions.
+    """
+
+    name: str
+    path: str
+    points: str
+    truth: str | None
+    odometry: str | None
+    num_sweeps: int
+    has_checksums: bool
+    damages: list[str]
+    fingerprint: dict[str, SettingValue] | None = None
+
+    @classmethod
+    def of(cls, recording: EvaluatedRecording) -> RecordingRecord:
+        """Returns what is to be remembered of a recording.
+
+        Raises:
+            OSError: It cannot be read any more.
+        """
+        inspection = recording.inspection
+        return cls(
+            name=recording.name,
+            path=str(inspection.path.resolve()),
+            points=recording.points,
+            truth=recording.truth,
+            odometry=recording.odometry,
+            num_sweeps=recording.num_sweeps,
+            has_checksums=inspection.has_checksums,
+            damages=[path_text(str(damage)) for damage in inspection.damages],
+            fingerprint=fingerprint(inspection.path),
+        )
 
 
-def machine() -> dict[str, Any]:
-    """Returns what this machine is, ready for JSON."""
-    return {
-        "name": platform.node(),
-        "system": platform.platform(),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "gpu": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
-    }
+@dataclass(frozen=True)
+class MachineRecord:
+    """A machine.
+
+    Attributes:
+        name: Its name in the network.
+        system: Its operating system.
+        processor: Name of its processor.
+        cores: Number of cores.
+        gpu: Name of its GPU; None without one.
+    """
+
+    name: str
+    system: str
+    processor: str
+    cores: int | None
+    gpu: str | None
+
+    @classmethod
+    def here(cls) -> MachineRecord:
+        """Returns this machine."""
+        return cls(
+            name=platform.node(),
+            system=platform.platform(),
+            processor=_processor(),
+            cores=os.cpu_count(),
+            gpu=torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+        )
+
+    def __str__(self) -> str:
+        """Returns name, processor, cores and GPU in one line."""
+        text = f"{self.name}, {self.processor}, {self.cores} cores"
+        return f"{text}, {self.gpu}" if self.gpu else text
+
+
+@dataclass(frozen=True)
+class SessionRecord:
+    """When, where and by what a run was started or resumed.
+
+    Attributes:
+        started: UTC, ISO 8601.
+        command: The command line; may be empty.
+        versions: Package to version.
+        machine: The machine.
+        git_commit: Commit of the checkout, see `git_commit`; None without a checkout.
+    """
+
+    started: str
+    command: list[str]
+    versions: dict[str, str]
+    machine: MachineRecord
+    git_commit: str | None
+
+    @classmethod
+    def now(cls, arguments: Sequence[str]) -> SessionRecord:
+        """Returns the record of a session that starts now."""
+        return cls(
+            started=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+            command=[path_text(argument) for argument in arguments],
+            versions=_versions(),
+            machine=MachineRecord.here(),
+            git_commit=git_commit(),
+        )
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """What a run was.
+
+    Attributes:
+        identity: All that its rows depend on, apart from recording and method.
+        methods: Its methods, in the order of the tables.
+        recordings: Its recordings.
+        sessions: When it was started and resumed, at least one.
+        format: Layout of the files; `FORMAT`, or `OLD_FORMAT` for those of early versions.
+    """
+
+    identity: RunIdentity
+    methods: list[MethodRecord]
+    recordings: list[RecordingRecord]
+    sessions: list[SessionRecord]
+    format: int = FORMAT
+
+    @property
+    def method_names(self) -> list[str]:
+        """Names of the methods, in the order of the tables."""
+        return [method.name for method in self.methods]
+
+    @property
+    def references(self) -> frozenset[str]:
+        """Names of the methods that are rows to compare with, no rivals of the others."""
+        return frozenset(method.name for method in self.methods if method.is_reference)
 
 
 def git_commit() -> str | None:

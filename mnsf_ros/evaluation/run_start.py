@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.run_record import identity, recording_record, session_record
+from mnsf_ros.evaluation.run_json import plain
+from mnsf_ros.evaluation.run_record import (
+    FORMAT,
+    MethodRecord,
+    RecordingRecord,
+    RunIdentity,
+    RunRecord,
+    SessionRecord,
+)
 
-# What must be the same when a run goes on; paths may move. Runs of earlier versions have no
-# fingerprint.
+# What must be the same when a run goes on; paths may move.
 _SAME = ("points", "truth", "odometry", "num_sweeps", "fingerprint")
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD = 5
@@ -45,21 +53,16 @@ def start_or_resume(
     """
     check_folder(out, resume=resume)
     folder = RunFolder(out)
-    run: dict[str, Any] = {"identity": identity(options), "methods": [], "recordings": []}
+    now = _new_record(recordings, methods, options, arguments)
     is_there = _holds_something(out)
-    if is_there:
-        run = folder.read_run()
-        _check_identity(out, run.get("identity", {}), identity(options))
+    record = _joined(out, folder.read_record(), now) if is_there else now
     out.mkdir(parents=True, exist_ok=True)
     # Not while another process adds rows: they would be lost.
     with folder.locked():
         if is_there:
             folder.cut_off_unfinished_lines()
-        _add_recordings(out, run, recordings)
-        run["methods"] += [method for method in methods if method not in run["methods"]]
-        run.setdefault("sessions", []).append(session_record(arguments))
         try:
-            folder.write_run(run)
+            folder.write_record(record)
         except WritingError:
             if not is_there:
                 folder.remove_if_unused()
@@ -67,14 +70,13 @@ def start_or_resume(
     return folder
 
 
-def known_recordings(out: Path) -> list[dict[str, Any]]:
+def known_recordings(out: Path) -> list[RecordingRecord]:
     """Returns the records of the recordings that the run in a folder has, if there is one.
 
     Raises:
         EvaluationError: The folder holds something, but no run that can be read.
     """
-    recordings = RunFolder(out).read_run().get("recordings", []) if _holds_something(out) else []
-    return list(recordings)
+    return RunFolder(out).read_record().recordings if _holds_something(out) else []
 
 
 def check_folder(out: Path, *, resume: bool) -> None:
@@ -93,13 +95,63 @@ def _holds_something(out: Path) -> bool:
     return out.is_dir() and any(out.iterdir())
 
 
-def _check_identity(out: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    differences = _differences(old, new)
+def _new_record(
+    recordings: Sequence[EvaluatedRecording],
+    methods: Sequence[str],
+    options: EvaluationOptions,
+    arguments: Sequence[str],
+) -> RunRecord:
+    return RunRecord(
+        identity=RunIdentity.of(options),
+        methods=[MethodRecord.of(method) for method in methods],
+        recordings=[RecordingRecord.of(recording) for recording in recordings],
+        sessions=[SessionRecord.now(arguments)],
+    )
+
+
+def _joined(out: Path, before: RunRecord, now: RunRecord) -> RunRecord:
+    """The record of a run that goes on.
+
+    Raises:
+        EvaluationError: It must not.
+    """
+    if before.format != FORMAT:
+        raise EvaluationError(
+            f"{out}: holds a run of another version of mnsf_ros, which cannot be resumed; "
+            "name another folder (`mnsf report` still reads this one)"
+        )
+    differences = _differences(plain(before.identity), plain(now.identity))
     if differences:
         listed = "; ".join(differences[:_MAX_TOLD])
         more = len(differences) - _MAX_TOLD
         end = f"; and {more} more" if more > 0 else ""
         raise EvaluationError(f"{out}: holds a run with other settings: {listed}{end}")
+    return RunRecord(
+        identity=before.identity,
+        methods=list({one.name: one for one in (*before.methods, *now.methods)}.values()),
+        recordings=_joined_recordings(out, before.recordings, now.recordings),
+        sessions=[*before.sessions, *now.sessions],
+    )
+
+
+def _joined_recordings(
+    out: Path, before: Sequence[RecordingRecord], now: Sequence[RecordingRecord]
+) -> list[RecordingRecord]:
+    joined = {recording.name: recording for recording in before}
+    for new in now:
+        old = joined.get(new.name)
+        joined[new.name] = new if old is None else _joined_recording(out, old, new)
+    return list(joined.values())
+
+
+def _joined_recording(out: Path, old: RecordingRecord, new: RecordingRecord) -> RecordingRecord:
+    differences = _differences(*({name: plain(one)[name] for name in _SAME} for one in (old, new)))
+    if differences:
+        listed = "; ".join(differences)
+        raise EvaluationError(f"{out}: holds another recording {new.name!r}: {listed}")
+    # Where it lies now, and what of it could not be read, now or then.
+    damages = list(dict.fromkeys([*old.damages, *new.damages]))
+    return replace(new, damages=damages, has_checksums=old.has_checksums and new.has_checksums)
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
@@ -119,25 +171,3 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             flat[f"{prefix}{name}"] = value
     return flat
-
-
-def _add_recordings(
-    out: Path, run: dict[str, Any], recordings: Sequence[EvaluatedRecording]
-) -> None:
-    known = {recording["name"]: recording for recording in run["recordings"]}
-    for record in map(recording_record, recordings):
-        before = known.get(record["name"])
-        if before is None:
-            run["recordings"].append(record)
-            continue
-        same = [name for name in _SAME if name in before]
-        differences = _differences(
-            {name: before[name] for name in same}, {name: record[name] for name in same}
-        )
-        if differences:
-            listed = "; ".join(differences)
-            raise EvaluationError(f"{out}: holds another recording {record['name']!r}: {listed}")
-        # Where it lies now, and what of it could not be read, now or then.
-        damages = list(dict.fromkeys([*before["damages"], *record["damages"]]))
-        has_checksums = before["has_checksums"] and record["has_checksums"]
-        before.update({**record, "damages": damages, "has_checksums": has_checksums})

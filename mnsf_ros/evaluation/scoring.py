@@ -24,7 +24,7 @@ from mnsf_ros.evaluation.metrics import (
     end_point_errors,
     errors_by_band,
 )
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.result_row import Failure, FailureKind, ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -43,8 +43,10 @@ def empty_row(example: Example, method: str) -> ResultRow:
     return ResultRow(example.recording, example.number, current.stamp_ns, method, len(current))
 
 
-def failed_row(example: Example, method: str, failure: str) -> ResultRow:
-    """Returns the row of an example for which there is no flow."""
+def failed_row(example: Example, method: str, failure: Failure | str) -> ResultRow:
+    """Returns the row of an example for which there is no flow; a text says why it failed."""
+    if isinstance(failure, str):
+        failure = Failure(FailureKind.FAILED, failure)
     return replace(empty_row(example, method), failure=failure)
 
 

@@ -140,7 +140,8 @@ def failures_section(rows: Sequence[ResultRow]) -> Html:
     texts: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.failure:
-            texts.setdefault((row.method, _NUMBER.sub("#", row.failure)), []).append(row.failure)
+            text = str(row.failure)
+            texts.setdefault((row.method, _NUMBER.sub("#", text)), []).append(text)
     if not texts:
         return Html()
     lines = [

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,20 +14,19 @@ from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import (
-    ALL_POINTS,
     EvaluatedRecording,
     EvaluationOptions,
     choose_topics,
 )
 from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.time_budget import TimeBudget
-from mnsf_ros.settings import Settings
 
 
 def estimated_examples(
-    run: Mapping[str, Any],
+    run: RunRecord,
     rows: Sequence[ResultRow],
     methods: Sequence[str],
     *,
@@ -41,7 +39,7 @@ def estimated_examples(
     example to the next.
 
     Args:
-        run: The record of the run.
+        run: What was run.
         rows: The examples wanted, in this order.
         methods: With which methods, the most important one first; those that fail on an example
             are left out of it.
@@ -54,7 +52,7 @@ def estimated_examples(
     Raises:
         MnsfError: A recording cannot be read any more.
     """
-    options, budget = options_of(run), budget or TimeBudget()
+    options, budget = run.identity.options(), budget or TimeBudget()
     if recordings is None:
         recordings = _recordings_of(run, {row.recording for row in rows})
     examples: dict[tuple[str, int], Example] = {}
@@ -79,26 +77,12 @@ def _estimated(example: Example, method: str, options: EvaluationOptions) -> Pic
     return PicturedFlow(method, flow, _errors(example, flow), is_again=True)
 
 
-def options_of(run: Mapping[str, Any]) -> EvaluationOptions:
-    """Returns the options that a run had, from its record."""
-    identity = run["identity"]
-    number = identity["num_points"]
-    return EvaluationOptions(
-        settings=Settings().changed({**identity["settings"], **identity["crop_and_ground"]}),
-        num_points=None if number == ALL_POINTS else number,
-        seed=identity["seed"],
-        use_true_ground=identity["ground"] == "truth",
-        realtime_rate=identity["realtime_rate"],
-        num_sweeps=identity["num_sweeps"],
-    )
-
-
-def _recordings_of(run: Mapping[str, Any], names: set[str]) -> Iterable[EvaluatedRecording]:
-    for record in run["recordings"]:
-        if record["name"] in names:
-            inspection = inspect_recording(record["path"])
-            topics = (record["points"], record["truth"], record["odometry"])
-            yield choose_topics(inspection, record["name"], *topics)
+def _recordings_of(run: RunRecord, names: set[str]) -> Iterable[EvaluatedRecording]:
+    for record in run.recordings:
+        if record.name in names:
+            inspection = inspect_recording(record.path)
+            topics = (record.points, record.truth, record.odometry)
+            yield choose_topics(inspection, record.name, *topics)
 
 
 def _examples(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.report.result_table import REFERENCES
+from mnsf_ros.evaluation.run_record import RunRecord
 
 _PREFERRED = "mnsf"
 
@@ -26,11 +26,12 @@ def worst_rows(rows: Iterable[ResultRow], method: str) -> list[ResultRow]:
     return sorted(known, key=lambda row: (-badness(row), row.recording, row.number))
 
 
-def focus_method(rows: Sequence[ResultRow], methods: Sequence[str]) -> str:
+def focus_method(rows: Sequence[ResultRow], record: RunRecord) -> str:
     """Returns the method whose worst examples are shown: the paper's, else the first real one."""
+    methods = record.method_names
     found = {row.method for row in rows if not row.failure}
     order = [method for method in methods if method in found] + sorted(found - set(methods))
     if _PREFERRED in found:
         return _PREFERRED
-    rivals = [method for method in order if method not in REFERENCES]
+    rivals = [method for method in order if method not in record.references]
     return next(iter(rivals or order), "")

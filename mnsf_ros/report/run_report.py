@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import MnsfError
@@ -14,8 +13,9 @@ from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.prediction_files import PREFIX
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import mean
-from mnsf_ros.evaluation.results_files import RunResults, read_results
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
+from mnsf_ros.evaluation.results_files import read_results
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.figures_section import NO_FLOW
 from mnsf_ros.report.flow_source import estimated_examples
 from mnsf_ros.report.pictured import focus_method, worst_rows
@@ -61,21 +61,21 @@ def report_run(
             method.
         OSError: Writing fails.
     """
-    results = _results(folder)
-    rows, run = results.rows, results.run
-    known = list(dict.fromkeys([*run["methods"], *(row.method for row in rows)]))
+    results = read_results(RunFolder(folder))
+    rows, run = results.rows, results.record
+    known = list(dict.fromkeys([*run.method_names, *(row.method for row in rows)]))
     if focus is not None and focus not in known:
         raise EvaluationError(
             f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
         )
-    focus = focus or focus_method(rows, run["methods"])
+    focus = focus or focus_method(rows, run)
     worst = worst_rows(rows, focus)
     others = {s.method: None for s in results.summaries if s.method not in (focus, NO_FLOW)}
     methods = [focus, *others]
     path = folder / REPORT_FILE
 
     def write(pictured: Sequence[PicturedExample]) -> None:
-        write_report(rows, run, path, pictured=pictured, focus=focus, notes=results.notes)
+        write_report(results, path, pictured=pictured, focus=focus)
 
     pictured = recorded_examples(folder, worst[:num_pictured], methods)
     write(pictured)
@@ -92,22 +92,6 @@ def report_run(
     return path
 
 
-def _results(folder: Path) -> RunResults:
-    """What the run gave.
-
-    Raises:
-        EvaluationError: There is none, or its files are damaged.
-    """
-    try:
-        return read_results(RunFolder(folder))
-    except (LookupError, TypeError, AttributeError) as error:
-        # JSON, but of something else; what is asked of it is spread over many places.
-        found = f"it has no {error}" if isinstance(error, KeyError) else f"{error}"
-        raise EvaluationError(
-            f"{folder / RUN_FILE}: is not the record of a run: {found}"
-        ) from error
-
-
 def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:
     """Method to what an estimate took in the run."""
     times_ms: dict[str, list[float]] = {}
@@ -117,7 +101,7 @@ def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:
 
 
 def _estimated(
-    run: Mapping[str, Any],
+    run: RunRecord,
     wanted: Sequence[ResultRow],
     methods: Sequence[str],
     budget: TimeBudget,

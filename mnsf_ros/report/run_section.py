@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from mnsf_ros.evaluation.run_json import plain
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.html import Html, element, joined
 from mnsf_ros.report.result_table import fact_list, words_table
 from mnsf_ros.settings import declared_settings
 
 
-def run_section(run: Mapping[str, Any]) -> Html:
+def run_section(record: RunRecord) -> Html:
     """Returns the record of a run for people, every setting folded away at its end.
 
     Args:
-        run: The record, see `run.json`. Parts of it may be missing.
+        record: The record.
     """
+    run = plain(record)
     identity = run.get("identity", {})
     sessions = run.get("sessions", [])
     facts = element("div", fact_list(_facts(identity, sessions)), class_="card")

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mnsf_ros import __version__
 from mnsf_ros.drawing.example_pictures import PicturedExample
-from mnsf_ros.evaluation.notes_text import notes_text
-from mnsf_ros.evaluation.protocol_text import protocol_text
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import summarize
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
 from mnsf_ros.report.figures_section import (
@@ -35,32 +31,25 @@ _POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; 
 
 
 def write_report(
-    rows: Sequence[ResultRow],
-    run: Mapping[str, Any],
+    results: RunResults,
     path: Path | str,
     *,
     pictured: Sequence[PicturedExample] = (),
     focus: str | None = None,
-    notes: Sequence[str] | None = None,
 ) -> None:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
     Args:
-        rows: All rows, in any order.
-        run: The record of the run, see `run.json`.
+        results: All that the run gave.
         path: The file.
         pictured: Examples to show in pictures, the worst one first.
         focus: Method whose worst examples are listed; None for the paper's if it is there.
-        notes: What makes the figures less certain; None for what the record of the run says.
 
     Raises:
         WritingError: Writing fails.
     """
-    rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
-    summaries = summarize(rows, run["methods"])
-    said = notes_text(run, ()) if notes is None else list(notes)
-    results = RunResults(dict(run), rows, summaries, protocol_text(run, summaries), said)
-    text = report_html(results, pictured, focus or focus_method(rows, run["methods"]))
+    focus = focus or focus_method(results.rows, results.record)
+    text = report_html(results, pictured, focus)
     replace_file(Path(path), [text])
 
 
@@ -110,9 +99,12 @@ def _sections(
     rows, summaries = results.rows, results.summaries
     if not rows:
         nothing = element("p", "There are no results yet.")
-        return [("results", "Results", nothing), ("run", "What was run", run_section(results.run))]
+        return [
+            ("results", "Results", nothing),
+            ("run", "What was run", run_section(results.record)),
+        ]
     protocol = joined(*(element("p", text) for text in results.protocol))
-    notes = [element("li", note) for note in results.notes]
+    notes = [element("li", note.text) for note in results.notes]
     return [
         ("results", "Results", joined(protocol, tables_section(results), failures_section(rows))),
         ("bands", "Where the errors are", bands_section(summaries)),
@@ -120,12 +112,12 @@ def _sections(
         ("worst", f"Worst examples of {focus}", worst_section(rows, focus, pictured)),
         ("more", "More figures", more_tables(results)),
         ("notes", "Notes", element("ul", *notes, class_="notes") if notes else Html()),
-        ("run", "What was run", run_section(results.run)),
+        ("run", "What was run", run_section(results.record)),
     ]
 
 
 def _title(results: RunResults) -> str:
-    names = [recording["name"] for recording in results.run["recordings"]]
+    names = [recording.name for recording in results.record.recordings]
     what = names[0] if len(names) == 1 else f"{len(names)} recordings"
     return f"Scene flow of {what}"
 

@@ -14,7 +14,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
 from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationTask
-from mnsf_ros.evaluation.protocol_text import protocol_text
+from mnsf_ros.evaluation.protocol import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.results_files import read_results, write_results
@@ -120,8 +120,8 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         why = f": {results.notes[0]}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
     summaries = summarize(results.rows, methods)
-    texts = protocol_text(results.run, summaries)
-    notes = [*results.notes, *kept]
+    texts = protocol_text(results.record, summaries)
+    notes = [*map(str, results.notes), *kept]
     return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in notes)])
 
 
@@ -192,7 +192,7 @@ class _Watch:
     def __call__(self, task: EvaluationTask, event: TaskEvent) -> None:
         if isinstance(event, ResultRow):
             self._done += 1
-            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else event.failure
+            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else str(event.failure)
             where = f"{task.method}, {event.recording} sweep {event.number}"
             self._options.say(f"{self._done} of {self._total}: {where}: {said}")
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from mnsf_ros.evaluation.run_record import session_record
+from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.tables import TextTable
 from mnsf_ros.studies.study_options import StudyOptions
 
@@ -67,26 +67,21 @@ def _page(result: StudyResult, options: StudyOptions) -> str:
     parts = [f"# {result.title}", *result.texts]
     parts += [table.markdown().rstrip("\n") for table in result.tables]
     parts += [f"![{result.title}]({result.name}.png)", "## Run"]
-    session = session_record(options.command)
+    session = SessionRecord.now(options.command)
     facts = {
-        "command": f"`{' '.join(session['command'])}`" if session["command"] else "",
+        "command": f"`{' '.join(session.command)}`" if session.command else "",
         "seed": str(options.seed),
         "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
         "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
-        "machine": _machine(session["machine"]),
-        "versions": ", ".join(f"{name} {value}" for name, value in session["versions"].items()),
-        "git commit": session["git_commit"] or "none, not a checkout",
+        "machine": str(session.machine),
+        "versions": ", ".join(f"{name} {value}" for name, value in session.versions.items()),
+        "git commit": session.git_commit or "none, not a checkout",
     }
     parts.append("\n".join(f"* {name}: {text}" for name, text in facts.items() if text))
     settings = options.settings.to_mapping()
     lines = [f"| {name} | {value} |" for name, value in settings.items()]
     parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
     return "\n\n".join(parts) + "\n"
-
-
-def _machine(machine: Mapping[str, Any]) -> str:
-    text = f"{machine['name']}, {machine['processor']}, {machine['cores']} cores"
-    return f"{text}, {machine['gpu']}" if machine["gpu"] else text
 
 
 def _csv(result: StudyResult) -> str:

@@ -12,7 +12,8 @@ import pytest
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.result_row import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import PRESET_NAMES, preset
 
@@ -33,7 +34,8 @@ def row(method, seed, moment, epe_m, *, scale="8192", failure=""):
 
     parts = {"all": errors(epe_m), "dynamic": errors(5 * epe_m), "static": errors(epe_m / 2)}
     recording = f"{scale} seed {seed}"
-    return ResultRow(recording, moment, 0, method, 100, 1e3, errors=parts, failure=failure)
+    reason = Failure(FailureKind.FAILED, failure) if failure else None
+    return ResultRow(recording, moment, 0, method, 100, 1e3, errors=parts, failure=reason)
 
 
 def rows_of(method, *epes_m, **more):
@@ -83,7 +85,7 @@ def test_what_is_done_is_not_planned_again(load):
 def test_record_of_settings_is_that_of_each_method(load):
     module = load("paper_settings")
     before = dict(preset("paper").to_mapping())
-    early = {"settings": {"paper": before | {"objects.cell_size_m": 9.0, "nsfp.patience": 1}}}
+    early = {"paper": before | {"objects.cell_size_m": 9.0, "nsfp.patience": 1}}
     assert module.outdated(early, ["mnsf", "fnsf", "nsfp", "online"]) == [
         "nsfp: nsfp.patience",
         "online: objects.cell_size_m",
@@ -92,7 +94,7 @@ def test_record_of_settings_is_that_of_each_method(load):
     assert merged["nsfp"]["nsfp.patience"] == 1
     assert "nsfp.patience" not in merged["mnsf"]
     assert merged["mnsf"] == module.settings_of("mnsf")
-    assert module.outdated({"settings": merged}, ["nsfp", "mnsf"]) == ["nsfp: nsfp.patience"]
+    assert module.outdated(merged, ["nsfp", "mnsf"]) == ["nsfp: nsfp.patience"]
     with pytest.raises(EvaluationError, match=r"rows of nsfp .* another nsfp.patience; `--again"):
         module.merged_settings(early, ["nsfp", "mnsf"], ["nsfp"])
 
@@ -100,7 +102,7 @@ def test_record_of_settings_is_that_of_each_method(load):
 def test_setting_that_is_new_has_not_changed(load):
     before = dict(preset("paper").to_mapping())
     del before["mnsf_cycle.weight"]
-    assert load("paper_settings").outdated({"settings": {"paper": before}}, ["mnsf-cycle"]) == []
+    assert load("paper_settings").outdated({"paper": before}, ["mnsf-cycle"]) == []
 
 
 def test_figures_are_means_over_seeds_that_are_complete(load):
@@ -142,12 +144,13 @@ def test_verdict(load, ours, spread, text):
 
 
 def test_document(load):
-    session = {
-        "started": "2026-01-02T03:04:05",
-        "machine": {"name": "m", "processor": "P", "cores": 2, "gpu": None, "system": "S"},
-        "versions": {"torch": "2"},
-        "git_commit": "0123456789abcdef+changes",
-    }
+    session = SessionRecord(
+        started="2026-01-02T03:04:05",
+        command=[],
+        machine=MachineRecord("m", system="S", processor="P", cores=2, gpu=None),
+        versions={"torch": "2"},
+        git_commit="0123456789abcdef+changes",
+    )
     rows = [
         *rows_of("mnsf", 0.05, 0.07),
         *rows_of("ego", 0.01),

@@ -11,7 +11,7 @@ from mnsf_ros.evaluation.options import (
     EvaluationTask,
     choose_topics,
 )
-from mnsf_ros.evaluation.row_json import row_to_json
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -108,7 +108,7 @@ def options(changes=None, **values):
 
 def without_times(row):
     """A row as a dictionary without what differs from run to run."""
-    values = json.loads(row_to_json(row))
+    values = json.loads(to_json(row))
     for name in ("time_ms", "stage_times_ms", "latency_ms"):
         del values[name]
     return values

@@ -15,8 +15,16 @@ import mnsf_ros
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
+from mnsf_ros.evaluation.notes import NoteKind, notes_of
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.protocol import protocol_text
+from mnsf_ros.evaluation.result_row import (
+    DROPPED,
+    Failure,
+    FailureKind,
+    FinishedTask,
+    ResultRow,
+)
 from mnsf_ros.evaluation.results import mean, summarize
 from mnsf_ros.evaluation.results_files import (
     read_results,
@@ -24,9 +32,9 @@ from mnsf_ros.evaluation.results_files import (
     results_markdown,
     write_results,
 )
-from mnsf_ros.evaluation.results_tables import further_tables, main_tables
+from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, main_tables
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.run_record import git_commit, identity
+from mnsf_ros.evaluation.run_record import MethodRecord, RunIdentity, git_commit
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
@@ -36,6 +44,10 @@ NAN = math.nan
 
 def errors(epe_m, num_points=10):
     return FlowErrors(epe_m, 0.5, 0.6, 0.4, 0.3, num_points)
+
+
+def failed(reason):
+    return Failure(FailureKind.FAILED, reason)
 
 
 def row(number, epe_m, method="mnsf", **changes):
@@ -67,9 +79,9 @@ def test_order_of_rows_does_not_matter_to_the_last_digit():
 
 
 def test_failed_and_dropped_examples_are_counted_and_in_no_mean():
-    failed = ResultRow("drive", 3, 3, "mnsf", 10, failure="no points")
-    dropped = ResultRow("drive", 4, 4, "mnsf", 10, failure=DROPPED)
-    (summary,) = summarize([row(1, 0.2), failed, dropped])
+    without = [ResultRow("drive", 3, 3, "mnsf", 10, failure=failed("no points"))]
+    without += [ResultRow("drive", 4, 4, "mnsf", 10, failure=DROPPED)]
+    (summary,) = summarize([row(1, 0.2), *without])
     assert (summary.num_examples, summary.num_failed, summary.num_dropped) == (1, 1, 1)
     assert summary.errors["all"].epe_m == 0.2
     assert summary.time_ms == 100.0
@@ -155,9 +167,9 @@ def test_csv_can_be_read_by_any_program(results):
 def test_csv_has_lines_for_each_recording(results):
     found, _ = results
     rows = [row(1, 0.1), row(1, 0.3, recording="street")]
-    other = found.run["recordings"][0] | {"name": "street"}
-    run = found.run | {"recordings": [*found.run["recordings"], other]}
-    found = replace(found, run=run, rows=rows, summaries=summarize(rows))
+    (drive,) = found.record.recordings
+    run = replace(found.record, recordings=[drive, replace(drive, name="street")])
+    found = replace(found, record=run, rows=rows, summaries=summarize(rows))
     lines = csv.DictReader(io.StringIO(results_csv(found)))
     values = {line["recording"]: line["epe_m"] for line in lines if line["points"] == "all"}
     assert values == {"": "0.2", "drive": "0.1", "street": "0.3"}
@@ -178,9 +190,9 @@ def test_csv_says_on_every_line_how_and_where_it_was_made(results):
 
 def test_csv_lists_what_sessions_do_not_agree_on(results):
     found, _ = results
-    first = found.run["sessions"][0]
-    sessions = [first | {"git_commit": commit} for commit in ("abc", "def", "abc")]
-    found = replace(found, run=found.run | {"sessions": sessions})
+    (first,) = found.record.sessions
+    sessions = [replace(first, git_commit=commit) for commit in ("abc", "def", "abc")]
+    found = replace(found, record=replace(found.record, sessions=sessions))
     line = next(csv.DictReader(io.StringIO(results_csv(found))))
     assert line["git_commit"] == "abc; def"
 
@@ -238,13 +250,11 @@ def test_markdown_says_what_the_figures_are_of(results):
 
 def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
     found, _ = results
-    from mnsf_ros.evaluation.protocol_text import protocol_text
-
     summaries = [
         replace(found.summaries[0], num_examples=2, num_failed=1),
         replace(found.summaries[1], stop_reasons={"time_budget": 4}),
     ]
-    text = " ".join(protocol_text(found.run, summaries))
+    text = " ".join(protocol_text(found.record, summaries))
     assert "over 2 to 3 examples" in text
     assert "Examples without a flow are in no mean: 1" in text
     assert "Methods differ in the number of examples" in text
@@ -252,28 +262,26 @@ def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
 
 
 def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
-    from mnsf_ros.evaluation.notes_text import notes_text
-
     found, _ = results
-    run = json.loads(json.dumps(found.run))
-    run["recordings"][0] |= {"damages": ["a.mcap, byte 7: cut"], "truth": None}
+    (drive,) = found.record.recordings
+    drive = replace(drive, damages=["a.mcap, byte 7: cut"], truth=None)
+    run = replace(found.record, recordings=[drive])
     counts = {"sweeps_read": 5, "sweeps read": 5, "gaps": 2, "an event of an old run": 3}
-    tasks = [{"recording": "drive", "counts": counts, "damages": ["b: c"]}]
-    notes = notes_text(run, tasks * 2)
-    assert "Damage: a.mcap, byte 7: cut" in notes
-    assert "Damage: b: c" in notes
-    assert f"drive: {Event.GAPS.text}: 2." in notes
-    assert "drive: an event of an old run: 3." in notes
-    assert "drive: has no truth, so there are no errors." in notes
-    assert len(notes) == len(set(notes))
+    task = FinishedTask("drive", "ego", 3, counts, ["b: c"])
+    notes = notes_of(run, [task] * 2)
+    assert [(note.kind, note.text) for note in notes] == [
+        (NoteKind.DAMAGE, "Damage: a.mcap, byte 7: cut"),
+        (NoteKind.DAMAGE, "Damage: b: c"),
+        (NoteKind.NO_TRUTH, "drive: no true flow, so no errors."),
+        (NoteKind.EVENT, f"drive: {Event.GAPS.text}: 2."),
+        (NoteKind.EVENT, "drive: an event of an old run: 3."),
+    ]
 
 
 @pytest.mark.parametrize(
     ("cycles", "columns"), [([{}, {}], 3), ([{}, {"cycle_m": 0.1}], 4), ([{"cycle_m": 0.0}] * 2, 4)]
 )
 def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
-    from mnsf_ros.evaluation.results_tables import consistency_table
-
     rows = [
         replace(row(1, 0.1, method), consistency={"nearest_m": 0.2, **cycle})
         for method, cycle in zip(("zero", "mnsf"), cycles, strict=True)
@@ -293,82 +301,81 @@ def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
     ],
 )
 def test_notes_tell_who_suffers_without_ground(results, method, realtime, removed, told):
-    from mnsf_ros.evaluation.notes_text import notes_text
-
-    run = json.loads(json.dumps(results[0].run))
-    run["methods"] = ["zero", method, "ego-estimated"]
-    run["identity"]["realtime_rate"] = realtime
-    run["identity"]["crop_and_ground"]["ground.remove"] = removed
-    found = [note for note in notes_text(run, []) if "without ground" in note]
-    assert [note.startswith(told) for note in found] == ([True] if told else [])
+    record = results[0].record
+    identity = replace(
+        record.identity,
+        realtime_rate=realtime,
+        crop_and_ground=record.identity.crop_and_ground | {"ground.remove": removed},
+    )
+    methods = list(map(MethodRecord.of, ["zero", method, "ego-estimated"]))
+    notes = notes_of(replace(record, identity=identity, methods=methods), [])
+    found = [note for note in notes if note.kind is NoteKind.NO_GROUND]
+    assert [note.text.startswith(told) for note in found] == ([True] if told else [])
 
 
 def test_notes_name_many_recordings_in_one_line(results):
-    from mnsf_ros.evaluation.notes_text import notes_text
-
     found, _ = results
-    one = found.run["recordings"][0] | {"has_checksums": False, "truth": None}
-    run = found.run | {"recordings": [one | {"name": f"bag_{number}"} for number in range(6)]}
-    checksums, truth = notes_text(run, [])
-    names = "bag_0, bag_1, bag_2, bag_3 and 2 more"
-    assert checksums.startswith(f"{names}: have no checksums, so that")
-    assert truth == f"{names}: have no truth, so there are no errors."
+    one = replace(found.record.recordings[0], has_checksums=False, truth=None)
+    bags = [replace(one, name=f"bag_{number}") for number in range(6)]
+    checksums, truth = notes_of(replace(found.record, recordings=bags), [])
+    assert (checksums.kind, truth.kind) == (NoteKind.NO_CHECKSUMS, NoteKind.NO_TRUTH)
+    for note in (checksums, truth):
+        assert note.text.startswith("bag_0, bag_1, bag_2, bag_3 and 2 more: no ")
 
 
 def test_notes_say_why_methods_gave_no_flow(results):
-    from mnsf_ros.evaluation.notes_text import notes_text
-
     found, _ = results
     rows = [
         row(1, 0.1),
-        row(2, 0.1, failure="dropped: a newer triplet took its place"),
-        row(3, 0.1, "ego", failure="there is no odometry."),
-        row(4, 0.1, "ego", failure="something else"),
+        row(2, 0.1, failure=DROPPED),
+        row(3, 0.1, "ego", failure=failed("there is no odometry.")),
+        row(4, 0.1, "ego", failure=failed("something else")),
         row(5, 0.1, "ego"),
     ]
-    (note,) = notes_text(found.run, [], rows)
+    (note,) = notes_of(found.record, [], rows)
     expected = "ego: examples without a flow: 2; the first, sweep 3 of drive: there is no odometry."
-    assert note == expected
+    assert (note.kind, note.text) == (NoteKind.FAILURES, expected)
 
 
 def test_method_that_never_gave_a_flow_is_told(results):
-    from mnsf_ros.evaluation.notes_text import NO_FLOW, notes_text
-
     found, _ = results
-    dropped = "dropped: a newer triplet took its place"
     rows = [
-        row(1, 0.1, failure=dropped),
-        row(1, 0.1, "ego", failure="no odometry"),
-        row(2, 0.1, "ego", failure=dropped),
+        row(1, 0.1, failure=DROPPED),
+        row(1, 0.1, "ego", failure=failed("no odometry")),
+        row(2, 0.1, "ego", failure=DROPPED),
         row(1, 0.1, "fnsf"),
-        row(1, 0.1, "fnsf", recording="street", failure="no points"),
-        row(2, 0.1, "fnsf", recording="street", failure="no points"),
+        row(1, 0.1, "fnsf", recording="street", failure=failed("no points")),
+        row(2, 0.1, "fnsf", recording="street", failure=failed("no points")),
     ]
-    notes = [note for note in notes_text(found.run, [], rows) if note.startswith(NO_FLOW)]
-    assert notes == [
+    notes = [note for note in notes_of(found.record, [], rows) if note.kind.is_incomplete]
+    assert {note.kind for note in notes} == {NoteKind.NO_FLOW}
+    assert [note.text for note in notes] == [
         "No flow: ego failed on every example of drive: 1.",
         "No flow: fnsf failed on every example of street: 2.",
     ]
 
 
 def test_rows_of_sessions_that_differ_are_told(results):
-    from mnsf_ros.evaluation.notes_text import notes_text
-
     found, _ = results
-    first = found.run["sessions"][0]
-    second = first | {
-        "git_commit": "def",
-        "versions": first["versions"] | {"torch": "0.1"},
-        "machine": first["machine"] | {"name": "other"},
-    }
-    run = found.run | {"sessions": [first, first]}
-    assert not any("sessions" in note for note in notes_text(run, []))
-    run = found.run | {"sessions": [first | {"git_commit": "abc"}, second]}
-    notes = notes_text(run, [])
-    assert "Rows of 2 sessions with different git commits: abc, def." in notes
-    torch, name = first["versions"]["torch"], first["machine"]["name"]
-    assert f"Rows of 2 sessions with different versions of torch: {torch}, 0.1." in notes
-    assert f"Rows of 2 sessions with different machines: {name}, other." in notes
+    (first,) = found.record.sessions
+    second = replace(
+        first,
+        git_commit="def",
+        versions=first.versions | {"torch": "0.1"},
+        machine=replace(first.machine, name="other"),
+    )
+
+    def notes_about(*sessions):
+        notes = notes_of(replace(found.record, sessions=list(sessions)), [])
+        return [note.text for note in notes if note.kind is NoteKind.MIXED_SESSIONS]
+
+    assert notes_about(first, first) == []
+    torch, name = first.versions["torch"], first.machine.name
+    assert notes_about(replace(first, git_commit="abc"), second) == [
+        "Rows of 2 sessions with different git commits: abc, def.",
+        f"Rows of 2 sessions with different machines: {name}, other.",
+        f"Rows of 2 sessions with different versions of torch: {torch}, 0.1.",
+    ]
 
 
 @contextmanager
@@ -397,9 +404,8 @@ def test_full_disk_costs_no_earlier_results(results):
     [("paper", {}), ("online", {}), ("paper", {"crop.max_range_m": 35.0, "ground.remove": False})],
 )
 def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
-    known = identity(EvaluationOptions(preset(preset_name).changed(changes)))
-    found = nearest_preset(known["settings"], known["crop_and_ground"])
-    assert found == (preset_name, changes)
+    known = RunIdentity.of(EvaluationOptions(preset(preset_name).changed(changes)))
+    assert nearest_preset(known) == (preset_name, changes)
 
 
 @pytest.mark.parametrize(
@@ -412,12 +418,11 @@ def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
     ],
 )
 def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said):
-    from mnsf_ros.evaluation.protocol_text import protocol_text
-
     found, _ = results
-    one = found.run["recordings"][0]
-    run = found.run | {
-        "identity": found.run["identity"] | {"ground": ground},
-        "recordings": [one | {"truth": truth} for truth in truths],
-    }
+    (one,) = found.record.recordings
+    run = replace(
+        found.record,
+        identity=replace(found.record.identity, ground=ground),
+        recordings=[replace(one, truth=truth) for truth in truths],
+    )
     assert said in " ".join(protocol_text(run, found.summaries))

@@ -12,10 +12,13 @@ import small_evaluations as small
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.notes import NoteKind
 from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.row_json import row_from_json, row_to_json
+from mnsf_ros.evaluation.result_row import DROPPED, Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, replace_file
+from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_record import OLD_FORMAT
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
 from mnsf_ros.recording.damage import Damage
 
@@ -49,11 +52,11 @@ def full_row(number=3, method="mnsf", recording="drive"):
 
 def test_row_comes_back_to_the_last_digit():
     row = full_row()
-    line = row_to_json(row)
+    line = to_json(row)
     assert "\n" not in line
-    again = row_from_json(line)
+    again = from_json(line, ResultRow)
     # NaN is not equal to itself, so texts are compared.
-    assert row_to_json(again) == line
+    assert to_json(again) == line
     assert again.errors["all"] == ERRORS
     assert again.time_ms == row.time_ms
     assert again.stamp_ns == row.stamp_ns
@@ -63,14 +66,15 @@ def test_row_comes_back_to_the_last_digit():
 
 
 def test_row_is_json_for_every_program():
-    values = json.loads(row_to_json(full_row()), parse_constant=pytest.fail)
+    values = json.loads(to_json(full_row()), parse_constant=pytest.fail)
     assert values["latency_ms"] is None
     assert values["errors"]["dynamic"]["epe_m"] is None
 
 
 def test_failed_row_comes_back():
-    row = ResultRow("drive", 1, 2, "mnsf", 0, failure="no points: «ä»")
-    assert row_from_json(row_to_json(row)).failure == row.failure
+    failure = Failure(FailureKind.FAILED, "no points: «ä»")
+    row = ResultRow("drive", 1, 2, "mnsf", 0, failure=failure)
+    assert from_json(to_json(row), ResultRow).failure == failure
 
 
 @pytest.mark.parametrize(
@@ -78,8 +82,8 @@ def test_failed_row_comes_back():
     ["", "x", "[]", "1", "{}", '{"recording": "a"}', '{"colour": 1}', '{"errors": 3}', "\x00\x00"],
 )
 def test_what_is_no_row_is_refused(line):
-    with pytest.raises(EvaluationError, match="is no result row"):
-        row_from_json(line)
+    with pytest.raises(EvaluationError, match="is not a result row"):
+        from_json(line, ResultRow)
 
 
 @pytest.fixture
@@ -108,7 +112,7 @@ def test_damaged_line_is_named(folder):
     folder.append_row(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("rubbish\n")
-    with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is no result row"):
+    with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
         folder.read_rows()
 
 
@@ -126,10 +130,10 @@ def test_finished_tasks_come_back(folder):
     findings.count(Event.SWEEPS_READ, 6)
     folder.append_finished(("drive", "mnsf"), findings, 4)
     task = folder.read_finished()["drive", "mnsf"]
-    assert task["num_examples"] == 4
-    assert task["counts"] == {"sweeps_read": 6}
+    assert task.num_examples == 4
+    assert task.counts == {"sweeps_read": 6}
     (folder.path / "tasks.jsonl").write_text("{}\n")
-    with pytest.raises(EvaluationError, match="line 1: is no finished task"):
+    with pytest.raises(EvaluationError, match="line 1: is not a finished task"):
         folder.read_finished()
 
 
@@ -177,18 +181,21 @@ def start(out, recording, options=None, *, resume=False, methods=("ego",)):
 def test_run_tells_what_it_was(tmp_path, recording):
     run = start(
         tmp_path / "new" / "out", recording, small.options(num_points=10, seed=4)
-    ).read_run()
-    identity = run["identity"]
-    assert identity["seed"] == identity["settings"]["compute.seed"] == 4
-    assert identity["num_points"] == 10
-    assert identity["settings"]["field.hidden_width"] == 4
-    assert run["methods"] == ["ego"]
-    assert run["recordings"][0]["name"] == "drive"
-    (session,) = run["sessions"]
-    assert session["command"] == ["mnsf"]
-    assert {"torch", "numpy", "mnsf_ros", "python"} <= session["versions"].keys()
-    assert session["machine"]["cores"] >= 1
-    assert "git_commit" in session
+    ).read_record()
+    identity = run.identity
+    assert identity.seed == identity.settings["compute.seed"] == 4
+    assert identity.num_points == 10
+    assert identity.settings["field.hidden_width"] == 4
+    assert run.method_names == ["ego"]
+    assert run.references == {"ego"}
+    assert run.recordings[0].name == "drive"
+    (session,) = run.sessions
+    assert session.command == ["mnsf"]
+    assert {"torch", "numpy", "mnsf_ros", "python"} <= session.versions.keys()
+    assert session.machine.cores >= 1
+    assert json.loads((tmp_path / "new/out/run.json").read_text())["sessions"][0]["git_commit"] == (
+        session.git_commit
+    )
 
 
 def test_existing_folder_is_not_overwritten(tmp_path, recording):
@@ -253,10 +260,10 @@ def test_resumed_run_may_have_more_methods_and_recordings(tmp_path, recording):
     out = tmp_path / "out"
     start(out, recording)
     start(out, replace(recording, name="other"), resume=True, methods=["zero", "ego"])
-    run = RunFolder(out).read_run()
-    assert run["methods"] == ["ego", "zero"]
-    assert [item["name"] for item in run["recordings"]] == ["drive", "other"]
-    assert len(run["sessions"]) == 2
+    run = RunFolder(out).read_record()
+    assert run.method_names == ["ego", "zero"]
+    assert [item.name for item in run.recordings] == ["drive", "other"]
+    assert len(run.sessions) == 2
 
 
 def test_another_recording_of_the_same_name_is_refused(tmp_path, recording):
@@ -283,16 +290,64 @@ def test_recording_that_has_moved_is_the_same(tmp_path):
     moved = bag.rename(tmp_path / "drive")
     start(tmp_path / "out", small.recording_at(moved), resume=True)
     (known,) = known_recordings(tmp_path / "out")
-    assert known["path"] == str(moved)
+    assert known.path == str(moved)
 
 
-def test_run_of_an_earlier_version_can_be_resumed(tmp_path, recording):
+def old_run(folder):
+    """Writes the files of a run as early versions did."""
+    run = json.loads((folder.path / "run.json").read_text())
+    del run["format"], run["recordings"][0]["fingerprint"], run["identity"]["every"]
+    run["methods"] = [method["name"] for method in run["methods"]]
+    run["identity"]["settings"]["field.kind"] = "network"
+    (folder.path / "run.json").write_text(json.dumps(run))
+    failures = ("", "no points", "dropped: a newer triplet took its place")
+    rows = [
+        json.loads(to_json(full_row(number, "ego"))) | {"failure": failure}
+        for number, failure in enumerate(failures)
+    ]
+    (folder.path / "rows.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+    task = {
+        "recording": "drive",
+        "method": "ego",
+        "num_examples": 3,
+        "counts": {"sweeps read": 3, "holes, across which no triplet reaches": 2},
+        "damages": ["drive.mcap, byte 7: cut"],
+    }
+    (folder.path / "tasks.jsonl").write_text(f"{json.dumps(task)}\n")
+
+
+def test_run_of_an_early_version_can_be_read(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
-    run = folder.read_run()
-    del run["recordings"][0]["fingerprint"]
-    folder.write_run(run)
-    start(tmp_path / "out", recording, resume=True)
-    assert "fingerprint" in folder.read_run()["recordings"][0]
+    old_run(folder)
+    run = folder.read_record()
+    assert run.format == OLD_FORMAT
+    assert [(one.name, one.is_reference) for one in run.methods] == [("ego", True)]
+    assert run.identity.every == 1
+    assert run.recordings[0].fingerprint is None
+    good, failed, dropped = folder.rows()
+    assert good.failure is None
+    assert failed.failure == Failure(FailureKind.FAILED, "no points")
+    assert dropped.failure == DROPPED
+    results = read_results(folder)
+    assert results.is_incomplete
+    assert [(note.kind, note.text) for note in results.notes if note.kind.is_incomplete] == [
+        (NoteKind.DAMAGE, "Damage: drive.mcap, byte 7: cut")
+    ]
+    assert [note.text for note in results.notes if note.kind is NoteKind.EVENT] == [
+        "drive: holes, across which no triplet reaches: 2."
+    ]
+    (summary,) = results.summaries
+    assert (summary.num_examples, summary.num_failed, summary.num_dropped) == (1, 1, 1)
+
+
+def test_run_of_an_early_version_cannot_be_resumed(tmp_path, recording):
+    folder = start(tmp_path / "out", recording)
+    old_run(folder)
+    before = {file: file.read_bytes() for file in folder.path.iterdir()}
+    with pytest.raises(EvaluationError, match="another version") as caught:
+        start(tmp_path / "out", recording, resume=True)
+    assert "\n" not in str(caught.value)
+    assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
 
 
 def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
@@ -303,7 +358,7 @@ def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
     start(tmp_path / "out", damaged("old"))
     start(tmp_path / "out", damaged("new"), resume=True)
     (known,) = known_recordings(tmp_path / "out")
-    assert known["damages"] == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
+    assert known.damages == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
 
 
 def test_folder_without_a_run_has_no_known_recordings(tmp_path):
@@ -314,10 +369,13 @@ def test_folder_without_a_run_has_no_known_recordings(tmp_path):
         known_recordings(tmp_path)
 
 
-def test_path_that_is_no_text_comes_back(folder):
+def test_path_that_is_no_text_comes_back(tmp_path, recording):
     path = os.fsdecode(b"bad\xff")
-    folder.write_run({"path": path})
-    assert folder.read_run() == {"path": path}
+    folder = start(tmp_path / "out", recording)
+    run = folder.read_record()
+    run = replace(run, recordings=[replace(run.recordings[0], path=path)])
+    folder.write_record(run)
+    assert folder.read_record() == run
     (folder.path / "run.json").read_text(encoding="utf-8")
     assert path_text(path) == r"bad\xff"
     assert path_text("\udcc3\udc9cber «x»") == "Über «x»"

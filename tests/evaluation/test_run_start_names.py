@@ -11,7 +11,7 @@ import small_evaluations as small
 
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.recording_names import recording_names
-from mnsf_ros.evaluation.run_record import recording_record
+from mnsf_ros.evaluation.run_record import RecordingRecord
 from mnsf_ros.evaluation.run_start import known_recordings, start_or_resume
 from mnsf_ros.recording.fingerprint import fingerprint, storage_files
 
@@ -27,7 +27,7 @@ def bags(tmp_path):
 
 def known(*bags, names=("drive",)):
     return [
-        recording_record(small.recording_at(bag, name))
+        RecordingRecord.of(small.recording_at(bag, name))
         for bag, name in zip(bags, names, strict=True)
     ]
 
@@ -136,4 +136,4 @@ def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, 
         inspection = replace(recording.inspection, has_checksums=has_checksums)
         resume(tmp_path / "out", replace(recording, inspection=inspection))
     (known,) = known_recordings(tmp_path / "out")
-    assert known["has_checksums"] == (before and now)
+    assert known.has_checksums == (before and now)

@@ -10,6 +10,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import errors_by_band
+from mnsf_ros.evaluation.result_row import Failure, FailureKind
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
@@ -55,7 +56,7 @@ def estimate(flow, kept=None):
 def test_perfect_flow():
     row = scored_row(make_example(), "mnsf", estimate(FLOW), 12.0)
     assert (row.recording, row.number, row.stamp_ns) == ("drive", 1, 100_000_000)
-    assert (row.method, row.num_points, row.time_ms, row.failure) == ("mnsf", 4, 12.0, "")
+    assert (row.method, row.num_points, row.time_ms, row.failure) == ("mnsf", 4, 12.0, None)
     assert {name: errors.num_points for name, errors in row.errors.items()} == {
         "all": 4,
         "dynamic": 1,
@@ -197,7 +198,7 @@ def test_points_that_were_never_asked_for_may_stay_open():
 
 def test_failed_row_says_why_and_nothing_else():
     row = failed_row(make_example(), "x", "no points")
-    assert row.failure == "no points"
+    assert row.failure == Failure(FailureKind.FAILED, "no points")
     assert math.isnan(row.time_ms)
     assert row.errors == {}
 

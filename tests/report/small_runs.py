@@ -7,6 +7,8 @@ import numpy as np
 from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.run_json import structured
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import preset
 
 METHODS = ["mnsf", "fnsf", "zero"]
@@ -44,7 +46,7 @@ def rows_without_truth():
 
 def run_record(methods=METHODS, truth="/truth/flow"):
     settings = preset("paper").to_mapping()
-    return {
+    values = {
         "identity": {
             "settings": dict(settings),
             "crop_and_ground": {
@@ -86,6 +88,7 @@ def run_record(methods=METHODS, truth="/truth/flow"):
             }
         ],
     }
+    return structured(values, RunRecord)
 
 
 def pictured(number=3, *, with_truth=True):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from small_runs import row, rows
+from small_runs import row, rows, run_record
 
+from mnsf_ros.evaluation.result_row import DROPPED
 from mnsf_ros.evaluation.tables import TextTable
 from mnsf_ros.report.figures_section import band_names, stage_times_ms
 from mnsf_ros.report.html import Html, element
@@ -43,7 +44,7 @@ def test_worst_is_by_error_and_without_truth_by_distance():
     blind = [
         row(n, "a", 0, errors={}, consistency={"nearest_m": d}) for n, d in ((1, 0.1), (2, 0.4))
     ]
-    blind += [row(3, "a", 0, errors={}, consistency={}), row(4, "a", 9, failure="no")]
+    blind += [row(3, "a", 0, errors={}, consistency={}), row(4, "a", 9, failure=DROPPED)]
     assert [item.number for item in worst_rows(blind, "a")] == [2, 1]
 
 
@@ -52,4 +53,4 @@ def test_worst_is_by_error_and_without_truth_by_distance():
     [(["zero", "fnsf", "mnsf"], "mnsf"), (["zero", "fnsf"], "fnsf"), (["ego"], "ego"), ([], "")],
 )
 def test_focus_is_the_paper_or_a_method_that_does_something(methods, focus):
-    assert focus_method([row(1, method, 0.1) for method in methods], methods) == focus
+    assert focus_method([row(1, m, 0.1) for m in methods], run_record(methods)) == focus

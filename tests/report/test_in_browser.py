@@ -10,6 +10,7 @@ import subprocess
 import pytest
 from small_runs import pictured, rows, run_record
 
+from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.report.write_report import write_report
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -30,7 +31,7 @@ def browse(tmp_path, page, *options):
 @pytest.fixture
 def page(tmp_path):
     path = tmp_path / "report.html"
-    write_report(rows(), run_record(), path, pictured=[pictured()])
+    write_report(results_of(run_record(), rows()), path, pictured=[pictured()])
     return path
 
 
@@ -63,10 +64,10 @@ def test_long_name_does_not_run_off_the_page(tmp_path):
 
     name, path, picture = "n" * 150, tmp_path / "report.html", tmp_path / "page.png"
     run = run_record()
-    run["recordings"][0]["name"] = name
+    run = dataclasses.replace(run, recordings=[dataclasses.replace(run.recordings[0], name=name)])
     found = [dataclasses.replace(item, recording=name) for item in rows()]
     example = dataclasses.replace(pictured(), recording=name)
-    write_report(found, run, path, pictured=[example])
+    write_report(results_of(run, found), path, pictured=[example])
     browse(tmp_path, path, "--hide-scrollbars", "--window-size=700,6000", f"--screenshot={picture}")
     margin = imread(picture)[:, -12:, :3]
     assert (margin == margin[:, :1]).all(), "there is nothing in the margin on the right"

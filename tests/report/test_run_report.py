@@ -13,13 +13,13 @@ import pytest
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics
-from mnsf_ros.evaluation.row_json import row_to_json
 from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.report.flow_source import estimated_examples, options_of
+from mnsf_ros.report.flow_source import estimated_examples
 from mnsf_ros.report.run_report import report_run
 from mnsf_ros.report.time_budget import TimeBudget
 from mnsf_ros.report.written_flows import recorded_examples
@@ -71,7 +71,7 @@ def test_other_flows_are_estimated_once_more(street, tmp_path):
 
 def test_both_sources_give_the_same_pictures(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", write_flow=True)
-    run, rows = RunFolder(folder).read_run(), RunFolder(folder).read_rows()
+    run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
     rows = [row for row in rows if row.method == "ego"][:1]
     (recorded,) = recorded_examples(folder, rows, METHODS)
     (estimated,) = estimated_examples(run, rows, METHODS)
@@ -86,7 +86,7 @@ def test_both_sources_give_the_same_pictures(street, tmp_path):
 
 def test_options_come_back_from_the_record(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
-    options = options_of(RunFolder(folder).read_run())
+    options = RunFolder(folder).read_record().identity.options()
     assert options.method_settings.crop.max_range_m == 30.0
     assert options.settings.ground.remove
     assert not options.method_settings.ground.remove
@@ -116,7 +116,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     rows = RunFolder(folder).read_rows()
     slow = [dataclasses.replace(row, time_ms=9e3 if row.method == "ego" else 1.0) for row in rows]
-    (folder / "rows.jsonl").write_text("".join(f"{row_to_json(row)}\n" for row in slow))
+    (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in slow))
     text, said = report_of(folder, limit_s=8.0)
     assert said == ["no pictures: one flow takes 9 s; `mnsf report` on the folder waits for it"]
     assert "data:image/png" not in text
@@ -128,7 +128,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
 
 def test_no_time_at_all_leaves_a_report(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["zero"])
-    run, rows = RunFolder(folder).read_run(), RunFolder(folder).read_rows()
+    run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
     assert estimated_examples(run, rows, ["zero"], budget=TimeBudget(0.0)) == []
 
 
@@ -174,7 +174,7 @@ def test_folder_without_a_run_is_refused(tmp_path):
 )
 def test_record_of_something_else_is_refused(tmp_path, record):
     (tmp_path / "run.json").write_text(record)
-    with pytest.raises(MnsfError, match=r"run\.json: is not the record of a run: ") as info:
+    with pytest.raises(MnsfError, match=r"run\.json: is not the record of a run") as info:
         report_run(tmp_path)
     assert "\n" not in str(info.value)
 

@@ -9,6 +9,8 @@ from html.parser import HTMLParser
 import pytest
 from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
 
+from mnsf_ros.evaluation.result_row import Failure, FailureKind
+from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.report.write_report import write_report
 
 WITHOUT_END = {"meta", "link", "img", "br"}
@@ -44,7 +46,7 @@ class Page(HTMLParser):
 
 def report(tmp_path, rows, run, **options):
     path = tmp_path / "report.html"
-    write_report(rows, run, path, **options)
+    write_report(results_of(run, rows), path, **options)
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
     return Page(path.read_text(encoding="utf-8"))
 
@@ -128,7 +130,7 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
 
 def failed(number, method, failure):
     none = {"errors": {}, "by_range": {}, "by_speed": {}, "consistency": {}}
-    return row(number, method, 0.0, **none, failure=failure)
+    return row(number, method, 0.0, **none, failure=Failure(FailureKind.FAILED, failure))
 
 
 def test_failures_that_differ_in_numbers_alone_are_one(tmp_path):
@@ -162,7 +164,7 @@ def test_without_truth_there_is_still_a_report(tmp_path):
     assert "Where the errors are" not in page.text
     assert "Where the time goes" in page.text
     assert "EPE" not in page.text
-    assert "has no truth" in page.text
+    assert "no true flow" in page.text
     assert len(page.all("img")) == 2
 
 
@@ -174,8 +176,8 @@ def test_without_rows_there_is_still_a_report(tmp_path):
 def test_text_of_others_is_no_markup(tmp_path):
     bad = "<script>alert(1)</script>\"'&"
     run = run_record([bad])
-    run["recordings"][0]["name"] = bad
-    found = [dataclasses.replace(row(1, bad, 0.1), recording=bad), row(2, bad, 0.1, failure=bad)]
+    run = dataclasses.replace(run, recordings=[dataclasses.replace(run.recordings[0], name=bad)])
+    found = [dataclasses.replace(row(1, bad, 0.1), recording=bad), failed(2, bad, bad)]
     page = report(tmp_path, found, run)
     assert page.all("script") == []
     assert bad in page.text

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from mnsf_ros.evaluation.nearest_preset import nearest_preset
-from mnsf_ros.evaluation.options import ALL_POINTS
 from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.evaluation.run_record import RunIdentity, RunRecord
 
 
-def protocol_text(run: Mapping[str, Any], summaries: Sequence[MethodSummary]) -> list[str]:
+def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[str]:
     """Returns sentences on what was evaluated and how.
 
     Args:
-        run: The record of the run, see `run.json`.
+        run: What was run.
         summaries: What came out.
     """
-    identity = run["identity"]
+    identity = run.identity
     return [
-        _means_text(len(run["recordings"]), summaries, identity.get("every", 1)),
-        _points_text(identity, [one["truth"] is not None for one in run["recordings"]]),
-        _settings_text(identity["settings"], identity["crop_and_ground"]),
+        _means_text(len(run.recordings), summaries, identity.every),
+        _points_text(identity, [one.truth is not None for one in run.recordings]),
+        _settings_text(identity),
         _time_text(identity, summaries),
     ]
 
@@ -46,46 +45,46 @@ def _means_text(num_recordings: int, summaries: Sequence[MethodSummary], every: 
     return f"{text}."
 
 
-def _points_text(identity: Mapping[str, Any], has_truth: Sequence[bool]) -> str:
-    crop = identity["crop_and_ground"]
+def _points_text(identity: RunIdentity, has_truth: Sequence[bool]) -> str:
+    crop = identity.crop_and_ground
     text = (
         f"Points scored: {crop['crop.min_range_m']:g} to {crop['crop.max_range_m']:g} m away and "
         f"{crop['crop.min_height_m']:g} to {crop['crop.max_height_m']:g} m high"
     )
     if crop["ground.remove"]:
         source = "a height map"
-        if identity["ground"] == "truth" and any(has_truth):
+        if identity.ground == "truth" and any(has_truth):
             source = "the truth's own flag"
             if not all(has_truth):
                 source += ", a height map where there is no truth"
         text += f", without ground (by {source})"
-    if identity["realtime_rate"] is not None:
+    if identity.realtime_rate is not None:
         text += "; the methods got all points and prepared them themselves, as the live node does"
-    number = identity["num_points"]
-    given = "all of them" if number == ALL_POINTS else f"{number:,} random ones of each sweep"
-    return f"{text}; {given}, the same for all methods. Seed {identity['seed']}."
+    number = identity.num_points
+    given = "all of them" if number is None else f"{number:,} random ones of each sweep"
+    return f"{text}; {given}, the same for all methods. Seed {identity.seed}."
 
 
-def _settings_text(settings: Mapping[str, Any], crop_and_ground: Mapping[str, Any]) -> str:
-    name, changed = nearest_preset(settings, crop_and_ground)
+def _settings_text(identity: RunIdentity) -> str:
+    name, changed = nearest_preset(identity)
     changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
-    warm = "on" if settings["warm_start.enabled"] else "off, every example from scratch"
+    warm = "on" if identity.settings["warm_start.enabled"] else "off, every example from scratch"
     return f"Settings: preset {name}{f', but {changes}' if changes else ''}. Warm start: {warm}."
 
 
-def _time_text(identity: Mapping[str, Any], summaries: Sequence[MethodSummary]) -> str:
+def _time_text(identity: RunIdentity, summaries: Sequence[MethodSummary]) -> str:
     devices = sorted({device for summary in summaries for device in summary.devices})
-    threads = identity["settings"]["compute.num_threads"]
+    threads = identity.settings["compute.num_threads"]
     text = "Time: wall time of one whole estimate, device synchronized"
     if devices:
         text += f", on {' and '.join(devices)}"
     if "cpu" in devices:
         text += f" with {threads} thread{'' if threads == 1 else 's'}"
-    if identity["realtime_rate"] is None:
+    if identity.realtime_rate is None:
         text += "; crop and ground removal are not in it"
     else:
         text += (
-            f". Played at {identity['realtime_rate']:g} times real time: a triplet that a newer "
+            f". Played at {identity.realtime_rate:g} times real time: a triplet that a newer "
             "one overtook was dropped, as in the live node"
         )
     limited = sum(summary.stop_reasons.get("time_budget", 0) for summary in summaries)
