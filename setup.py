@@ -57,7 +57,7 @@ setup(
         "mcap>=1.2,<2",
         "apsw>=3.40",
         "lz4>=4",
-        "zstandard>=0.20",
+        "ruamel.yaml>=0.17",
         'backports.zstd>=1; python_version < "3.14"',
         "cattrs>=23.2",
         "Jinja2>=3.1",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,6 +19,7 @@ from mnsf_ros.datasets.waymo_range_image import (
     shaped,
     waymo_sweep,
 )
+from mnsf_ros.decompression import decompress
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def _returns(
 def _matrix(compressed: bytes, channels: int) -> NDArray[np.float32] | None:
     if not compressed:
         return None
-    matrix = WireMessage(zlib.decompress(compressed))
+    matrix = WireMessage(decompress("zlib", compressed))
     shape = matrix.message(_MATRIX["shape"]).integers(_ONLY)
     return shaped(matrix.floats(_MATRIX["data"]), shape, channels)
 

@@ -16,8 +16,8 @@ from mnsf_ros.demo.scores import drop_hint, figures_table, score_and_draw
 from mnsf_ros.node.process_environment import prepare_environment
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.points_topic import find_points_topic
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -49,7 +49,7 @@ def run_demo(options: DemoOptions, console: Console) -> None:
     """
     bag = options.bag or _simulated(options, console)
     with BagReader(bag) as recording:
-        topic = find_points_topic(recording, options.topic)
+        topic = used_topics(recording.path, recording.topics, options.topic).points
         options.folder.mkdir(parents=True, exist_ok=True)
         log = _replayed(recording, topic, options, console)
     console.print(figures_table(log).rich())

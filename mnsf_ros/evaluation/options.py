@@ -11,16 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.recording.bag_topics import find_topic
-from mnsf_ros.recording.conventions import (
-    CLOUD_TYPE,
-    ODOMETRY_TYPE,
-    POINTS_TOPIC,
-    TRUTH_FLOW_TOPIC,
-    TRUTH_ODOMETRY_TOPIC,
-)
+from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.inspection import Inspection
 from mnsf_ros.settings import CropSettings, GroundSettings, Settings
 from mnsf_ros.sweeps.cropping import crop_mask
@@ -267,21 +259,5 @@ def choose_topics(
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.
     """
-    path, topics = inspection.path, inspection.topics
-
-    def convention(topic: str, msgtype: str) -> str | None:
-        is_there = topic in topics and topics[topic].count > 0 and topics[topic].msgtype == msgtype
-        return topic if is_there else None
-
-    def found(named: str | None, usual: str, msgtype: str) -> str | None:
-        topic = named or convention(usual, msgtype)
-        return None if topic is None else find_topic(path, topics, topic, msgtype)
-
-    true_flow = found(truth, TRUTH_FLOW_TOPIC, CLOUD_TYPE)
-    if points is None and true_flow is not None:
-        points = convention(POINTS_TOPIC, CLOUD_TYPE)
-    sweeps = find_topic(path, topics, points, CLOUD_TYPE)
-    if sweeps == true_flow:
-        raise RecordingError(f"{path}: topic {sweeps!r} cannot be both the sweeps and their truth")
-    poses = found(odometry, TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE)
-    return EvaluatedRecording(name, inspection, sweeps, true_flow, poses)
+    used = used_topics(inspection.path, inspection.topics, points, truth, odometry)
+    return EvaluatedRecording(name, inspection, used.points, used.truth, used.odometry)

@@ -17,7 +17,6 @@ from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.recording.readable_messages import readable_messages
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points, decode_xyz
@@ -103,7 +102,7 @@ def recorded_sweeps(
         Sweeps of the finite points, whose `source` is a CloudRows; None where sweeps may be
         missing.
     """
-    for item in readable_messages(reader, topic):
+    for item in reader.readable_messages(topic):
         if isinstance(item, Damage):
             findings.report(item)
             yield None
@@ -142,7 +141,7 @@ def recorded_poses(
 def _received_poses(
     reader: BagReader, topic: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
-    for number, item in enumerate(readable_messages(reader, topic)):
+    for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             findings.report(item)
             yield None
@@ -181,7 +180,7 @@ class TruthCloud:
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
     """Yields the truth clouds of a topic as they were received."""
-    for number, item in enumerate(readable_messages(reader, topic)):
+    for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             findings.report(item)
             continue

@@ -2,33 +2,54 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.reader import Reader as Ros2Reader
+from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_typestore
 
+from mnsf_ros.decompression import decompress
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_errors import UNREADABLE, reason
 from mnsf_ros.recording.bag_files import recording_files
-from mnsf_ros.recording.bag_topics import (
-    TopicSummary,
-    find_topic,
-    known_topic,
-    shares_position,
-    summarize,
-)
-from mnsf_ros.recording.message_compression import decompressed
+from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
+from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
+from mnsf_ros.recording.metadata import check_metadata
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
+from mnsf_ros.recording.rosbags_limits import limit_rosbags
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import TracebackType
 
-    from rosbags.interfaces import Connection
-
 Converted = TypeVar("Converted")
+# A message with its receive time in nanoseconds, or why some may be missing.
+Readable: TypeAlias = "tuple[int, Converted] | Damage"
+
+limit_rosbags()
+# What every zstd frame begins with. A ROS 2 message begins with a zero byte, so the bytes tell
+# for themselves, also in a file that has lost the metadata.yaml which says so.
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+class StoredMessage(NamedTuple):
+    """A message as it is stored.
+
+    Attributes:
+        position: Where it is in its file, such as `byte 4711`; may be empty.
+        received_ns: Receive time in nanoseconds.
+        raw: The serialized message.
+        msgtype: For example `sensor_msgs/msg/PointCloud2`.
+    """
+
+    position: str
+    received_ns: int
+    raw: bytes
+    msgtype: str
 
 
 class BagReader:
@@ -43,20 +64,21 @@ class BagReader:
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Name the recording; nothing is opened before `with`."""
+        """Names the recording; nothing is opened before `with`."""
         self.path = Path(path)
         self.topics: dict[str, TopicSummary] = {}
         self._source: AnyReader | None = None
+        self._are_compressed = False
 
     def __enter__(self) -> BagReader:
-        """Open the recording.
+        """Opens the recording.
 
         Raises:
             RecordingError: It is missing, damaged, empty or not a recording at all.
         """
         self._source = self._open_source()
         try:
-            self.topics = summarize(self.path, self._source)
+            self.topics = _summaries(self.path, self._source)
         except BaseException:
             self.close()
             raise
@@ -68,17 +90,17 @@ class BagReader:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the recording."""
+        """Closes the recording."""
         self.close()
 
     def close(self) -> None:
-        """Close the recording; closing twice does nothing."""
+        """Closes the recording; closing twice does nothing."""
         source, self._source = self._source, None
         if source is not None:
             source.close()
 
     def find_topic(self, name: str | None, msgtype: str) -> str:
-        """Return `name` if it has messages of this type, or if None the only topic that has.
+        """Returns `name` if it has messages of this type, or if None the only topic that has.
 
         Raises:
             RecordingError: There is no such topic, it is of another type or empty, or there are
@@ -89,7 +111,7 @@ class BagReader:
     def messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[Any]:
-        """Return the messages of a topic, deserialized, with the attributes of the ROS type.
+        """Returns the messages of a topic, deserialized, with the attributes of the ROS type.
 
         Arrays in them are read-only. The arguments and errors are those of `raw_messages`.
         """
@@ -99,18 +121,14 @@ class BagReader:
     def received_messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[tuple[int, Any]]:
-        """Return receive time in nanoseconds and message of each message, see `messages`."""
-
-        def deserialized(source: AnyReader, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401
-            return source.deserialize(raw, msgtype)
-
+        """Returns receive time in nanoseconds and message of each message, see `messages`."""
         known_topic(self.path, self.topics, topic)
-        return self._converted(topic, start_ns, stop_ns, deserialized)
+        return self._whole(self._converted(topic, start_ns, stop_ns, self._deserialized))
 
     def raw_messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[tuple[int, bytes]]:
-        """Return the messages of a topic as they go over the wire in ROS 2.
+        """Returns the messages of a topic as they go over the wire in ROS 2.
 
         Args:
             topic: One of `topics`.
@@ -123,34 +141,51 @@ class BagReader:
         Raises:
             RecordingError: The topic is unknown (at once), or damage is met on the way.
         """
-
-        def serialized(source: AnyReader, raw: bytes, msgtype: str) -> bytes:
-            return raw if source.is2 else cdr_from_ros1(raw, msgtype, source.typestore)
-
         known_topic(self.path, self.topics, topic)
-        return self._converted(topic, start_ns, stop_ns, serialized)
+        return self._whole(self._converted(topic, start_ns, stop_ns, self._serialized))
+
+    def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
+        """Returns all messages that can be read, with a Damage wherever some may be missing.
+
+        Returns:
+            Receive time in nanoseconds and message of each, or a Damage.
+
+        Raises:
+            RecordingError: The topic is unknown.
+        """
+        known_topic(self.path, self.topics, topic)
+        return self._converted(topic, None, None, self._deserialized)
+
+    def _whole(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
+        for item in found:
+            if isinstance(item, Damage):
+                raise RecordingError(str(item))
+            yield item
 
     def _converted(
         self,
         topic: str,
         start_ns: int | None,
         stop_ns: int | None,
-        convert: Callable[[AnyReader, bytes, str], Converted],
-    ) -> Iterator[tuple[int, Converted]]:
-        scan = self._scan(topic, start_ns, stop_ns)
-        for number, (source, connection, received_ns, stored) in enumerate(scan):
+        convert: Callable[[bytes, str], Converted],
+    ) -> Iterator[Readable[Converted]]:
+        number = 0
+        for item in self._stored(topic, start_ns, stop_ns):
+            if isinstance(item, Damage):
+                yield item
+                continue
             try:
-                # Without its metadata.yaml, rosbags gives out a message compressed as it is.
-                raw = decompressed(stored) if source.is2 else stored
-                converted = convert(source, raw, connection.msgtype)
+                converted = convert(item.raw, item.msgtype)
             except UNREADABLE as error:
-                raise self._damage(number, topic, error) from error
-            yield received_ns, converted
+                yield self._damage(number, topic, error, item.position)
+                continue
+            yield item.received_ns, converted
+            number += 1
 
-    def _scan(
+    def _stored(
         self, topic: str, start_ns: int | None, stop_ns: int | None
-    ) -> Iterator[tuple[AnyReader, Connection, int, bytes]]:
-        """Yield source, connection, receive time and bytes; only calls into rosbags are guarded."""
+    ) -> Iterator[StoredMessage | Damage]:
+        """Yields what is stored; only calls into rosbags are guarded."""
         number = 0
         with self._source_of_scan() as source:
             connections = [c for c in source.connections if c.topic == topic]
@@ -159,24 +194,46 @@ class BagReader:
                 try:
                     found = next(scan, None)
                 except UNREADABLE as error:
-                    raise self._damage(number, topic, error) from error
+                    yield self._damage(number, topic, error)
+                    return
                 if found is None:
                     break
-                yield (source, *found)
+                connection, received_ns, raw = found
+                yield StoredMessage("", received_ns, raw, connection.msgtype)
                 number += 1
         expected = self.topics[topic].count
         if start_ns is None and stop_ns is None and number != expected:
-            raise RecordingError(
-                f"{self.path}: {number} of {expected} messages on {topic!r} could be read: its "
-                "index or metadata.yaml does not fit its content"
+            text = (
+                f"{number} of {expected} messages on {topic!r} could be read: its index or "
+                "metadata.yaml does not fit its content"
             )
+            yield Damage(str(self.path), "", text)
+
+    def _deserialized(self, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401
+        source = self._opened()
+        return source.deserialize(self._decompressed(raw) if source.is2 else raw, msgtype)
+
+    def _serialized(self, raw: bytes, msgtype: str) -> bytes:
+        source = self._opened()
+        if source.is2:
+            return self._decompressed(raw)
+        return cdr_from_ros1(raw, msgtype, source.typestore)
+
+    def _decompressed(self, raw: bytes) -> bytes:
+        return decompress("zstd", raw) if self._are_compressed else decompressed(raw)
+
+    def _opened(self) -> AnyReader:
+        if self._source is None:
+            raise RecordingError(f"{self.path}: is not open")
+        return self._source
 
     @contextmanager
     def _source_of_scan(self) -> Iterator[AnyReader]:
-        if self._source is None:
-            raise RecordingError(f"{self.path}: is not open")
-        if not shares_position(self._source):
-            yield self._source
+        opened = self._opened()
+        # An mcap file without an index is scanned from one position that all scans share: each
+        # would silently skip what the other one reads.
+        if all(not isinstance(s, McapReader) or s.chunks for s in _storages(opened)):
+            yield opened
             return
         source = self._open_source()
         try:
@@ -186,23 +243,69 @@ class BagReader:
 
     def _open_source(self) -> AnyReader:
         files = recording_files(self.path)
+        if files == [self.path] and self.path.is_dir():
+            check_metadata(self.path)
         try:
-            self._check_no_pipes(files)
             # Bags of older ROS versions come without type definitions: then these are used.
             source = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
             source.open()
         except UNREADABLE as error:
             raise RecordingError(f"{self.path}: cannot be read: {reason(error)}") from error
+        for reader in source.readers:
+            storage = reader.storage if isinstance(reader, Ros2Reader) else reader
+            if isinstance(storage, DirectoryReader):
+                self._are_compressed = storage.metadata.compression_mode == "message"
+                # Messages come as they are stored: rosbags gives up after the first damaged one.
+                storage.metadata = storage.metadata._replace(compression_mode=None)
         return source
 
-    def _check_no_pipes(self, files: list[Path]) -> None:
-        """Refuse what would keep an open waiting for ever, such as a named pipe."""
-        for file in files:
-            for entry in file.iterdir() if file.is_dir() else [file]:
-                if entry.exists() and not (entry.is_file() or entry.is_dir()):
-                    raise RecordingError(f"{self.path}: {entry.name!r} is not a regular file")
+    def _damage(self, number: int, topic: str, error: Exception, position: str = "") -> Damage:
+        text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
+        return Damage(str(self.path), position, text)
 
-    def _damage(self, number: int, topic: str, error: Exception) -> RecordingError:
-        return RecordingError(
-            f"{self.path}: damaged after {number} good messages on {topic!r}: {reason(error)}"
+
+def decompressed(raw: bytes) -> bytes:
+    """Returns a ROS 2 message as it was before it was compressed by itself, if it was.
+
+    Args:
+        raw: CDR bytes, or zstd frames of them.
+
+    Raises:
+        DecompressionError: It is damaged, or expands to more than any cloud has.
+    """
+    return decompress("zstd", raw) if raw[: len(_ZSTD_MAGIC)] == _ZSTD_MAGIC else raw
+
+
+def _summaries(path: Path, source: AnyReader) -> dict[str, TopicSummary]:
+    """Returns topic name -> summary of an open recording, sorted by name.
+
+    The counts are those of the storage files: a metadata.yaml may promise something else.
+    """
+    counts: Counter[str] = Counter()
+    for storage in _storages(source):
+        for connection in storage.connections:
+            counts[connection.topic] += connection.msgcount
+    types: dict[str, set[str]] = {}
+    for connection in source.connections:
+        types.setdefault(connection.topic, set()).add(connection.msgtype)
+    hidden = sorted(topic for topic in counts if counts[topic] and topic not in types)
+    if hidden:
+        raise RecordingError(
+            f"{path}: its metadata.yaml does not list {', '.join(hidden)}, which its files hold; "
+            "delete metadata.yaml to read them without it"
         )
+    if not any(counts.values()):
+        raise RecordingError(f"{path}: holds no messages")
+    return {
+        topic: TopicSummary(" and ".join(sorted(types[topic])), counts[topic])
+        for topic in sorted(types)
+    }
+
+
+def _storages(source: AnyReader) -> list[Any]:
+    """Returns the readers of the single files."""
+    storages: list[Any] = []
+    for reader in source.readers:
+        storage = reader.storage if isinstance(reader, Ros2Reader) else reader
+        storages += storage.storages if isinstance(storage, DirectoryReader) else [storage]
+    return storages

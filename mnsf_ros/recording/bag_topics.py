@@ -1,22 +1,19 @@
-"""What topics an open recording really holds, and which of them is wanted."""
+"""What topics a recording holds, and which of them are used."""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.reader import Reader as Ros2Reader
-from rosbags.rosbag2.storage_mcap import McapReader
+from pathlib import Path
 
 from mnsf_ros.errors import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from rosbags.highlevel import AnyReader
+from mnsf_ros.recording.conventions import (
+    CLOUD_TYPE,
+    ODOMETRY_TYPE,
+    POINTS_TOPIC,
+    TRUTH_FLOW_TOPIC,
+    TRUTH_ODOMETRY_TOPIC,
+)
 
 
 @dataclass(frozen=True)
@@ -32,43 +29,56 @@ class TopicSummary:
     count: int
 
 
-def summarize(path: Path, source: AnyReader) -> dict[str, TopicSummary]:
-    """Return topic name -> summary of an open recording, sorted by name.
+@dataclass(frozen=True)
+class UsedTopics:
+    """The topics of a recording that are used: the sweeps, their truth, the sensor's poses."""
 
-    The counts are those of the storage files: a metadata.yaml may promise something else.
+    points: str
+    truth: str | None
+    odometry: str | None
+
+
+def used_topics(
+    path: Path,
+    topics: Mapping[str, TopicSummary],
+    points: str | None = None,
+    truth: str | None = None,
+    odometry: str | None = None,
+) -> UsedTopics:
+    """Returns which topics of a recording to use.
 
     Args:
         path: The recording, for error texts.
-        source: The same, open.
+        topics: What it holds.
+        points: Topic of the sweeps; None for the only one that it can be.
+        truth: Topic of the true flow; None for that of `docs/recordings.md`, if it is there.
+        odometry: Topic of the sensor's poses; None for that of `docs/recordings.md`, likewise.
 
     Raises:
-        RecordingError: It holds no messages, or its metadata.yaml hides some of its topics.
+        RecordingError: There is no such topic, or there are several to choose from.
     """
-    counts: Counter[str] = Counter()
-    for storage in _storages(source):
-        for connection in storage.connections:
-            counts[connection.topic] += connection.msgcount
-    types: dict[str, set[str]] = {}
-    for connection in source.connections:
-        types.setdefault(connection.topic, set()).add(connection.msgtype)
-    hidden = sorted(topic for topic in counts if counts[topic] and topic not in types)
-    if hidden:
-        raise RecordingError(
-            f"{path}: its metadata.yaml does not list {', '.join(hidden)}, which its files hold; "
-            "delete metadata.yaml to read them without it"
-        )
-    if not any(counts.values()):
-        raise RecordingError(f"{path}: holds no messages")
-    return {
-        topic: TopicSummary(" and ".join(sorted(types[topic])), counts[topic])
-        for topic in sorted(types)
-    }
+
+    def usual(topic: str, msgtype: str) -> str | None:
+        summary = topics.get(topic, TopicSummary("", 0))
+        return topic if summary.msgtype == msgtype and summary.count > 0 else None
+
+    def named(topic: str | None, convention: str, msgtype: str) -> str | None:
+        topic = topic or usual(convention, msgtype)
+        return None if topic is None else find_topic(path, topics, topic, msgtype)
+
+    truth = named(truth, TRUTH_FLOW_TOPIC, CLOUD_TYPE)
+    if points is None and truth is not None:
+        points = usual(POINTS_TOPIC, CLOUD_TYPE)
+    points = find_topic(path, topics, points, CLOUD_TYPE)
+    if points == truth:
+        raise RecordingError(f"{path}: topic {points!r} cannot be both the sweeps and their truth")
+    return UsedTopics(points, truth, named(odometry, TRUTH_ODOMETRY_TOPIC, ODOMETRY_TYPE))
 
 
 def find_topic(
     path: Path, topics: Mapping[str, TopicSummary], name: str | None, msgtype: str
 ) -> str:
-    """Return the topic to read.
+    """Returns the topic to read.
 
     Args:
         path: The recording, for error texts.
@@ -99,7 +109,7 @@ def find_topic(
 
 
 def known_topic(path: Path, topics: Mapping[str, TopicSummary], name: str) -> TopicSummary:
-    """Return the summary of a topic.
+    """Returns the summary of a topic.
 
     Raises:
         RecordingError: There is no such topic; the text lists those that exist.
@@ -107,24 +117,6 @@ def known_topic(path: Path, topics: Mapping[str, TopicSummary], name: str) -> To
     if name not in topics:
         raise RecordingError(f"{path}: no topic {name!r}; {_listing(topics)}")
     return topics[name]
-
-
-def shares_position(source: AnyReader) -> bool:
-    """Tell whether two scans of the source at a time would disturb each other.
-
-    An mcap file without an index is scanned from one position that all scans share: each would
-    silently skip what the other one reads.
-    """
-    return any(isinstance(s, McapReader) and not s.chunks for s in _storages(source))
-
-
-def _storages(source: AnyReader) -> list[Any]:
-    """Return the readers of the single files."""
-    storages: list[Any] = []
-    for reader in source.readers:
-        storage = reader.storage if isinstance(reader, Ros2Reader) else reader
-        storages += storage.storages if isinstance(storage, DirectoryReader) else [storage]
-    return storages
 
 
 def _listing(topics: Mapping[str, TopicSummary]) -> str:

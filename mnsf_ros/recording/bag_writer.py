@@ -6,14 +6,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_errors import reason
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
-from mnsf_ros.recording.mcap_checksums import checksums_added
+from mnsf_ros.recording.damage import reason
+from mnsf_ros.recording.metadata import WrittenTopic, write_metadata
 from mnsf_ros.recording.new_folder import new_folder
 from msg_utils.errors import MessageError
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     import numpy as np
     from numpy.typing import NDArray
-    from rosbags.interfaces import Connection
 
     from msg_utils.point_cloud2 import EncodedCloud
 
@@ -35,7 +35,7 @@ class BagWriter:
 
     The folder appears at its path when the block ends well. After any exception in the block,
     also KeyboardInterrupt, nothing is left behind. The receive time of every message is the
-    stamp it is written with.
+    stamp it is written with. Every part of the file has a checksum.
 
     Attributes:
         path: The folder to write.
@@ -44,7 +44,7 @@ class BagWriter:
     def __init__(
         self, path: Path | str, *, overwrite: bool = False, compress: bool = False
     ) -> None:
-        """Name the recording; nothing is written before `with`.
+        """Names the recording; nothing is written before `with`.
 
         Args:
             path: Folder to write; its missing parents are made.
@@ -53,27 +53,28 @@ class BagWriter:
         """
         self.path = Path(path)
         self._overwrite = overwrite
-        self._compress = compress
+        self._compression = CompressionType.ZSTD if compress else CompressionType.NONE
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._connections: dict[str, Connection] = {}
-        self._writer: Writer | None = None
+        self._topics: dict[str, WrittenTopic] = {}
+        self._first_ns, self._end_ns = _LATEST_NS, 0
+        self._file = self.path
+        self._writer: McapWriter | None = None
         self._stack = ExitStack()
-        self._is_empty = True
 
     def __enter__(self) -> BagWriter:
-        """Start to write beside the path.
+        """Starts to write beside the path.
 
         Raises:
             RecordingError: The path exists already, or nothing can be written there.
         """
         with self._guarded(), ExitStack() as stack:
             draft = stack.enter_context(new_folder(self.path, overwrite=self._overwrite))
-            stack.enter_context(checksums_added(draft))
-            writer = Writer(draft, version=9, storage_plugin=StoragePlugin.MCAP)
-            if self._compress:
-                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-            self._writer = stack.enter_context(writer)
-            stack.push(self._refuse_empty)
+            draft.mkdir()
+            self._file = draft / f"{draft.name}.mcap"
+            stream = stack.enter_context(self._file.open("wb"))
+            self._writer = McapWriter(stream, compression=self._compression)
+            self._writer.start(profile="ros2")
+            stack.push(self._finish)
             self._stack = stack.pop_all()
         return self
 
@@ -83,19 +84,18 @@ class BagWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Move the finished recording to its path, or remove it after an exception.
+        """Moves the finished recording to its path, or removes it after an exception.
 
         Raises:
             RecordingError: Nothing was written, or the recording cannot be finished.
         """
-        self._writer = None
         with self._guarded():
             self._stack.__exit__(kind, error, trace)
 
     def write_raw(
         self, topic: str, msgtype: str, stamp_ns: int, raw: bytes | bytearray | memoryview
     ) -> None:
-        """Add a serialized message.
+        """Adds a serialized message.
 
         Args:
             topic: Topic name; the first message on a topic fixes its type.
@@ -110,10 +110,12 @@ class BagWriter:
             raise RecordingError(f"{self.path}: is not open for writing")
         if not 0 <= stamp_ns <= _LATEST_NS:
             raise RecordingError(f"{self.path}: stamp {stamp_ns} ns is no time, cannot write it")
-        connection = self._connection(self._writer, topic, msgtype)
         with self._guarded():
-            self._writer.write(connection, stamp_ns, memoryview(raw))
-        self._is_empty = False
+            written = self._topic(self._writer, topic, msgtype)
+            self._writer.add_message(written.channel, stamp_ns, bytes(raw), stamp_ns)
+        written.count += 1
+        self._first_ns = min(self._first_ns, stamp_ns)
+        self._end_ns = max(self._end_ns, stamp_ns)
 
     def write_cloud(
         self,
@@ -124,7 +126,7 @@ class BagWriter:
         *,
         is_dense: bool = True,
     ) -> None:
-        """Add a point cloud.
+        """Adds a point cloud.
 
         Args:
             topic: Topic name.
@@ -148,11 +150,11 @@ class BagWriter:
         frame_id: str,
         child_frame_id: str,
     ) -> None:
-        """Add a pose; the velocity in the message stays zero.
+        """Adds a pose; the velocity in the message stays zero.
 
         Args:
             topic: Topic name.
-            pose: (4, 4) pose of the child frame in the frame `frame_id`, in meters.
+            pose: (4, 4) pose of the child frame in the frame `frame_id`, in metres.
             stamp_ns: Header stamp and receive time in nanoseconds.
             frame_id: The fixed frame.
             child_frame_id: The moving frame.
@@ -167,28 +169,35 @@ class BagWriter:
     def _write(self, topic: str, msgtype: str, stamp_ns: int, message: object) -> None:
         self.write_raw(topic, msgtype, stamp_ns, self._typestore.serialize_cdr(message, msgtype))
 
-    def _connection(self, writer: Writer, topic: str, msgtype: str) -> Connection:
-        known = self._connections.get(topic)
+    def _topic(self, writer: McapWriter, name: str, msgtype: str) -> WrittenTopic:
+        known = self._topics.get(name)
         if known is not None and known.msgtype == msgtype:
             return known
         if known is not None:
             raise RecordingError(
-                f"{self.path}: topic {topic!r} holds {known.msgtype}, cannot add {msgtype}"
+                f"{self.path}: topic {name!r} holds {known.msgtype}, cannot add {msgtype}"
             )
         if msgtype not in self._typestore.types:
             raise RecordingError(f"{self.path}: {msgtype!r} is no type of ROS 2 Jazzy")
-        with self._guarded():
-            connection = writer.add_connection(topic, msgtype, typestore=self._typestore)
-        self._connections[topic] = connection
-        return connection
+        definition, _ = self._typestore.generate_msgdef(msgtype, ros_version=2)
+        schema = writer.register_schema(msgtype, "ros2msg", definition.encode())
+        channel = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": ""})
+        type_hash = self._typestore.hash_rihs01(msgtype)
+        self._topics[name] = WrittenTopic(name, msgtype, type_hash, channel)
+        return self._topics[name]
 
-    def _refuse_empty(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is None and self._is_empty:
+    def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
+        writer, self._writer = self._writer, None
+        if kind is not None or writer is None:
+            return
+        if not self._topics:
             raise RecordingError(f"{self.path}: nothing was written, so there is no recording")
+        writer.finish()  # type: ignore[no-untyped-call]
+        write_metadata(self._file, self._topics.values(), self._first_ns, self._end_ns)
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
         try:
             yield
-        except (OSError, WriterError, MessageError) as error:
+        except (OSError, MessageError) as error:
             raise RecordingError(f"{self.path}: cannot be written: {reason(error)}") from error

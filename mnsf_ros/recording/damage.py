@@ -1,8 +1,53 @@
-"""What is wrong with a recording, and where."""
+"""What is wrong with a recording, and where; and what the bag libraries raise on such files."""
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
+from typing import Final
+
+import apsw
+from rosbags.highlevel import AnyReaderError
+from rosbags.rosbag1 import ReaderError as Ros1ReaderError
+from rosbags.rosbag2 import ReaderError as Ros2ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError
+
+from mnsf_ros.decompression import DecompressionError
+
+# rosbags reports most damage with its own errors, but parses without a guard everywhere else:
+# a damaged length, name or number then surfaces as the built-in error of the operation that
+# stumbled over it. Catch this only around calls into rosbags, never around other code.
+UNREADABLE: Final[tuple[type[Exception], ...]] = (
+    AnyReaderError,
+    Ros1ReaderError,
+    Ros2ReaderError,
+    SerdeError,
+    TypesysError,
+    apsw.Error,
+    struct.error,
+    OSError,
+    EOFError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+)
+
+# Errors whose text says enough. That of a built-in error, such as a KeyError, means little.
+_CLEAR: Final = (AnyReaderError, Ros1ReaderError, Ros2ReaderError, OSError, DecompressionError)
+# What to do about damage that a tool of the format's own may mend; by words of its error.
+_REMEDIES: Final = {
+    "end magic": "the file is cut short; 'mcap recover' may save what was written",
+    "Bag index looks damaged": "the file may be cut short; 'rosbag reindex' may save the rest",
+    "Bag is not indexed": "'rosbag reindex' may save what was written",
+    "disk image is malformed": "'sqlite3 FILE .recover' may save a part",
+}
+_MAX_LENGTH: Final = 300
 
 
 @dataclass(frozen=True)
@@ -11,7 +56,7 @@ class Damage:
 
     Attributes:
         file: The file or folder.
-        position: Where in it, such as `byte 4711` or `after 30 messages on '/points'`.
+        position: Where in it, such as `byte 4711`; may be empty.
         text: What was found there.
     """
 
@@ -20,5 +65,19 @@ class Damage:
     text: str
 
     def __str__(self) -> str:
-        """One line for people."""
+        """Returns one line for people."""
         return ", ".join(filter(None, (self.file, self.position))) + f": {self.text}"
+
+
+def reason(error: BaseException) -> str:
+    """Returns what went wrong as one line without a full stop."""
+    if isinstance(error, OSError) and error.strerror:
+        text = error.strerror
+    else:
+        # rosbags asks to report what its users cannot help: a version or plugin it does not know.
+        text = " ".join(str(error).split()).replace("; please report issue", "")
+        text = text[:_MAX_LENGTH].rstrip(".")
+    if not text or not isinstance(error, _CLEAR):
+        text = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    remedies = [remedy for words, remedy in _REMEDIES.items() if words in text]
+    return f"{text} ({remedies[0]})" if remedies else text

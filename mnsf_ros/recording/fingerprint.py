@@ -6,9 +6,8 @@ import hashlib
 from pathlib import Path
 from typing import Any, Final
 
-from mnsf_ros.recording.bag_files import SUFFIXES
+from mnsf_ros.recording.bag_files import stored_files
 
-_COMPRESSED: Final = ".zstd"
 # Files of up to 4 MiB are read as a whole. Of larger ones so many parts, from the first bytes to
 # the last: another recording of the same size differs nearly everywhere.
 _NUM_PARTS: Final = 64
@@ -22,11 +21,7 @@ def storage_files(path: Path) -> list[Path]:
     nothing at all, gives itself.
     """
     path = path.resolve()
-    entries = sorted(path.iterdir()) if path.is_dir() else []
-    stored = [entry for entry in entries if entry.suffix in (*SUFFIXES, _COMPRESSED)]
-    # Whoever plays a compressed recording leaves a decompressed copy beside each file.
-    copies = {entry.with_suffix("") for entry in stored if entry.suffix == _COMPRESSED}
-    return [entry.resolve() for entry in stored if entry not in copies] or [path]
+    return [file.resolve() for file in stored_files(path)] or [path]
 
 
 def fingerprint(path: Path) -> dict[str, Any]:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from collections import Counter
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import SUFFIXES
+from mnsf_ros.recording.bag_files import MCAP, ROS1, stored_files
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.file_content import FileContent, read_content
-from mnsf_ros.recording.sequential_reader import SequentialReader
+from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.damage import Damage, reason
+from mnsf_ros.recording.salvage.salvage_reader import ENCODINGS, SalvageReader, salvaged_messages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from mnsf_ros.recording.bag_topics import TopicSummary
-
-_MCAP: Final = ".mcap"
-_ROS1: Final = ".bag"
 _OTHER_PROFILE: Final = "Profile is not ros2"
 
 
@@ -33,10 +30,11 @@ class Inspection:
         path: The recording.
         topics: Topic -> type and number of messages that can be read.
         damages: What cannot be read. Of recordings without `files` only what opening them shows;
-            `readable_messages` finds the rest.
+            `BagReader.readable_messages` finds the rest.
         has_checksums: Whether flipped bits in messages would have been noticed.
-        files: The files in the order of time, if they are read without their index: all of them
-            are mcap, or a ROS 1 bag that has none. Else empty.
+        files: The files in the order of time, if they can be read without their index: all of
+            them are mcap, or a ROS 1 bag that has none. Else empty.
+        needs_salvage: Whether `files` have to be read so: they are damaged, or have no index.
     """
 
     path: Path
@@ -44,6 +42,7 @@ class Inspection:
     damages: tuple[Damage, ...] = ()
     has_checksums: bool = False
     files: tuple[Path, ...] = ()
+    needs_salvage: bool = False
 
     @contextmanager
     def open(self) -> Iterator[BagReader]:
@@ -52,11 +51,29 @@ class Inspection:
         Raises:
             RecordingError: It has changed since it was inspected.
         """
-        reader = BagReader(self.path)
-        if self.files:
-            reader = SequentialReader(self.path, self.files, self.topics)
-        with reader:
-            yield reader
+        with ExitStack() as stack:
+            if not self.needs_salvage:
+                try:
+                    reader = stack.enter_context(BagReader(self.path))
+                except RecordingError:
+                    if not self.files:
+                        raise
+                else:
+                    yield reader
+                    return
+            yield stack.enter_context(SalvageReader(self.path, self.files, self.topics))
+
+
+@dataclass(frozen=True)
+class _FileContent:
+    """What was found in one file: receive time of the first message, and as in Inspection."""
+
+    file: Path
+    first_ns: float
+    topics: dict[str, TopicSummary]
+    damages: tuple[Damage, ...]
+    has_checksums: bool
+    is_indexed: bool
 
 
 def _nobody(done: int, total: int) -> None:
@@ -74,7 +91,7 @@ def inspect_recording(path: Path | str, watch: Callable[[int, int], None] = _nob
         RecordingError: There is none, or no message of it can be read.
     """
     path = Path(path)
-    files = _mcap_files(path)
+    files = _plain_files(path, MCAP)
     problem: RecordingError | None = None
     topics: dict[str, TopicSummary] = {}
     try:
@@ -82,61 +99,91 @@ def inspect_recording(path: Path | str, watch: Callable[[int, int], None] = _nob
             topics = reader.topics
     except RecordingError as error:
         # Of a ROS 1 bag that cannot be opened, the index is damaged or was never written.
-        files = files or _ros1_files(path)
+        files = files or _plain_files(path, ROS1)
         if not files:
             raise
         problem = error
     if not files:
         return Inspection(path, topics)
-    inspection = _of_content(path, _contents(files, watch), problem)
+    contents = sorted(_contents(files, watch), key=lambda content: content.first_ns)
+    inspection = _of_contents(path, contents, problem)
     if problem is None and not inspection.damages and inspection.topics != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
     return inspection
 
 
-def _contents(files: Sequence[Path], watch: Callable[[int, int], None]) -> list[FileContent]:
+def _plain_files(path: Path, suffix: str) -> list[Path]:
+    """The files of the recording if all of them are of one kind."""
+    try:
+        files = stored_files(path)
+        return files if all(f.suffix == suffix and f.is_file() for f in files) else []
+    except OSError:
+        return []
+
+
+def _contents(files: Sequence[Path], watch: Callable[[int, int], None]) -> Iterator[_FileContent]:
     sizes = [file.stat().st_size for file in files]
-    total, before, contents = sum(sizes), 0, []
+    before = 0
     for file, size in zip(files, sizes, strict=True):
-        contents.append(read_content(file, partial(_told, watch, before, total)))
+        yield _read_content(file, partial(_told, watch, before, sum(sizes)))
         before += size
-    return contents
 
 
 def _told(watch: Callable[[int, int], None], before: int, total: int, offset: int) -> None:
     watch(before + offset, total)
 
 
-def _of_content(
-    path: Path, contents: Sequence[FileContent], problem: RecordingError | None
+def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
+    """Reads a file from front to end, whatever its index says."""
+    summary, messages = salvaged_messages(file)
+    channels = [channel for channel in summary.channels.values() if channel.encoding in ENCODINGS]
+    types = {channel.topic: channel.msgtype for channel in channels}
+    counts: Counter[str] = Counter()
+    damages: list[Damage] = []
+    first_ns, has_checksums = float("inf"), True
+    try:
+        for message in messages:
+            if isinstance(message, Damage):
+                damages.append(message)
+                continue
+            watch(message.offset)
+            if message.channel.encoding in ENCODINGS:
+                counts[message.channel.topic] += 1
+                types.setdefault(message.channel.topic, message.channel.msgtype)
+                first_ns = min(first_ns, message.received_ns)
+                has_checksums = has_checksums and message.is_verified
+    except OSError as error:
+        damages.append(Damage(str(file), "", f"cannot be read: {reason(error)}"))
+    if not damages:
+        for topic, promised in (summary.counts or {}).items():
+            if topic in types and counts[topic] != promised:
+                text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
+                damages.append(Damage(str(file), "", text))
+    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
+    indexed = summary.is_complete
+    return _FileContent(file, first_ns, topics, tuple(damages), has_checksums, indexed)
+
+
+def _of_contents(
+    path: Path, contents: Sequence[_FileContent], problem: RecordingError | None
 ) -> Inspection:
-    contents = sorted(contents, key=lambda content: content.first_ns)
-    topics = FileContent.merged_topics(contents)
+    topics: dict[str, TopicSummary] = {}
+    for content in contents:
+        for topic, summary in content.topics.items():
+            known = topics.get(topic, TopicSummary(summary.msgtype, 0))
+            topics[topic] = TopicSummary(known.msgtype, known.count + summary.count)
     if not any(summary.count for summary in topics.values()):
         raise problem or RecordingError(f"{path}: holds no messages that can be read")
     damages = [damage for content in contents for damage in content.damages]
     if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
         damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
+    is_indexed = all(content.is_indexed for content in contents)
     return Inspection(
         path=path,
-        topics=topics,
+        topics=dict(sorted(topics.items())),
         damages=tuple(damages),
         has_checksums=all(content.has_checksums for content in contents),
         files=tuple(content.file for content in contents),
+        needs_salvage=problem is not None or bool(damages) or not is_indexed,
     )
-
-
-def _ros1_files(path: Path) -> list[Path]:
-    return [path] if path.suffix == _ROS1 and path.is_file() else []
-
-
-def _mcap_files(path: Path) -> list[Path]:
-    """The files of the recording if all of them are plain mcap."""
-    if path.is_file():
-        return [path] if path.suffix == _MCAP else []
-    if not path.is_dir():
-        return []
-    stored = [file for file in sorted(path.iterdir()) if file.suffix in (*SUFFIXES, ".zstd")]
-    is_plain = all(file.suffix == _MCAP and file.is_file() for file in stored)
-    return stored if is_plain else []

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tiny_bags
 from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
@@ -160,24 +161,13 @@ def test_folder_that_cannot_be_made(tmp_path):
         write_one(tmp_path / "file" / "bag")
 
 
-def test_full_disk(tmp_path):
-    class FullDisk:
-        def __init__(self, file):
-            self.file = file
+def test_full_disk(tmp_path, monkeypatch):
+    def write(_writer, *_message):
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-        def write(self, _data):
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-        def __getattr__(self, name):
-            return getattr(self.file, name)
-
-    def write():
-        with BagWriter(tmp_path / "bag") as writer:
-            writer._writer.storage.bio = FullDisk(writer._writer.storage.bio)
-            writer.write_raw("/points", CLOUD_TYPE, 0, tiny_bags.cdr(0))
-
+    monkeypatch.setattr(McapWriter, "add_message", write)
     with pytest.raises(RecordingError, match="cannot be written: No space left on device"):
-        write()
+        write_one(tmp_path / "bag")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -130,7 +130,7 @@ def test_damaged_zstd_chunk_tells_how_far_it_got(tmp_path):
         for index in range(5):
             assert decode_stamp(next(scan).header.stamp) == tiny_bags.stamp(index)
         with pytest.raises(
-            RecordingError, match="damaged after 5 good messages on '/points': Zstd"
+            RecordingError, match="damaged after 5 good messages on '/points': zstd"
         ):
             next(scan)
 
@@ -185,8 +185,8 @@ def metadata(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("relative_file_paths:", "relative_file_paths: [", "Could not load YAML"),
-        ("relative_file_paths", "some_paths", "A metadata key is missing"),
+        ("relative_file_paths:", "relative_file_paths: [", "metadata.yaml: .*YAML error"),
+        ("relative_file_paths", "some_paths", "key .*relative_file_paths.* is missing"),
         ("- bag.mcap", "- gone.mcap", "files are missing.*gone.mcap"),
         ("version: 9", "version: 99", "version 99 not supported"),
         ("storage_identifier: mcap", "storage_identifier: tape", "Storage plugin 'tape'"),
@@ -206,6 +206,34 @@ def test_lying_metadata(metadata, old, new, text):
 def test_metadata_of_something_else(metadata, content):
     metadata.write_text(content)
     assert_refused(metadata.parent, "cannot be read: ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("name: /points", "name: [/points]", r"topics_with_message_count\[0\].topic_metadata.name"),
+        ("name: /points", "name: {a: 1}", r"topics_with_message_count\[0\].topic_metadata.name"),
+        (f"type: {CLOUD_TYPE}", "type:", r"topics_with_message_count\[0\].topic_metadata.type"),
+        (f"type: {CLOUD_TYPE}", "type: 2024-05-01", r"\[0\].topic_metadata.type"),
+        (f"type: {CLOUD_TYPE}", "type: !!binary aGFsbG8=", r"\[0\].topic_metadata.type"),
+        ("files:\n", "files: text\n  x:\n", "files"),
+        ("version: 9", "version: true", "version"),
+        ("version: 9", "version: 9.5", "version"),
+        ("- bag.mcap", "- 5", r"relative_file_paths\[0\]"),
+        ("compression_mode: ''", "compression_mode: [zstd]", "compression_mode"),
+    ],
+)
+def test_metadata_of_another_type_names_the_key(metadata, old, new, key):
+    content = metadata.read_text()
+    assert old in content
+    metadata.write_text(content.replace(old, new))
+    assert_refused(metadata.parent, f"metadata.yaml: .*'rosbag2_bagfile_information.*{key}'")
+
+
+def test_metadata_has_a_limit(metadata):
+    with metadata.open("a") as file:
+        file.write("# " + "x" * 2**24)
+    assert_refused(metadata.parent, f"larger than {2**24} bytes")
 
 
 def test_lie_about_the_number_of_messages_does_no_harm(metadata):

@@ -7,27 +7,28 @@ the index is intact, it is used to find the way back after a hole.
 from __future__ import annotations
 
 import struct
+import zlib
 from bisect import bisect_right
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from zstandard import ZstdError
+from mcap.records import Chunk
 
-from mnsf_ros.recording.bag_errors import UNREADABLE
-from mnsf_ros.recording.damage import Damage
+from mnsf_ros.decompression import MAX_BYTES, decompress
+from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD_HEAD: Final = struct.Struct("<BQ")
-# Of a chunk that seems to be cut short, because a damaged length must not fill the memory.
-_MAX_CUT_BYTES: Final = 256 * 2**20
 _NEEDED: Final = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK})
 _KNOWN: Final = frozenset(Opcode)
 _PRIVATE: Final = 0x80
 # What reading a damaged mcap file may raise.
-MCAP_ERRORS: Final[tuple[type[Exception], ...]] = (*UNREADABLE, McapError, ZstdError)
+MCAP_ERRORS: Final[tuple[type[Exception], ...]] = (*UNREADABLE, McapError)
 
 
 class Record(NamedTuple):
@@ -49,7 +50,7 @@ class Record(NamedTuple):
 
 
 def read_records(path: Path, chunk_offsets: tuple[int, ...] = ()) -> Iterator[Record | Damage]:
-    """Yields schemas, channels, messages and chunks in the order of the file.
+    """Yields schemas, channels and messages in the order of the file, also those in chunks.
 
     Args:
         path: An mcap file.
@@ -61,6 +62,14 @@ def read_records(path: Path, chunk_offsets: tuple[int, ...] = ()) -> Iterator[Re
     Raises:
         OSError: The file cannot be opened or read.
     """
+    for record in _records_of_file(path, chunk_offsets):
+        if isinstance(record, Record) and record.opcode == Opcode.CHUNK:
+            yield from _records_of_chunk(path, record)
+        else:
+            yield record
+
+
+def _records_of_file(path: Path, chunk_offsets: tuple[int, ...]) -> Iterator[Record | Damage]:
     size = path.stat().st_size
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -95,7 +104,7 @@ def _cut_chunk(file: BinaryIO, offset: int, size: int) -> Record | None:
     opcode, length = RECORD_HEAD.unpack(head)
     if opcode != Opcode.CHUNK or offset + RECORD_HEAD.size + length <= size:
         return None
-    return Record(offset, opcode, file.read(_MAX_CUT_BYTES), is_cut=True)
+    return Record(offset, opcode, file.read(MAX_BYTES), is_cut=True)
 
 
 def _read_record(
@@ -133,3 +142,50 @@ def _against_index(offset: int, end: int, opcode: int, chunk_offsets: tuple[int,
     if opcode in (Opcode.DATA_END, Opcode.FOOTER):
         return f"the data ends before the chunk at byte {chunk_offsets[number]}"
     return ""
+
+
+def _records_of_chunk(path: Path, record: Record) -> Iterator[Record | Damage]:
+    """Yields the records in a chunk, and a Damage if they are not what was written.
+
+    Args:
+        path: The file, for reports.
+        record: The chunk. Of one that is cut short the whole records are yielded without a
+            Damage: that the file is cut is reported already.
+    """
+    where = f"byte {record.offset}"
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(record.payload)))
+        data = _part(chunk) if record.is_cut else _content(chunk)
+    except MCAP_ERRORS as error:
+        yield Damage(str(path), where, f"damaged chunk: {reason(error)}")
+        return
+    is_verified = chunk.uncompressed_crc != 0 and not record.is_cut
+    offset = 0
+    while offset + RECORD_HEAD.size <= len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
+        end = offset + RECORD_HEAD.size + length
+        if opcode == 0 or end > len(data):
+            break
+        payload = data[offset + RECORD_HEAD.size : end]
+        yield Record(record.offset, opcode, payload, is_verified)
+        offset = end
+    if offset < len(data) and not record.is_cut:
+        yield Damage(str(path), where, f"no record {offset} bytes into the chunk")
+
+
+def _content(chunk: Chunk) -> bytes:
+    data = chunk.data
+    if chunk.compression:
+        data = decompress(chunk.compression, data, chunk.uncompressed_size)
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"chunk has {len(data)} bytes, expected {chunk.uncompressed_size}")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise ValueError("the checksum of the chunk is wrong")
+    return data
+
+
+def _part(chunk: Chunk) -> bytes:
+    """What can be decompressed of the beginning of a chunk."""
+    if not chunk.compression:
+        return chunk.data
+    return decompress(chunk.compression, chunk.data, chunk.uncompressed_size, is_cut=True)

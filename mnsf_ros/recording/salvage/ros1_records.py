@@ -6,21 +6,17 @@ that goes by the index can open it, though the messages are all there up to the 
 
 from __future__ import annotations
 
-import bz2
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
-import lz4.frame
-
-from mnsf_ros.recording.bag_errors import UNREADABLE, reason
-from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.mcap_messages import StoredMessage
-from mnsf_ros.recording.mcap_summary import StoredChannel
+from mnsf_ros.decompression import MAX_BYTES, decompress
+from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
+from mnsf_ros.recording.salvage.mcap_messages import SalvagedMessage, StoredChannel
 
 # How the messages are serialized, beside `cdr` in ROS 2.
-ROS1: Final = "ros1"
+ROS1_ENCODING: Final = "ros1"
 _MAGIC: Final = b"#ROSBAG V2.0\n"
 _LENGTH: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
@@ -29,7 +25,7 @@ _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _KNOWN: Final = frozenset({_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION})
 # Larger ones are damaged lengths, which must not ask for all memory there is.
 _MAX_HEAD_BYTES: Final = 2**20
-_MAX_DATA_BYTES: Final = 2**30
+_COMPRESSIONS: Final = ("bz2", "lz4")
 
 Fields = dict[str, bytes]
 Channels = dict[int, StoredChannel]
@@ -44,7 +40,7 @@ class _Record(NamedTuple):
     is_cut: bool = False
 
 
-def read_ros1_messages(path: Path) -> Iterator[StoredMessage | Damage]:
+def read_ros1_messages(path: Path) -> Iterator[SalvagedMessage | Damage]:
     """Yields all messages up to the end of the file or the first damage, which comes last.
 
     Args:
@@ -80,7 +76,7 @@ def _read_record(file: BinaryIO, size: int) -> _Record:
     is_cut = start + length > size
     if is_cut and operation != _CHUNK:
         raise ValueError(f"the file is cut short: this record ends at byte {start + length}")
-    if length > _MAX_DATA_BYTES:
+    if length > MAX_BYTES:
         raise ValueError(f"this record claims {length} bytes")
     return _Record(operation, fields, file.read(length), is_cut)
 
@@ -97,7 +93,7 @@ def _length(file: BinaryIO) -> int:
     return int(length)
 
 
-def _messages(record: _Record, channels: Channels, offset: int) -> Iterator[StoredMessage]:
+def _messages(record: _Record, channels: Channels, offset: int) -> Iterator[SalvagedMessage]:
     """The messages in a record of the file: a chunk, or what older recorders wrote without one."""
     if record.operation != _CHUNK:
         yield from _message(record, channels, offset)
@@ -130,17 +126,17 @@ def _record_at(data: bytes, position: int) -> tuple[_Record, int] | None:
     return _Record(fields["op"][0], fields, parts[1]), position
 
 
-def _message(record: _Record, channels: Channels, offset: int) -> Iterator[StoredMessage]:
+def _message(record: _Record, channels: Channels, offset: int) -> Iterator[SalvagedMessage]:
     if record.operation == _CONNECTION:
         (number,) = _NUMBER.unpack(record.fields["conn"])
         topic = record.fields["topic"].decode()
         package, _, name = _fields(record.data)["type"].decode().partition("/")
-        channels[number] = StoredChannel(topic, f"{package}/msg/{name}", ROS1)
+        channels[number] = StoredChannel(topic, f"{package}/msg/{name}", ROS1_ENCODING)
     elif record.operation == _MESSAGE:
         (number,) = _NUMBER.unpack(record.fields["conn"])
         seconds, nanoseconds = _TIME.unpack(record.fields["time"])
         received_ns = seconds * 1_000_000_000 + nanoseconds
-        yield StoredMessage(offset, channels[number], received_ns, record.data, is_verified=False)
+        yield SalvagedMessage(offset, channels[number], received_ns, record.data, is_verified=False)
 
 
 def _fields(head: bytes) -> Fields:
@@ -161,8 +157,7 @@ def _decompressed(chunk: _Record) -> bytes:
     compression = chunk.fields["compression"].decode("ascii")
     if compression == "none":
         return chunk.data
-    if compression == "bz2":
-        return bz2.BZ2Decompressor().decompress(chunk.data)
-    if compression == "lz4":
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data))
-    raise ValueError(f"compression {compression!r} is not known")
+    if compression not in _COMPRESSIONS:
+        raise ValueError(f"compression {compression!r} is not supported")
+    claimed = int.from_bytes(chunk.fields["size"], "little")
+    return decompress(compression, chunk.data, claimed, is_cut=chunk.is_cut)

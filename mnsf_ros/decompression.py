@@ -1,0 +1,149 @@
+"""Decompression with one limit, for everything that reads files of other people.
+
+A few kilobytes of a damaged or hostile file can expand to all memory there is, and the size that a
+file claims may be wrong. So the limit is checked while decompressing.
+"""
+
+from __future__ import annotations
+
+import bz2
+import sys
+import zlib
+from collections.abc import Callable, Mapping
+from io import BytesIO
+from types import TracebackType
+from typing import IO, Any, Final
+
+import lz4.frame
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+# 8 million points of 32 bytes: sixteen times what the largest lidars send at a time.
+MAX_BYTES: Final = 256 * 2**20
+# Whole recordings may be larger; clouds never shrink to so small a part.
+_MAX_FILE_RATIO: Final = 100
+_PIECE_BYTES: Final = 2**20
+
+# Each has `decompress(data, max_length)` and `eof`, and reads one frame.
+_MAKERS: Final[Mapping[str, Callable[[], Any]]] = {
+    "bz2": bz2.BZ2Decompressor,
+    "lz4": lz4.frame.LZ4FrameDecompressor,
+    "zlib": zlib.decompressobj,
+    "zstd": zstd.ZstdDecompressor,
+}
+COMPRESSIONS: Final = tuple(_MAKERS)
+
+
+# What the libraries raise on damaged data; lz4 raises a RuntimeError, bz2 an OSError.
+_DAMAGED: Final = (zstd.ZstdError, zlib.error, RuntimeError, OSError, EOFError)
+
+
+class DecompressionError(ValueError):
+    """Compressed data is damaged, cut short, or of an unknown kind."""
+
+
+class SizeLimitError(DecompressionError):
+    """Data is larger than any cloud, or claims to be."""
+
+
+def check_size(num_bytes: int, what: str) -> None:
+    """Checks the size of data before memory is taken for it.
+
+    Args:
+        num_bytes: Its size.
+        what: What it is, for the error text.
+
+    Raises:
+        SizeLimitError: It is above `MAX_BYTES`.
+    """
+    if num_bytes > MAX_BYTES:
+        raise SizeLimitError(f"{what} has {num_bytes} bytes, the limit is {MAX_BYTES} bytes")
+
+
+def decompress(
+    compression: str, data: bytes, claimed: int | None = None, *, is_cut: bool = False
+) -> bytes:
+    """Decompresses all frames of some data.
+
+    Args:
+        compression: One of `COMPRESSIONS`.
+        data: The compressed bytes.
+        claimed: How large the result should be; None if unknown. It is not an error if the
+            result is smaller.
+        is_cut: Whether the end of the data is missing; then its beginning is decompressed.
+
+    Raises:
+        SizeLimitError: The result is larger than it should be, or than `MAX_BYTES`.
+        DecompressionError: The data is damaged or cut short, or the compression is unknown.
+    """
+    if compression not in _MAKERS:
+        raise DecompressionError(f"compression {compression!r} is not supported")
+    if claimed is not None:
+        check_size(claimed, "the decompressed data")
+    try:
+        return _expanded(compression, data, MAX_BYTES if claimed is None else claimed, is_cut)
+    except _DAMAGED as error:
+        raise DecompressionError(f"{compression} data is damaged: {error}") from error
+
+
+def _expanded(compression: str, data: bytes, limit: int, is_cut: bool) -> bytes:
+    output = BytesIO()
+    while data:
+        stream = _MAKERS[compression]()
+        while not stream.eof:
+            # Piece by piece, or the buffers of the library would double the memory.
+            piece = stream.decompress(data, min(_PIECE_BYTES, limit + 1 - output.tell()))
+            data = getattr(stream, "unconsumed_tail", b"")
+            output.write(piece)
+            if output.tell() > limit:
+                raise SizeLimitError(f"{compression} data expands to more than {limit} bytes")
+            if not piece and not data and not stream.eof:
+                if is_cut:
+                    return output.getvalue()
+                raise DecompressionError(f"{compression} data is cut short")
+        # Other data may follow a zlib stream; of the others more frames may.
+        data = b"" if compression == "zlib" else stream.unused_data
+    return output.getvalue()
+
+
+class LimitedFile:
+    """A zstd file that ends with an error if it expands to more than a recording can be."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Wraps an open file of which nothing has been read."""
+        num_bytes = file.seek(0, 2)
+        file.seek(0)
+        self._stream = zstd.open(file, "rb")
+        self._limit = self._left = MAX_BYTES + _MAX_FILE_RATIO * num_bytes
+
+    def read(self, num_bytes: int) -> bytes:
+        """Returns the next bytes, none at the end.
+
+        Raises:
+            SizeLimitError: The file expands to more than 100 times its size and 256 MiB.
+            DecompressionError: It is damaged or cut short.
+        """
+        try:
+            piece = self._stream.read(num_bytes)
+        except (zstd.ZstdError, EOFError) as error:
+            raise DecompressionError(f"zstd data is damaged: {error}") from error
+        self._left -= len(piece)
+        if self._left < 0:
+            raise SizeLimitError(f"the zstd file expands to more than {self._limit} bytes")
+        return piece
+
+    def __enter__(self) -> LimitedFile:
+        """Does nothing: the file is open."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Closes the stream, not the file."""
+        self._stream.close()

@@ -1,0 +1,175 @@
+"""The metadata.yaml of a rosbag2 folder: checked before it is used, and written."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_files import METADATA_NAME
+
+# Those of recordings of hours have some kilobytes.
+_MAX_BYTES: Final = 16 * 2**20
+_ROOT: Final = "rosbag2_bagfile_information"
+_NAMES: Final = {str: "a text", int: "an integer", list: "a list", dict: "a table"}
+_OPTIONAL: Final = "?"
+
+# Key -> type, schema of a table, or [schema of each entry]; `?` at the end of a key: may be absent
+# or null. Types in a tuple are alternatives. Other keys may hold anything.
+_TIMES: Final = {
+    "starting_time": {"nanoseconds_since_epoch": int},
+    "duration": {"nanoseconds": int},
+    "message_count": int,
+}
+_SCHEMA: Final = {
+    _ROOT: {
+        **_TIMES,
+        "version": int,
+        "storage_identifier": str,
+        "relative_file_paths": [str],
+        "compression_format?": str,
+        "compression_mode?": str,
+        "topics_with_message_count": [
+            {
+                "message_count": int,
+                "topic_metadata": {
+                    "name": str,
+                    "type": str,
+                    "serialization_format": str,
+                    "offered_qos_profiles?": (str, list),
+                    "type_description_hash?": str,
+                },
+            }
+        ],
+        "files?": [{"path": str}],
+        "ros_distro?": str,
+        "custom_data?": dict,
+    }
+}
+
+
+def check_metadata(folder: Path) -> None:
+    """Checks the metadata.yaml of a folder, if it has one.
+
+    Raises:
+        RecordingError: It cannot be read, or a value is missing or of the wrong type; the text
+            names the key.
+    """
+    file = folder / METADATA_NAME
+    if not file.is_file():
+        return
+    try:
+        if file.stat().st_size > _MAX_BYTES:
+            raise ValueError(f"it is larger than {_MAX_BYTES} bytes")
+        _check(YAML(typ="safe").load(file.read_text("utf-8")), _SCHEMA, "")
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = "" if mark is None else f" in line {mark.line + 1}"
+        text = getattr(error, "problem", None) or type(error).__name__
+        raise RecordingError(f"{file}: cannot be read: YAML error{where}: {text}") from error
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be read: {error.strerror}") from error
+    except (ValueError, TypeError, RecursionError) as error:
+        text = " ".join(str(error).split())
+        raise RecordingError(f"{file}: cannot be read: {text}") from error
+
+
+def _check(value: object, schema: object, key: str) -> None:
+    if isinstance(schema, dict):
+        table = _of_type(value, (dict,), key)
+        for name, part in schema.items():
+            required = name.removesuffix(_OPTIONAL)
+            place = f"{key}.{required}" if key else required
+            if table.get(required) is not None:
+                _check(table[required], part, place)
+            elif name == required:
+                raise ValueError(f"key {place!r} is missing or empty")
+    elif isinstance(schema, list):
+        for number, entry in enumerate(_of_type(value, (list,), key)):
+            _check(entry, schema[0], f"{key}[{number}]")
+    else:
+        _of_type(value, schema if isinstance(schema, tuple) else (schema,), key)
+
+
+def _of_type(value: object, types: tuple[Any, ...], key: str) -> Any:  # noqa: ANN401
+    # In Python, True is an integer, too.
+    if isinstance(value, types) and not isinstance(value, bool):
+        return value
+    expected = " or ".join(_NAMES[one] for one in types)
+    where = f"key {key!r}" if key else "the document"
+    raise ValueError(f"{where} is of type {type(value).__name__}, expected {expected}")
+
+
+@dataclass
+class WrittenTopic:
+    """A topic of a recording that is being written.
+
+    Attributes:
+        name: Name of the topic.
+        msgtype: For example `sensor_msgs/msg/PointCloud2`.
+        type_hash: Hash of the type's definition, `RIHS01_...`.
+        channel: Number of its channel in the mcap file.
+        count: Number of messages so far.
+    """
+
+    name: str
+    msgtype: str
+    type_hash: str
+    channel: int
+    count: int = 0
+
+    def described(self) -> dict[str, Any]:
+        """Returns its entry in metadata.yaml."""
+        return {
+            "topic_metadata": {
+                "name": self.name,
+                "type": self.msgtype,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": [],
+                "type_description_hash": self.type_hash,
+            },
+            "message_count": self.count,
+        }
+
+
+def write_metadata(
+    file: Path, topics: Collection[WrittenTopic], first_ns: int, end_ns: int
+) -> None:
+    """Writes the metadata.yaml for a folder with one mcap file.
+
+    Args:
+        file: The mcap file.
+        topics: What is in it.
+        first_ns: Receive time of the earliest message, nanoseconds.
+        end_ns: That of the latest one.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    extent = {
+        "starting_time": {"nanoseconds_since_epoch": first_ns},
+        "duration": {"nanoseconds": end_ns - first_ns},
+        "message_count": sum(topic.count for topic in topics),
+    }
+    content = {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "relative_file_paths": [file.name],
+        **extent,
+        "topics_with_message_count": [topic.described() for topic in topics],
+        "compression_format": "",
+        "compression_mode": "",
+        "files": [{"path": file.name, **extent}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+    yaml = YAML(typ="safe")
+    yaml.default_flow_style = False
+    # The same table may occur twice: written twice, not as a reference.
+    yaml.representer.ignore_aliases = lambda _: True
+    yaml.dump({_ROOT: content}, file.with_name(METADATA_NAME))
