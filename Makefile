@@ -10,9 +10,16 @@ READY := $(VENV)/ready
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
 EXTRAS := datasets,test,lint
+# ROS is built with NumPy 1 and the libraries of the distribution.
+SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
 EXTRAS := wheels,datasets,test,lint
 endif
+
+# PyTorch's own index has torch without CUDA; that of the default index takes gigabytes.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .PHONY: setup demo test lint pins benchmark benchmark-online config clean
 
@@ -20,8 +27,11 @@ setup: $(READY)
 
 $(READY): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--constraint constraints.txt --editable '.[$(EXTRAS)]'
+	command -v nvidia-smi > /dev/null || \
+		$(PIP) install --no-deps --retries 1 --index-url $(TORCH_INDEX) $(TORCH) || \
+		echo "$(TORCH_INDEX) cannot be reached: torch comes from the default index"
+	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
+	$(PIP) install --constraint $(VENV)/constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
 demo: $(READY)
@@ -39,13 +49,13 @@ lint: $(READY)
 pins: $(READY)
 	$(BIN)/python .ci/check_pins.py
 
-# The paper's tables on real sweeps; hours on a CPU, and it goes on where it was stopped.
+# The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.
 benchmark: $(READY)
-	nice $(BIN)/python benchmarks/paper_table.py --document docs/benchmark.md $(BENCHMARK_OPTIONS)
+	nice $(BIN)/python benchmarks/paper_table.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # The online preset against its targets, live node included; half an hour on two quiet cores.
 benchmark-online: $(READY)
-	$(BIN)/python benchmarks/online_targets.py --document docs/targets.md $(BENCHMARK_OPTIONS)
+	$(BIN)/python benchmarks/online_targets.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)

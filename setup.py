@@ -38,7 +38,10 @@ setup(
         "Typing :: Typed",
     ],
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
-    package_data={PACKAGE: ["py.typed", "node/fastdds.xml"], "msg_utils": ["py.typed"]},
+    package_data={
+        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*"],
+        "msg_utils": ["py.typed"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -20,6 +20,7 @@ from pathlib import Path
 # Before torch is loaded; the node does the same.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
+from marked_section import replace_section
 from online_accuracy import accuracy_tables
 from online_live import live_tables
 from online_resources import resource_tables
@@ -35,7 +36,9 @@ def main() -> None:
     )
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--quick", action="store_true", help="a tenth of the work, to try it out")
-    parser.add_argument("--document", type=Path, metavar="FILE", help="Markdown to write")
+    parser.add_argument(
+        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
+    )
     options = parser.parse_args()
     console = Console(width=120)
     texts = [_head()]
@@ -44,13 +47,11 @@ def main() -> None:
             console.print(table.rich())
             texts.append(f"{table.markdown()}\n")
     if options.document:
-        options.document.write_text("\n".join(texts))
+        replace_section(options.document, "online targets", "\n".join(texts))
 
 
 def _head() -> str:
     return (
-        "# The online preset against its targets\n\n"
-        "Written by `make benchmark-online`. "
         f"Machine: {_processor()}, {os.cpu_count()} cores, no GPU used. The targets on CUDA "
         "(full sweeps in 30 ms, MNSF of the preset `paper` in 150 ms) are not measured here: the "
         "online method runs on the CPU, and CUDA needs a machine that has it.\n"

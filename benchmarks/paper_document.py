@@ -1,4 +1,4 @@
-"""The tables of `paper_table.py`: for the terminal, and as the Markdown file docs/benchmark.md."""
+"""The tables of `paper_table.py`: for the terminal, and as a section of docs/performance.md."""
 
 from __future__ import annotations
 
@@ -26,25 +26,6 @@ _TABLES: Mapping[str, str] = {
 }
 _POINTS = {"8192": "8,192 points", "full": "full sweeps"}
 
-_INTRODUCTION = """\
-# The paper's tables on real sweeps
-
-Written by `make benchmark`; [methods.md](methods.md) says what the rows are and what to read from
-them. Four moments of KITTI raw drive 0005 (HDL-64E, in town) as triplets without ground, within
-80 m and 4 m of height, in the sensor's frame, ego motion not removed: 8,192 points a sweep in the
-layout of the authors' data, and the same sweeps in full, 44,000 points each. Preset `paper`, every
-triplet from scratch; `authors/mnsf` is the preset `authors`, `online/online` that of the live node.
-Without the networks of others ([methods.md](methods.md#learned-networks)).
-
-Every value is the mean over the moments and the seeds. The paper's figures are over all points;
-*EPE dynamic* and *EPE static* are over the points where movers were labelled at all, about a fifth.
-`ego` has its motion from the poses that the pseudo ground truth was made with: it is an oracle.
-"""
-_BESIDE = """\
-The authors' figures are of their released code on the same triplets, one seed. ± is the standard
-deviation of ours from seed to seed. *No worse, within the seeds*: worse by less than that.
-"""
-
 
 def document(
     rows: Sequence[ResultRow],
@@ -52,7 +33,7 @@ def document(
     missing: Sequence[str],
     outdated: Sequence[str] = (),
 ) -> str:
-    """Returns the Markdown file.
+    """Returns the section of the Markdown file.
 
     Args:
         rows: All result rows.
@@ -60,24 +41,24 @@ def document(
         missing: What was planned and is not there.
         outdated: Methods whose settings have changed since, and which settings.
     """
-    parts = [_INTRODUCTION, _provenance(sessions)]
+    parts = [_provenance(sessions)]
     failures = [f"{row.method}, {row.recording}: {row.failure}" for row in rows if row.failure]
     if failures:
         parts.append("Gave no flow:\n\n" + "".join(f"* {text}\n" for text in failures))
     if missing:
         rest = "".join(f"* {text}\n" for text in missing)
-        parts.append(f"Not computed yet; `make benchmark` goes on there:\n\n{rest}")
+        parts.append(f"Not computed yet; `make benchmark` continues there:\n\n{rest}")
     if outdated:
         lines = "".join(f"* {text}\n" for text in outdated)
         parts.append(
-            "Computed with other settings than there are now; `make benchmark "
+            "Computed with settings that have changed since; `make benchmark "
             f"BENCHMARK_OPTIONS='--again METHOD'` computes a method again:\n\n{lines}"
         )
     beside = _beside_the_authors(rows)
     if beside.rows:
-        parts += ["## Beside the authors' own code\n", _BESIDE, beside.markdown()]
+        parts += ["### Beside the authors' own code\n", beside.markdown()]
     for title, table in tables(rows):
-        parts += [f"## {title}\n", table.markdown()]
+        parts += [f"### {title}\n", table.markdown()]
     return "\n".join(parts)
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from kitti_examples import KittiExample, missing_data, read_example
+from marked_section import replace_section
 from paper_document import document, printed
 from paper_plan import PLAN, Job, done_jobs, method_names, missing, planned
 from paper_settings import PaperRecord, merged_settings, outdated
@@ -46,7 +47,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
     parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:METHODS:SEEDS")
     parser.add_argument("--again", default="", metavar="METHODS", help="drop their rows first")
-    parser.add_argument("--document", type=Path, metavar="FILE", help="Markdown to write")
+    parser.add_argument(
+        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
+    )
     parser.add_argument("--tables", action="store_true", help="only print what is there")
     options = parser.parse_args()
     console = Console(width=120)
@@ -76,7 +79,7 @@ def main() -> None:
         # What is missing of the whole plan, whatever part of it this run was asked for.
         whole = dict.fromkeys(job for part in (*PLAN, *options.plan) for job in planned(part))
         text = document(rows, record.sessions, missing(whole, rows), others)
-        options.document.write_text(text, encoding="utf-8")
+        replace_section(options.document, "paper tables", text)
 
 
 def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:

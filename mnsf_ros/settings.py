@@ -126,7 +126,7 @@ class MethodSettings:
         "online",
         "Method that estimates the flow. online: ego motion and one motion for each object, in "
         "a tenth of a second on a CPU; mnsf: the networks of the paper; or any other method of "
-        "docs/methods.md or of an installed package",
+        "docs/evaluation.md or of an installed package",
     )
 
 

@@ -1,6 +1,9 @@
 """What colcon, pip and ROS need to find agrees with each other."""
 
+import ast
+import importlib
 import re
+import shlex
 from distutils.core import run_setup
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,12 +15,14 @@ from packaging.utils import canonicalize_name
 from setuptools import Distribution
 
 import mnsf_ros
+from mnsf_ros.cli.main import run
 from mnsf_ros.cli.parameters import TITLES
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 ROOT = Path(__file__).parents[1]
+DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 PYTHON_VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
 INSTALLED_EXTRAS = ("wheels", "datasets", "test", "lint")
 
@@ -121,12 +126,55 @@ def test_launch_file_starts_the_executable_with_files_that_are_there() -> None:
         assert (ROOT / folder / name).exists()
 
 
-def test_readme_names_only_what_is_there() -> None:
-    text = (ROOT / "README.md").read_text()
-    links = re.findall(r"\]\((?!https?:)([^)#]+)\)", text)
-    assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
-    names = set(re.findall(r"`([a-z_]+\.[a-z_]+)`", text))
+def anchors(path: Path) -> set[str]:
+    """What a link into a document may name: its headings as GitHub spells them."""
+    headings = re.findall(r"^#+ (.+)$", path.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_of_documents_lead_somewhere(path: Path) -> None:
+    for link in re.findall(r"\]\((?!https?:)([^)]+)\)", path.read_text()):
+        file, _, anchor = link.partition("#")
+        target = path.parent / file if file else path
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_documents_name_only_settings_that_are_there(path: Path) -> None:
+    names = set(re.findall(r"(?<![\w.])([a-z_]+\.[a-z_]+)(?=[`:=\s])", path.read_text()))
     declared = set(Settings().to_mapping())
     groups = {name.partition(".")[0] for name in declared}
-    assert [name for name in names if name.split(".")[0] in groups and name not in declared] == []
+    modules = {"sweeps", "objects.py"}
+    found = {name for name in names if name.split(".")[0] in groups - modules}
+    assert {name for name in found - declared if not name.endswith((".py", "._"))} == set()
+
+
+def commands(text: str) -> list[list[str]]:
+    """The `mnsf` command lines in the code blocks of a document, as words."""
+    blocks = re.findall(r"^```(?:bash)?\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    starts = [re.sub(r"^(\w+='.*?' )?", "", line.partition(" #")[0]) for line in lines]
+    return [shlex.split(line)[1:] for line in starts if line.startswith("mnsf ")]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_commands_of_documents_have_options_that_are_there(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in commands(path.read_text()):
+        with pytest.raises(SystemExit) as ended:
+            run([words[0], "--help"])
+        assert ended.value.code == 0, words
+        known = set(re.findall(r"--?[a-z][a-z-]*", capsys.readouterr().out))
+        assert {word for word in words if re.match(r"--?[a-z]", word)} <= known, words
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_python_of_documents_imports_what_is_there(path: Path) -> None:
+    for code in re.findall(r"^```python\n(.*?)^```", path.read_text(), re.MULTILINE | re.DOTALL):
+        for node in ast.walk(ast.parse(code)):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(("mnsf_", "msg_")):
+                module = importlib.import_module(str(node.module))
+                assert [name.name for name in node.names if not hasattr(module, name.name)] == []

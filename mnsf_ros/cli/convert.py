@@ -21,7 +21,7 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "convert",
         help="write a sequence of a public data set as a recording with its true flow",
         description="Writes a sequence of a public data set as a recording with its true flow.",
-        epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/datasets.md",
+        epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("format", choices=FORMATS, metavar="FORMAT", help=", ".join(FORMATS))

@@ -61,7 +61,7 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
         "--methods",
         action="append",
         metavar="NAME,...",
-        help="methods, see docs/methods.md; file:DIR for predictions that another program wrote, "
+        help="methods, see docs/evaluation.md; file:DIR for flow that another program wrote, "
         "command:LINE for a program that makes them (all that follows is its command line); may "
         "be repeated (default: mnsf)",
     )

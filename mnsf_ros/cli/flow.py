@@ -39,7 +39,7 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="files in the order of time")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT")
     parser.add_argument(
-        "--method", default="mnsf", metavar="NAME", help="default mnsf; see docs/methods.md"
+        "--method", default="mnsf", metavar="NAME", help="default mnsf; see docs/evaluation.md"
     )
     parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
     parser.add_argument(

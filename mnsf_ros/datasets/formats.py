@@ -44,7 +44,7 @@ FORMATS: Final[Mapping[str, Format]] = {
     "triplets": Format(
         "npz_triplets", "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
     ),
-    "sweeps": Format("npz_sweeps", "folder of npz sweeps, see docs/datasets.md"),
+    "sweeps": Format("npz_sweeps", "folder of npz sweeps, see docs/recordings.md"),
 }
 
 

@@ -91,7 +91,7 @@ class CommandEstimator:
         if not text.strip():
             raise SettingsError(
                 f"method {method!r} runs the command in the environment variable {variable}, "
-                "which is not set; docs/methods.md says what it has to be"
+                "which is not set; docs/evaluation.md says what it has to be"
             )
         return cls.from_text(text, settings)
 

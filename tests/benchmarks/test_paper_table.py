@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -172,6 +173,26 @@ def test_document(load):
     ):
         assert part in text
     assert "full sweeps\n\n|" not in text
+
+
+def test_section_of_a_document_is_replaced(load, tmp_path):
+    replace_section = load("marked_section").replace_section
+    document = tmp_path / "performance.md"
+    document.write_text("before\n<!-- begin x -->\nold\n<!-- end x -->\nafter\n")
+    replace_section(document, "x", "new\n")
+    text = "before\n<!-- begin x -->\nnew\n<!-- end x -->\nafter\n"
+    assert document.read_text() == text
+    with pytest.raises(ValueError, match="begin y"):
+        replace_section(document, "y", "new")
+    assert document.read_text() == text
+
+
+@pytest.mark.parametrize("script", ["paper_table", "online_targets"])
+def test_section_that_a_script_writes_is_there(script):
+    source = (BENCHMARKS / f"{script}.py").read_text()
+    (name,) = re.findall(r'replace_section\(options.document, "(.+?)"', source)
+    text = (BENCHMARKS.parent / "docs" / "performance.md").read_text()
+    assert text.count(f"<!-- begin {name} -->\n") == text.count(f"<!-- end {name} -->\n") == 1
 
 
 def test_without_data_one_sentence_and_nothing_else(tmp_path):
