@@ -10,12 +10,14 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.path_text import path_text
+from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import RunFolder
 
 _PICTURES_LIMIT_S: Final = 60.0
 
 
 def write_run_report(
+    results: RunResults,
     folder: RunFolder,
     recordings: Sequence[EvaluatedRecording],
     num_pictured: int,
@@ -26,7 +28,8 @@ def write_run_report(
     """Writes the report and says where it is. What goes wrong is said and costs no results.
 
     Args:
-        folder: The run.
+        results: All that the run gave.
+        folder: Its folder.
         recordings: The recordings of the run.
         num_pictured: So many of the worst examples get pictures.
         console: Where to print.
@@ -43,6 +46,7 @@ def write_run_report(
 
     try:
         path = report_run(
+            results,
             folder.path,
             num_pictured=max(0, num_pictured),
             estimate_again=estimate_again,

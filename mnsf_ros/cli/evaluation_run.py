@@ -82,7 +82,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
             # Whoever has interrupted the run, or sent it to other machines, waits for nothing.
             again = is_over and options.ray is None
             is_reported = write_run_report(
-                folder, recordings, options.pictures, console, estimate_again=again
+                results, folder, recordings, options.pictures, console, estimate_again=again
             )
     for key, reason in outcome.failed.items():
         _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")

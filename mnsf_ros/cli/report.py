@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.console import Console
 
 _EPILOG = """\
-Pictures are drawn from the flow that `mnsf evaluate --write-flow` has kept; where there is none,
-the worst examples are estimated once more, each from its sweeps alone. That gives the same flow,
-unless the method went on from one example to the next, as with warm start: then the caption tells.
+Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it, the worst sweeps
+are estimated again, each from its sweeps alone. The flow is the same, unless the method continued
+from its last estimate, as with warm start: see the captions.
 """
 
 
@@ -28,22 +28,27 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         type=int,
         default=3,
         metavar="N",
-        help="show so many of the worst examples in pictures (default 3)",
+        help="number of worst sweeps shown in pictures (default 3)",
     )
-    parser.add_argument("--method", metavar="NAME", help="whose worst examples (default: mnsf)")
+    parser.add_argument(
+        "--method", metavar="NAME", help="whose worst sweeps (default: the first method)"
+    )
     parser.add_argument(
         "--no-estimate",
         action="store_true",
-        help="do not estimate anything again for pictures",
+        help="no new estimates for pictures",
     )
     parser.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.evaluation.results_files import read_results
+    from mnsf_ros.evaluation.run_folder import RunFolder
     from mnsf_ros.report.run_report import report_run
 
     console = Console()
     path = report_run(
+        read_results(RunFolder(options.folder)),
         options.folder,
         num_pictured=max(0, options.pictures),
         estimate_again=not options.no_estimate,

@@ -19,8 +19,14 @@ _GROUP_TITLES = {
 
 def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
     """Returns the tables that everybody wants to see, without those that would be empty."""
+    consistency = consistency_table(summaries)
+    return [*group_tables(summaries), *([] if consistency is None else [consistency])]
+
+
+def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
+    """Returns the errors of all, dynamic and static points, without tables that would be empty."""
     tables = [_group_table(summaries, group) for group in _GROUP_TITLES]
-    return [table for table in [*tables, consistency_table(summaries)] if table is not None]
+    return [table for table in tables if table is not None]
 
 
 def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
@@ -64,6 +70,7 @@ def consistency_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
 def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
     """Returns how many examples there were, what became of them and how long they took."""
     header = ["method", "flows", "failed", "dropped", "time (ms)", "latency (ms)"]
+    better = [None, None, None, None, min, None, None, None]
     header += ["warm starts", "out of time"]
     rows = [
         [
@@ -76,7 +83,8 @@ def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
         ]
         for summary in summaries
     ]
-    return TextTable(header, rows, "Examples; out of time: optimizations that a budget ended")
+    title = "Examples; out of time: optimizations that a budget ended"
+    return TextTable(header, rows, title, better)
 
 
 def _group_table(summaries: Sequence[MethodSummary], group: str) -> TextTable | None:
@@ -102,7 +110,7 @@ def _three_way_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
         [s.method, *(format_number(s.three_way_epe_m[name], 4) for name in names)] for s in scored
     ]
     title = "Three-way EPE (m) of Argoverse 2, over all points of all examples"
-    return TextTable(["method", *names], rows, title)
+    return TextTable(["method", *names], rows, title, [None, *[min] * len(names)])
 
 
 def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
@@ -119,7 +127,7 @@ def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
         "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
         "dynamic (1: nothing but the sensor's own motion) and static (m)"
     )
-    return TextTable(header, rows, title)
+    return TextTable(header, rows, title, [None, *[min] * len(columns)])
 
 
 def _bands_table(
@@ -135,7 +143,7 @@ def _bands_table(
         [method, *(format_number(errors[x].epe_m if x in errors else math.nan, 3) for x in limits)]
         for method, errors in bands.items()
     ]
-    return TextTable(header, rows, title)
+    return TextTable(header, rows, title, [None, *[min] * len(limits)])
 
 
 def _in_order(parts: Iterable[Mapping[str, object]]) -> list[str]:

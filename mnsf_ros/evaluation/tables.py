@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +11,11 @@ from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.fitted_table import FittedTable
 from mnsf_ros.evaluation.metrics import FlowErrors
 
+# Chooses the best of the values of a column: `min` or `max`.
+Better = Callable[[Iterable[float]], float]
+
 _ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)")
+_ERROR_BETTER: Final[tuple[Better, ...]] = (min, max, max, min, min)
 _TIME_COLUMN: Final = "time (ms)"
 _NO_VALUE: Final = "-"
 
@@ -24,6 +28,7 @@ class TextTable:
         header: C column titles.
         rows: Rows of C cells.
         title: What the table shows; may be empty.
+        better: For each column `min` or `max`, which chooses its best value, or None; may be empty.
 
     Raises:
         EvaluationError: If a row has not as many cells as the header.
@@ -32,6 +37,7 @@ class TextTable:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     title: str = ""
+    better: Sequence[Better | None] = ()
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, start=1):
@@ -77,7 +83,8 @@ def errors_table(
         header.append(_TIME_COLUMN)
         for row in rows:
             row.append(format_number(times_ms.get(row[0], math.nan), 0))
-    return TextTable(header, rows, title)
+    better = (None, *_ERROR_BETTER, *([] if times_ms is None else [min]))
+    return TextTable(header, rows, title, better)
 
 
 def format_number(value: float, decimals: int) -> str:

@@ -1,27 +1,25 @@
-"""The report of a run's folder: rows and record are read, pictures are found, all is written."""
+"""The report of a run: pictures of the worst sweeps are found, and all is written."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedRecording
-from mnsf_ros.evaluation.prediction_files import PREFIX
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import mean
-from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.report.figures_section import NO_FLOW
-from mnsf_ros.report.flow_source import estimated_examples
-from mnsf_ros.report.pictured import focus_method, worst_rows
-from mnsf_ros.report.time_budget import TimeBudget
-from mnsf_ros.report.write_report import REPORT_FILE, write_report
-from mnsf_ros.report.written_flows import recorded_examples
+from mnsf_ros.report.page import REPORT_FILE, write_report
+from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
+from mnsf_ros.report.worst import focus_method, worst_rows
 
 Say = Callable[[str], None]
 
@@ -30,6 +28,7 @@ _NEAR_SWEEPS = 200
 
 
 def report_run(
+    results: RunResults,
     folder: Path,
     *,
     num_pictured: int = 3,
@@ -44,38 +43,37 @@ def report_run(
     Where pictures take time, a report without any is written first: it is there whatever happens.
 
     Args:
-        folder: Folder of the run, finished or not.
+        results: All that the run gave, finished or not.
+        folder: Folder of the run.
         num_pictured: So many of the worst examples get pictures.
         estimate_again: Whether to estimate these once more where the run wrote no flow.
         limit_s: Seconds that this may take. If there is a limit, examples far into a recording
             are left alone.
         recordings: Those to estimate, as they were in the run; None to find out what is in all.
-        focus: Method whose worst examples are listed; None for the paper's if it is there.
+        focus: Method whose worst sweeps are shown; None for `focus_method`.
         say: Gets one line for each thing that takes time or cannot be done.
 
     Returns:
         The file.
 
     Raises:
-        EvaluationError: There is no run in the folder, its files are damaged, or it has no such
-            method.
+        EvaluationError: The run has no such method.
         OSError: Writing fails.
     """
-    results = read_results(RunFolder(folder))
-    rows, run = results.rows, results.record
-    known = list(dict.fromkeys([*run.method_names, *(row.method for row in rows)]))
+    rows, record = results.rows, results.record
+    known = list(dict.fromkeys([*record.method_names, *(row.method for row in rows)]))
     if focus is not None and focus not in known:
         raise EvaluationError(
             f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
         )
-    focus = focus or focus_method(rows, run)
+    focus = focus or focus_method(results)
     worst = worst_rows(rows, focus)
-    others = {s.method: None for s in results.summaries if s.method not in (focus, NO_FLOW)}
-    methods = [focus, *others]
+    methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
     path = folder / REPORT_FILE
 
     def write(pictured: Sequence[PicturedExample]) -> None:
-        write_report(results, path, pictured=pictured, focus=focus)
+        shown = [_without_empty_flows(example, focus) for example in pictured]
+        write_report(results, path, pictured=shown, focus=focus)
 
     pictured = recorded_examples(folder, worst[:num_pictured], methods)
     write(pictured)
@@ -87,9 +85,21 @@ def report_run(
             worst = [row for row in worst if row.recording in names]
         budget = TimeBudget(limit_s, _seconds(rows))
         wanted = worst[:num_pictured]
-        if pictured := _estimated(run, wanted, methods, budget, recordings, say):
+        if math.isfinite(limit_s):
+            # Other programs may take long, or do more than one expects of a picture.
+            external = {method.name for method in record.methods if method.is_external}
+            methods = [method for method in methods if method not in external]
+        if pictured := _estimated(record, wanted, methods, budget, recordings, say):
             write(pictured)
     return path
+
+
+def _without_empty_flows(example: PicturedExample, focus: str) -> PicturedExample:
+    """Leaves out flows that are zero everywhere, of which there is nothing to be seen."""
+    flows = [
+        item for item in example.flows if item.method == focus or np.nan_to_num(item.flow).any()
+    ]
+    return replace(example, flows=flows)
 
 
 def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:
@@ -101,14 +111,13 @@ def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:
 
 
 def _estimated(
-    run: RunRecord,
+    record: RunRecord,
     wanted: Sequence[ResultRow],
     methods: Sequence[str],
     budget: TimeBudget,
     recordings: Sequence[EvaluatedRecording] | None,
     say: Say,
 ) -> list[PicturedExample]:
-    methods = [method for method in methods if not method.startswith(PREFIX)]
     if not methods or not wanted:
         return []
     if not budget.allows(methods[0]):
@@ -121,7 +130,7 @@ def _estimated(
     examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
     say(f"estimating {examples} once more for pictures, about {seconds:.0f} s")
     try:
-        found = estimated_examples(run, wanted, methods, budget=budget, recordings=recordings)
+        found = estimated_examples(record, wanted, methods, budget=budget, recordings=recordings)
     except MnsfError as error:
         say(f"no pictures: {error}")
         return []

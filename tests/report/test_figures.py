@@ -1,4 +1,4 @@
-"""Charts, tables and pictures: scales, places and colors at known values."""
+"""Figures of the report: bands, times, best values and worst sweeps at known values."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import pytest
 from small_runs import row, rows, run_record
 
 from mnsf_ros.evaluation.result_row import DROPPED
+from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.evaluation.tables import TextTable
-from mnsf_ros.report.figures_section import band_names, stage_times_ms
-from mnsf_ros.report.html import Html, element
-from mnsf_ros.report.pictured import focus_method, worst_rows
-from mnsf_ros.report.result_table import result_table
+from mnsf_ros.report.page import band_names, best_cells, stage_times_ms
+from mnsf_ros.report.worst import focus_method, worst_rows
 
 
 def test_bands_are_named_from_limit_to_limit():
@@ -22,20 +21,18 @@ def test_time_outside_of_all_stages_is_shown():
     assert times_ms["mnsf"] == pytest.approx({"prepare": 10.0, "forward": 60.0, "other": 30.0})
 
 
-def test_best_is_smallest_error_and_largest_accuracy():
+def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
     table = TextTable(
-        ["method", "EPE (m)", "Acc5 (%)", "flows"],
-        [["a", "0.1", "50.0", "3"], ["b", "0.2", "60.0", "4"], ["ego", "0.0", "99.0", "5"]],
+        ["method", "EPE (m)", "Acc5 (%)", "flows", "angle"],
+        [
+            ["a", "0.1", "50.0", "3", "-"],
+            ["b", "0.2", "60.0", "4", "1.0"],
+            ["reference", "0.0", "99.0", "5", "0.5"],
+        ],
+        better=[None, min, max, None, min],
     )
-    text = result_table(table)
-    assert text.count('class="best"') == 2
-    assert '<td class="best">0.1</td>' in text
-    assert '<td class="best">60.0</td>' in text
-
-
-def test_text_is_escaped_and_html_is_not():
-    text = element("p", "a<b", Html("<i>c</i>"), title='"x"', hidden=True, lang=None)
-    assert text == '<p title="&quot;x&quot;" hidden>a&lt;b<i>c</i></p>'
+    # Of a single value nothing can be the best.
+    assert best_cells(table, {"reference"}) == {(0, 1), (1, 2)}
 
 
 def test_worst_is_by_error_and_without_truth_by_distance():
@@ -50,7 +47,8 @@ def test_worst_is_by_error_and_without_truth_by_distance():
 
 @pytest.mark.parametrize(
     ("methods", "focus"),
-    [(["zero", "fnsf", "mnsf"], "mnsf"), (["zero", "fnsf"], "fnsf"), (["ego"], "ego"), ([], "")],
+    [(["zero", "fnsf", "mnsf"], "fnsf"), (["zero", "fnsf"], "fnsf"), (["ego"], "ego"), ([], "")],
 )
-def test_focus_is_the_paper_or_a_method_that_does_something(methods, focus):
-    assert focus_method([row(1, m, 0.1) for m in methods], run_record(methods)) == focus
+def test_focus_is_the_first_method_that_is_no_reference(methods, focus):
+    results = results_of(run_record(methods), [row(1, method, 0.1) for method in methods])
+    assert focus_method(results) == focus

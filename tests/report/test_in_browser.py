@@ -11,7 +11,7 @@ import pytest
 from small_runs import pictured, rows, run_record
 
 from mnsf_ros.evaluation.results_files import results_of
-from mnsf_ros.report.write_report import write_report
+from mnsf_ros.report.page import write_report
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)

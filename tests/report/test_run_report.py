@@ -13,16 +13,15 @@ import pytest
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.report.flow_source import estimated_examples
+from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
 from mnsf_ros.report.run_report import report_run
-from mnsf_ros.report.time_budget import TimeBudget
-from mnsf_ros.report.written_flows import recorded_examples
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -48,7 +47,7 @@ def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
 
 def report_of(folder, **options):
     said = []
-    path = report_run(folder, say=said.append, **options)
+    path = report_run(read_results(RunFolder(folder)), folder, say=said.append, **options)
     assert path == folder / "report.html"
     return path.read_text(), said
 
@@ -98,7 +97,7 @@ def test_report_without_pictures(street, tmp_path):
     text, said = report_of(folder, estimate_again=False)
     assert "data:image/png" not in text
     assert said == []
-    assert "The worst 3 of 3 examples of ego" in text
+    assert "The worst 3 of 3 sweeps of ego" in text
 
 
 @pytest.mark.parametrize("method", ["online", "mnsf-frames2"])
@@ -149,8 +148,8 @@ def test_report_is_there_when_its_pictures_are_interrupted(street, tmp_path, mon
     monkeypatch.setattr("mnsf_ros.report.run_report.estimated_examples", interrupted)
     folder = evaluate(street, tmp_path / "run")
     with pytest.raises(KeyboardInterrupt):
-        report_run(folder)
-    assert "The worst 3 of 3 examples of ego" in (folder / "report.html").read_text()
+        report_of(folder)
+    assert "The worst 3 of 3 sweeps of ego" in (folder / "report.html").read_text()
 
 
 def test_recording_that_is_gone_costs_only_the_pictures(street, tmp_path):
@@ -165,7 +164,7 @@ def test_recording_that_is_gone_costs_only_the_pictures(street, tmp_path):
 
 def test_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(MnsfError, match=r"holds no run, run\.json is missing"):
-        report_run(tmp_path)
+        report_of(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -175,14 +174,14 @@ def test_folder_without_a_run_is_refused(tmp_path):
 def test_record_of_something_else_is_refused(tmp_path, record):
     (tmp_path / "run.json").write_text(record)
     with pytest.raises(MnsfError, match=r"run\.json: is not the record of a run") as info:
-        report_run(tmp_path)
+        report_of(tmp_path)
     assert "\n" not in str(info.value)
 
 
 def test_method_that_the_run_does_not_have_is_refused(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     with pytest.raises(MnsfError, match=r"run: has no method 'mnfs'; it has ego, zero$"):
-        report_run(folder, focus="mnfs")
+        report_of(folder, focus="mnfs")
     assert not (folder / "report.html").exists()
 
 
@@ -194,5 +193,5 @@ def test_command_line(street, tmp_path, capsys):
     options.run(options)
     assert "report.html" in capsys.readouterr().out.replace("\n", "")
     text = (folder / "report.html").read_text()
-    assert "Worst examples of zero" in text
+    assert "Worst sweeps of zero" in text
     assert text.count("data:image/png") == 3

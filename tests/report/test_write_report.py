@@ -11,7 +11,7 @@ from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_rec
 
 from mnsf_ros.evaluation.result_row import Failure, FailureKind
 from mnsf_ros.evaluation.results_files import results_of
-from mnsf_ros.report.write_report import write_report
+from mnsf_ros.report.page import write_report
 
 WITHOUT_END = {"meta", "link", "img", "br"}
 
@@ -102,7 +102,7 @@ def test_every_picture_says_what_it_shows(tmp_path):
 
 def test_worst_examples_come_first(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
-    text = text[text.index("The worst 3 of 3 examples of mnsf") :]
+    text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
     places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
     assert places == sorted(places)
 
@@ -124,7 +124,7 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
     assert "EPE 9.000 m" in mnsf
     mean_m = float(flows[0].error_m.mean())
-    assert f"a new estimate from these sweeps alone, with a mean of {mean_m:.3f} m" in mnsf
+    assert f"a new estimate from these sweeps alone, with a mean error of {mean_m:.3f} m" in mnsf
     assert fnsf.endswith(". Estimated again for the picture")
 
 
@@ -149,7 +149,7 @@ def test_failures_that_differ_in_numbers_alone_are_one(tmp_path):
 
 
 def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
-    found = [row(1, "mnsf", 0.1), failed(1, "fnsf", "cancelled"), row(1, "zero", 0.2)]
+    found = [row(1, "mnsf", 0.1), failed(1, "fnsf", "cancelled"), row(1, "zero", 2.0)]
     report(tmp_path, found, run_record())
     text = (tmp_path / "report.html").read_text()
     bands = text[text.index('id="bands"') : text.index('id="time"')]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import preset
@@ -119,9 +120,9 @@ def test_method_study_takes_all_examples_of_a_recording(options):
 def test_method_study_can_be_reported(options):
     study("depth", options)
     said = []
-    path = report_run(
-        options.out / "evaluation", num_pictured=1, focus="mnsf-depth3", say=said.append
-    )
+    folder = options.out / "evaluation"
+    results = read_results(RunFolder(folder))
+    path = report_run(results, folder, num_pictured=1, focus="mnsf-depth3", say=said.append)
     text = path.read_text()
     assert "estimating 1 example once more" in said[0]
     assert text.count("data:image/png") == 1 + 4

@@ -1,0 +1,285 @@
+"""The report of a run: one HTML file that needs nothing else, neither network nor scripts."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+from markupsafe import Markup
+
+from mnsf_ros import __version__
+from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, time_text
+from mnsf_ros.drawing.example_pictures import PicturedExample
+from mnsf_ros.drawing.figures import DARK, LIGHT
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import MethodSummary, mean
+from mnsf_ros.evaluation.results_files import RunResults
+from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, group_tables
+from mnsf_ros.evaluation.run_folder import replace_file
+from mnsf_ros.evaluation.run_record import RecordingRecord, RunIdentity, RunRecord
+from mnsf_ros.evaluation.tables import TextTable, format_percent
+from mnsf_ros.report.worst import focus_method, worst_cards, worst_table
+from mnsf_ros.settings import declared_settings
+
+REPORT_FILE: Final = "report.html"
+# A reference so much worse than the best method would flatten all other lines of a chart.
+_OFF_THE_CHART: Final = 5.0
+_REST: Final = "other"
+# A smaller part of the time outside of all stages is not worth a color.
+_REST_SHARE: Final = 0.02
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
+_Bands = Callable[[MethodSummary], dict[str, FlowErrors]]
+
+
+def write_report(
+    results: RunResults,
+    path: Path | str,
+    *,
+    pictured: Sequence[PicturedExample] = (),
+    focus: str | None = None,
+) -> None:
+    """Writes the report; an earlier one is replaced as a whole or not at all.
+
+    Args:
+        results: All that the run gave.
+        path: The file.
+        pictured: Sweeps to show in pictures, the worst one first.
+        focus: Method whose worst sweeps are shown; None for `focus_method`.
+
+    Raises:
+        WritingError: Writing fails.
+    """
+    focus = focus or focus_method(results)
+    replace_file(Path(path), [report_html(results, pictured, focus)])
+
+
+def report_html(results: RunResults, pictured: Sequence[PicturedExample], focus: str) -> str:
+    """Returns the whole report.
+
+    Args:
+        results: All that the run gave.
+        pictured: Sweeps to show in pictures, the worst one first.
+        focus: Method whose worst sweeps are shown.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("mnsf_ros.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    rows, summaries, record = results.rows, results.summaries, results.record
+    text = environment.get_template("report.html.j2").render(
+        version=__version__,
+        light=LIGHT,
+        dark=DARK,
+        title=_title(record),
+        subtitle=_subtitle(results, focus),
+        tiles=[tile for one in summaries if one.method == focus for tile in _tiles(one)],
+        results=results,
+        best_cells=lambda table: best_cells(table, record.references),
+        tables=group_tables(summaries),
+        consistency=consistency_table(summaries),
+        more=further_tables(summaries),
+        failures=_failures(rows),
+        charts=_band_charts(summaries, record.references),
+        times=_times_chart(rows, summaries),
+        focus=focus,
+        worst=worst_table(rows, focus),
+        cards=worst_cards(rows, pictured),
+        facts=[(name, text) for name, text in _facts(record) if text],
+        recordings=[(one.name, _recording_text(one)) for one in record.recordings],
+        settings=_settings(record.identity),
+    )
+    return f"{text}\n"
+
+
+def _title(record: RunRecord) -> str:
+    names = [recording.name for recording in record.recordings]
+    return f"Scene flow of {names[0] if len(names) == 1 else f'{len(names)} recordings'}"
+
+
+def _subtitle(results: RunResults, focus: str) -> str:
+    methods = len(results.summaries)
+    text = f"{methods} method{'' if methods == 1 else 's'}, {len(results.rows):,} estimates"
+    return f"{text}. The large figures are those of {focus}." if focus else f"{text}."
+
+
+def _tiles(summary: MethodSummary) -> list[tuple[str, str]]:
+    """What a method achieved in a few large figures."""
+    figures = []
+    errors, dynamic = summary.errors.get("all"), summary.errors.get("dynamic")
+    if errors is not None and errors.num_points > 0:
+        figures += [
+            (f"{errors.epe_m:.3f} m", "mean end point error"),
+            (f"{format_percent(errors.acc5)} %", "points within 5 cm or 5 %"),
+        ]
+        if dynamic is not None and dynamic.num_points > 0:
+            figures.append((f"{dynamic.epe_m:.3f} m", "error of dynamic points"))
+    elif summary.consistency:
+        for key, text in (
+            ("nearest_m", "moved points to the next sweep"),
+            ("zero_nearest_m", "the same without any flow"),
+            ("cycle_m", "forward-backward disagreement"),
+        ):
+            value = summary.consistency.get(key, math.nan)
+            if not math.isnan(value):
+                figures.append((f"{value:.3f} m", text))
+    figures.append((time_text(summary.time_ms), "run time per sweep"))
+    if not math.isnan(summary.latency_ms):
+        figures.append((time_text(summary.latency_ms), "from sweep to flow"))
+    figures.append((f"{summary.num_examples:,}", "flows"))
+    if summary.num_dropped or summary.num_failed:
+        figures.append((f"{summary.num_dropped} / {summary.num_failed}", "dropped / failed"))
+    return figures
+
+
+def best_cells(table: TextTable, references: Iterable[str]) -> set[tuple[int, int]]:
+    """Returns row and column of the best values: of columns that have one, if rows compete.
+
+    Rows of references only show what an error is worth, and never are the best.
+    """
+    best = set()
+    for column, better in enumerate(table.better):
+        values = {
+            place: _number(row[column])
+            for place, row in enumerate(table.rows)
+            if row[0] not in references
+        }
+        known = {place: value for place, value in values.items() if not math.isnan(value)}
+        if better is None or len(set(known.values())) < 2:
+            continue
+        best_value = better(known.values())
+        best |= {(place, column) for place, value in known.items() if value == best_value}
+    return best
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _failures(rows: Iterable[ResultRow]) -> list[tuple[str, str]]:
+    """Why sweeps have no flow, the most frequent reason first.
+
+    Reasons that differ in numbers alone, such as stamps, are one: the first of them is told.
+    """
+    texts: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row.failure is not None:
+            text = row.failure.text
+            texts.setdefault((row.method, _NUMBER.sub("#", text)), []).append(text)
+    return [
+        (
+            f"{method}: {len(found):,} ×",
+            found[0] if len(set(found)) == 1 else f"the first one: {found[0]}",
+        )
+        for (method, _), found in sorted(texts.items(), key=lambda item: -len(item[1]))
+    ]
+
+
+def _band_charts(
+    summaries: Sequence[MethodSummary], references: frozenset[str]
+) -> list[tuple[str, Markup]]:
+    """Title and chart of the error against range and against speed; none without truth."""
+    # One that failed everywhere has no line.
+    scored = [s for s in summaries if s.by_range or s.by_speed]
+    best_m = min((s.errors["all"].epe_m for s in scored if s.method not in references), default=0)
+    shown = [
+        s
+        for s in scored
+        if s.method not in references
+        or not best_m
+        or s.errors["all"].epe_m <= _OFF_THE_CHART * best_m
+    ]
+    parts: list[tuple[str, str, _Bands]] = [
+        ("Error against range", "distance from the sensor (m)", lambda s: s.by_range),
+        ("Error against speed", "true speed without ego motion (m/s)", lambda s: s.by_speed),
+    ]
+    charts = []
+    for title, across, bands_of in parts:
+        limits = sorted({limit for s in shown for limit in bands_of(s)}, key=float)
+        values = {
+            s.method: [bands_of(s)[x].epe_m if x in bands_of(s) else math.nan for x in limits]
+            for s in shown
+        }
+        if limits:
+            chart = BandChart(title, across, "EPE (m)", band_names(limits), values)
+            charts.append((title, Markup(band_chart(chart))))
+    return charts
+
+
+def band_names(limits: Sequence[str]) -> list[str]:
+    """Returns what bands are called, from their upper limits in ascending order."""
+    names, low = [], "0"
+    for limit in limits:
+        names.append(f"{low}+" if limit == "inf" else f"{low}–{limit}")
+        low = limit
+    return names
+
+
+def _times_chart(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary]) -> Markup:
+    times_ms = stage_times_ms(rows, [summary.method for summary in summaries])
+    return Markup(stage_bars(times_ms) if times_ms else "")
+
+
+def stage_times_ms(
+    rows: Sequence[ResultRow], methods: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Returns method to stage to mean time over its sweeps, milliseconds.
+
+    What is in no stage is the stage `other`. Methods that were not timed are left out.
+    """
+    times_ms: dict[str, dict[str, float]] = {}
+    for method in methods:
+        own = [row for row in rows if row.method == method and row.failure is None]
+        whole = mean([row.time_ms for row in own])
+        if math.isnan(whole):
+            continue
+        stages = dict.fromkeys(name for row in own for name in row.stage_times_ms)
+        parts = {
+            stage: mean([row.stage_times_ms.get(stage, 0.0) for row in own]) for stage in stages
+        }
+        rest = whole - math.fsum(parts.values())
+        times_ms[method] = parts | ({_REST: rest} if rest > _REST_SHARE * whole else {})
+    return times_ms
+
+
+def _facts(record: RunRecord) -> list[tuple[str, str]]:
+    identity, sessions = record.identity, record.sessions
+    last = sessions[-1]
+    rate = identity.realtime_rate
+    return [
+        ("started", last.started),
+        ("command", " ".join(last.command)),
+        ("machine", str(last.machine)),
+        ("system", last.machine.system),
+        ("versions", ", ".join(f"{name} {version}" for name, version in last.versions.items())),
+        ("git commit", last.git_commit or "none, not a checkout"),
+        ("seed", str(identity.seed)),
+        ("points per sweep", "all" if identity.num_points is None else f"{identity.num_points:,}"),
+        ("ground from", identity.ground),
+        ("real time", "" if rate is None else f"{rate:g} times, sweeps are dropped as on a robot"),
+        ("sessions", str(len(sessions)) if len(sessions) > 1 else ""),
+    ]
+
+
+def _recording_text(recording: RecordingRecord) -> str:
+    text = f"{recording.num_sweeps:,} sweeps on {recording.points}"
+    text += f", truth on {recording.truth}" if recording.truth else ", no truth"
+    if recording.odometry:
+        text += f", poses on {recording.odometry}"
+    return text + (f"; damaged: {'; '.join(recording.damages)}" if recording.damages else "")
+
+
+def _settings(identity: RunIdentity) -> list[tuple[str, str]]:
+    units: dict[str, Any] = {setting.name: setting.unit for setting in declared_settings()}
+    values = {**identity.settings, **identity.crop_and_ground}
+    return [(name, f"{value} {units.get(name, '')}".strip()) for name, value in values.items()]

@@ -1,0 +1,242 @@
+"""Sweeps of a run with their flows, for pictures: as the run wrote them, or estimated again."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import (
+    ERROR_TOPIC,
+    FLOW_TOPIC,
+    TRUTH_TOPIC,
+    folder_name,
+)
+from mnsf_ros.evaluation.metrics import end_point_errors
+from mnsf_ros.evaluation.options import (
+    EvaluatedRecording,
+    EvaluationOptions,
+    choose_topics,
+)
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.task import make_estimator
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.inspection import inspect_recording
+from msg_utils.point_cloud2 import decode_points
+
+_FLOW: Final = ("flow_x", "flow_y", "flow_z")
+
+
+class TimeBudget:
+    """Counts from its making on."""
+
+    def __init__(
+        self, limit_s: float = math.inf, known_s: Mapping[str, float] | None = None
+    ) -> None:
+        """Starts the clock.
+
+        Args:
+            limit_s: Seconds to be spent at most, but for the estimate that is under way then.
+            known_s: Method to what one estimate took so far, seconds.
+        """
+        self.limit_s = limit_s
+        self._start_s = time.monotonic()
+        self._known_s = {k: s for k, s in (known_s or {}).items() if math.isfinite(s)}
+
+    @property
+    def left_s(self) -> float:
+        """Seconds that are left."""
+        return self.limit_s - (time.monotonic() - self._start_s)
+
+    def needs_s(self, method: str) -> float:
+        """Seconds that one more estimate may take."""
+        return self._known_s.get(method, 0.0)
+
+    def allows(self, method: str) -> bool:
+        """Whether one more estimate of this method should get ready in time."""
+        return self.needs_s(method) < self.left_s
+
+    @contextmanager
+    def estimate(self, method: str) -> Iterator[None]:
+        """Learns from an estimate how long the next one may take."""
+        start_s = time.monotonic()
+        yield
+        took_s = time.monotonic() - start_s
+        self._known_s[method] = max(took_s, self.needs_s(method))
+
+
+def recorded_examples(
+    run_folder: Path, rows: Sequence[ResultRow], methods: Sequence[str]
+) -> list[PicturedExample]:
+    """Reads flows that `mnsf evaluate --write-flow` has written.
+
+    Args:
+        run_folder: Folder of the run.
+        rows: The examples wanted, in this order.
+        methods: Whose flows are wanted.
+
+    Returns:
+        The examples for which at least one flow was found.
+    """
+    examples: dict[tuple[str, int], PicturedExample] = {}
+    for method in methods:
+        for row in rows:
+            folder = run_folder / "flow" / folder_name(row.recording, method)
+            # A run that was interrupted has some of them; pictures of those are better than none.
+            with suppress(MnsfError, OSError):
+                _add_recorded(examples, row, method, folder)
+    return [examples[row.recording, row.number] for row in rows if _key(row) in examples]
+
+
+def _add_recorded(
+    examples: dict[tuple[str, int], PicturedExample], row: ResultRow, method: str, folder: Path
+) -> None:
+    with BagReader(folder) as reader:
+        clouds = {topic: _cloud(reader, topic, row.stamp_ns) for topic in reader.topics}
+    cloud = clouds.get(FLOW_TOPIC)
+    if cloud is None:
+        return
+    truth, error = clouds.get(TRUTH_TOPIC), clouds.get(ERROR_TOPIC)
+    errors_m = np.full(len(cloud), np.nan) if error is None else error["error_m"].astype(float)
+    example = PicturedExample(
+        row.recording,
+        row.number,
+        row.stamp_ns,
+        xyz=_columns(cloud, ("x", "y", "z")),
+        truth=None if truth is None else _columns(truth, _FLOW),
+    )
+    example = examples.setdefault(_key(row), example)
+    # Clouds of another size belong to another run, and their rows to other points.
+    if len(cloud) == len(example.xyz):
+        example.flows.append(PicturedFlow(method, _columns(cloud, _FLOW), errors_m))
+
+
+def _cloud(reader: BagReader, topic: str, stamp_ns: int) -> NDArray[np.void] | None:
+    messages = reader.messages(topic, start_ns=stamp_ns, stop_ns=stamp_ns + 1)
+    message = next(iter(messages), None)
+    return None if message is None else decode_points(message).ravel()
+
+
+def _columns(points: NDArray[np.void], names: Sequence[str]) -> NDArray[np.float32]:
+    return np.stack([points[name].astype(np.float32) for name in names], axis=1)
+
+
+def estimated_examples(
+    record: RunRecord,
+    rows: Sequence[ResultRow],
+    methods: Sequence[str],
+    *,
+    budget: TimeBudget | None = None,
+    recordings: Iterable[EvaluatedRecording] | None = None,
+) -> list[PicturedExample]:
+    """Estimates examples once more, each from its sweeps alone.
+
+    That gives the flow of the run once more, unless something was carried over there from one
+    example to the next.
+
+    Args:
+        record: What was run.
+        rows: The examples wanted, in this order.
+        methods: With which methods, the most important one first; those that fail on an example
+            are left out of it.
+        budget: How long it may take; None for as long as it takes.
+        recordings: Those of the run, if they are known; None to find out what is in them.
+
+    Returns:
+        The examples that have a flow.
+
+    Raises:
+        MnsfError: A recording cannot be read any more.
+    """
+    options, budget = record.identity.options(), budget or TimeBudget()
+    if recordings is None:
+        recordings = _recordings_of(record, {row.recording for row in rows})
+    examples: dict[tuple[str, int], Example] = {}
+    for recording in recordings:
+        wanted = {row.number for row in rows if row.recording == recording.name}
+        found = _examples(recording, options, wanted, budget) if wanted else ()
+        examples.update({(example.recording, example.number): example for example in found})
+    known = [examples[_key(row)] for row in rows if _key(row) in examples]
+    pictured = [(example, _pictured(example)) for example in known]
+    for method in methods:
+        for example, picture in pictured:
+            if budget.allows(method):
+                # Methods are other people's code, too: a bug in one costs its own picture only.
+                with suppress(Exception), budget.estimate(method):
+                    picture.flows.append(_estimated(example, method, options))
+    return [picture for _, picture in pictured if picture.flows]
+
+
+def _estimated(example: Example, method: str, options: EvaluationOptions) -> PicturedFlow:
+    estimator = make_estimator(method, options.method_settings)
+    flow = estimator.estimate(example.triplet).flow
+    return PicturedFlow(method, flow, _errors(example, flow), is_again=True)
+
+
+def _recordings_of(record: RunRecord, names: set[str]) -> Iterable[EvaluatedRecording]:
+    for one in record.recordings:
+        if one.name in names:
+            inspection = inspect_recording(one.path)
+            yield choose_topics(inspection, one.name, one.points, one.truth, one.odometry)
+
+
+def _examples(
+    recording: EvaluatedRecording,
+    options: EvaluationOptions,
+    wanted: set[int],
+    budget: TimeBudget,
+) -> Iterable[Example]:
+    left = set(wanted)
+    with recording.inspection.open() as reader:
+        for example in read_examples(reader, recording, options, Findings()):
+            if example.number in left:
+                yield example
+                left.discard(example.number)
+            if not left or budget.left_s <= 0:
+                return
+
+
+def _pictured(example: Example) -> PicturedExample:
+    truth = example.truth
+    return PicturedExample(
+        recording=example.recording,
+        number=example.number,
+        stamp_ns=example.triplet.current.stamp_ns,
+        xyz=example.triplet.current.xyz,
+        truth=None if truth is None else _where_valid(truth.flow, truth.valid),
+        next_from_current=example.next_from_current,
+        error_name="distance to next sweep" if truth is None else "end point error",
+    )
+
+
+def _errors(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float64]:
+    truth = example.truth
+    if truth is not None:
+        return end_point_errors(flow, _where_valid(truth.flow, truth.valid))
+    answered = np.isfinite(flow).all(axis=1)
+    looked_at = answered if example.scored is None else answered & example.scored
+    moved = example.triplet.current.xyz[looked_at] + flow[looked_at]
+    distances = np.full(len(flow), np.nan)
+    distances[looked_at], _ = cKDTree(example.triplet.next.xyz).query(moved)
+    return distances
+
+
+def _where_valid(flow: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    known: NDArray[np.float32] = np.where(valid[:, None], flow, np.float32(np.nan))
+    return known
+
+
+def _key(row: ResultRow) -> tuple[str, int]:
+    return row.recording, row.number
