@@ -1,4 +1,4 @@
-"""What `mnsf evaluate` does: inspect, plan, run with a progress bar, and report."""
+"""What `mnsf evaluate` does: inspect, plan, run, report."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
+from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
-from mnsf_ros.cli.evaluation_report import write_run_report
+from mnsf_ros.cli.evaluation_report import conclude, warn
 from mnsf_ros.errors import RecordingError, SettingsError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
 from mnsf_ros.evaluation.options import (
@@ -20,16 +23,10 @@ from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.recording_names import recording_names
-from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
-from mnsf_ros.evaluation.results_tables import main_tables, work_table
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.recording_names import recording_names, short_name
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
 from mnsf_ros.evaluation.runner import (
     Executor,
-    RunOutcome,
-    TaskRun,
     plan_runs,
     run_evaluation,
     run_serially,
@@ -51,46 +48,48 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         console: Where to print.
 
     Returns:
-        False if a recording is damaged or has no example, if a method failed on all of its
-        examples, if a task or a recording had to be given up, or if there is no report.
+        False if a recording is damaged or has no example, if a method failed on all examples of
+        one, if a task or a recording had to be given up, or if there is no report.
 
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
     check_folder(options.out, resume=options.resume)
-    methods = _split(options.methods or ["mnsf"])
+    methods = _split(options.methods or [DEFAULT_METHODS])
     num_sweeps = _num_sweeps(methods, evaluation, is_remote=options.ray is not None)
-    num_sweeps = _PAIR if options.pairs else num_sweeps
-    evaluation = replace(evaluation, num_sweeps=num_sweeps)
+    evaluation = replace(evaluation, num_sweeps=_PAIR if options.pairs else num_sweeps)
     execute = _executor(options, evaluation)
     recordings, unreadable = _inspected(options, console)
     folder = start_or_resume(
         options.out, recordings, methods, evaluation, resume=options.resume, arguments=sys.argv
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
-    outcome, results, is_over, is_reported = RunOutcome(), None, False, False
     try:
-        outcome = _run_with_progress(runs, evaluation, folder, execute, console)
-        is_over = True
-    finally:
-        # Also after Ctrl-C: what is finished is worth a table. Where nothing is, as when there is
-        # no cluster to run on, the name of the folder is free again.
-        if not folder.remove_if_unused():
-            results = read_results(folder)
-            write_results(folder, results)
-            _print_results(results, folder, console)
-            # Whoever has interrupted the run, or sent it to other machines, waits for nothing.
-            again = is_over and options.ray is None
-            is_reported = write_run_report(
-                results, folder, recordings, options.pictures, console, estimate_again=again
+        with evaluation_progress(console, runs, evaluation.every) as progress:
+            outcome = run_evaluation(
+                runs, evaluation, folder, execute=execute, watch=progress.watch
             )
-    for key, reason in outcome.failed.items():
-        _warn(console, f"gave up {' on '.join(key[::-1])}: {reason}")
-    for text in unreadable:
-        _warn(console, text)
-    if outcome.failed or unreadable or results is None or not is_reported:
-        return False
-    return not results.is_incomplete
+    except BaseException:
+        # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
+        conclude(folder, recordings, options.pictures, console, estimate_again=False)
+        raise
+    # Nobody who sent the run to other machines wants this one to estimate.
+    is_complete = conclude(
+        folder, recordings, options.pictures, console, estimate_again=options.ray is None
+    )
+    given_up = [f"gave up {' on '.join(key[::-1])}: {why}" for key, why in outcome.failed.items()]
+    for text in (*given_up, *unreadable):
+        warn(console, text)
+    return is_complete and not given_up and not unreadable
+
+
+def new_folder(paths: Sequence[Path]) -> Path:
+    """Returns the name of a folder that is not there yet: recording, how many more, and time."""
+    name = short_name(paths[0]) or "recording"
+    more = f"+{len(paths) - 1}" if len(paths) > 1 else ""
+    folder = f"{name}{more}-{datetime.now():%Y%m%d-%H%M%S}"
+    names = chain([folder], (f"{folder}-{number}" for number in count(2)))
+    return next(path for path in map(Path, names) if not path.exists())
 
 
 def _split(texts: Sequence[str]) -> list[str]:
@@ -158,32 +157,3 @@ def _inspected(
     if not found:
         raise RecordingError("; ".join(unreadable))
     return found, unreadable
-
-
-def _run_with_progress(
-    runs: Sequence[TaskRun],
-    evaluation: EvaluationOptions,
-    folder: RunFolder,
-    execute: Executor,
-    console: Console,
-) -> RunOutcome:
-    with evaluation_progress(console, runs, evaluation.every) as progress:
-        return run_evaluation(runs, evaluation, folder, execute=execute, watch=progress.watch)
-
-
-def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
-    if not results.summaries:
-        _warn(console, "there are no results yet")
-        for note in results.notes:
-            _warn(console, note.text)
-        return
-    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
-        console.print(table.rich())
-    for text in [*results.protocol, *map(str, results.notes)]:
-        console.print(text, markup=False, highlight=False, soft_wrap=False)
-    text = f"Results: {path_text(folder.path / 'results.md')}"
-    console.print(text, markup=False, highlight=False)
-
-
-def _warn(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, style="yellow")

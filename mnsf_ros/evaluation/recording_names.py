@@ -28,7 +28,7 @@ def recording_names(paths: Sequence[Path], known: Sequence[RecordingRecord] = ()
     _check_each_once(paths)
     names = _known_names(paths, known)
     taken = {record.name for record in known}
-    short = {path: _short_name(path) for path in paths if path not in names}
+    short = {path: short_name(path) for path in paths if path not in names}
     counts = Counter(chain(short.values(), taken))
     for path, name in short.items():
         names[path] = name if counts[name] == 1 else _free_name(path, taken)
@@ -63,7 +63,7 @@ def _known_names(paths: Sequence[Path], known: Sequence[RecordingRecord]) -> dic
         ),
         (contents.__getitem__, lambda one: one.fingerprint),
         (_files, lambda one: _files(one.path)),
-        (_short_name, lambda one: one.name),
+        (short_name, lambda one: one.name),
     ):
         names_of = {repr(key_of_record(record)): name for name, record in left.items()}
         for path in (path for path in paths if path not in names and names_of):
@@ -86,7 +86,8 @@ def _content(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _short_name(path: Path) -> str:
+def short_name(path: Path) -> str:
+    """Returns the last part of a path."""
     return path_text(path.stem if path.is_file() else path.resolve().name)
 
 

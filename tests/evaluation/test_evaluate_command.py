@@ -17,6 +17,7 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.cli import evaluate, main
+from mnsf_ros.cli.evaluation_run import new_folder
 from mnsf_ros.cli.setting_values import parse_assignments
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
@@ -96,18 +97,18 @@ def test_report_has_pictures_of_written_flow(bag, tmp_path, capsys):
     assert "Estimated again" not in text
 
 
-@pytest.mark.parametrize("preset_name", ["paper", "online"])
-def test_report_of_a_bag_without_truth_has_pictures(tmp_path, capsys, preset_name):
+@pytest.mark.parametrize(("preset_name", "method"), [("paper", "mnsf"), ("online", "online")])
+def test_report_of_a_bag_without_truth_has_pictures(tmp_path, capsys, preset_name, method):
     bag = small.write_recording(tmp_path / "bag", 6, with_truth=False, with_odometry=False)
     out = tmp_path / "out"
-    arguments = [bag, "--methods=mnsf,zero", "--preset", preset_name, "--ground=settings"]
+    arguments = [bag, f"--methods={method},zero", f"--preset={preset_name}", "--ground=settings"]
     assert mnsf(*arguments, "--set=ground.remove=false", "--out", out, pictures=2) == 0
     printed = capsys.readouterr().out
     assert "estimating 2 examples once more for pictures" in printed
     assert f"Report: {out / 'report.html'}" in "".join(printed.split("\n"))
     text = (out / "report.html").read_text()
     assert text.count("data:image/png") == 2
-    assert len(re.findall("<figcaption>mnsf: [^<]*Estimated again for the picture", text)) == 2
+    assert len(re.findall(f"<figcaption>{method}: [^<]*Estimated again for the picture", text)) == 2
     assert len((out / "rows.jsonl").read_text().splitlines()) == 8
 
 
@@ -129,7 +130,7 @@ def test_results_survive_a_report_that_fails(bag, tmp_path, capsys, monkeypatch,
 
     monkeypatch.setattr("mnsf_ros.report.run_report.report_run", report_run)
     out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero", "--out", out) == evaluate.EXIT_DAMAGED
+    assert mnsf(bag, "--methods", "zero", "--out", out) == evaluate.EXIT_INCOMPLETE
     assert "no report: " in capsys.readouterr().out
     assert (out / "results.json").stat().st_size > 0
     assert not (out / "report.html").exists()
@@ -144,6 +145,59 @@ def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path):
         mnsf(bag, "--methods", "zero", "--out", out, "--resume", "--seed", "3")
     assert mnsf(bag, "--methods", "zero,ego", "--out", out, "--resume") == 0
     assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+
+
+def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    other = small.write_recording(tmp_path / "bags" / "other", 4)
+    assert mnsf(bag, "--methods", "zero") == 0
+    assert mnsf(bag, other, "--methods", "zero") == 0
+    several, one = sorted(path.name for path in tmp_path.iterdir() if path.name != "bags")
+    assert re.fullmatch(r"drive-\d{8}-\d{6}", one)
+    assert re.fullmatch(r"drive\+1-\d{8}-\d{6}", several)
+    printed = capsys.readouterr().out
+    for name in (one, several):
+        assert f"Results folder: {name}" in printed
+        assert (tmp_path / name / "results.md").stat().st_size > 0
+
+
+def test_default_folder_is_never_one_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(3):
+        folder = new_folder([Path("street.mcap")])
+        folder.mkdir()
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_resume_needs_the_folder(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["evaluate", str(bag), "--methods", "zero", "--resume"]
+    assert main.run(arguments) == main.EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--resume needs --out" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_run_of_an_early_version_is_not_resumed_but_reported(bag, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
+    run = json.loads((out / "run.json").read_text())
+    del run["format"]
+    run["methods"] = ["zero"]
+    run["identity"]["settings"]["field.kind"] = "network"
+    del run["identity"]["settings"]["method.name"]
+    (out / "run.json").write_text(json.dumps(run))
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    texts = [json.dumps(row | {"failure": ""}) for row in rows]
+    (out / "rows.jsonl").write_text("".join(f"{text}\n" for text in texts))
+    before = {file: file.read_bytes() for file in out.iterdir()}
+    arguments = ["evaluate", str(bag), "--methods=zero", *SETTINGS, f"--out={out}", "--resume"]
+    capsys.readouterr()
+    assert main.run(arguments) == main.EXIT_USAGE
+    assert "another version" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in out.iterdir()} == before
+    assert main.run(["report", str(out)]) == 0
+    assert "zero" in (out / "report.html").read_text()
 
 
 def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, monkeypatch):
@@ -163,7 +217,7 @@ def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, 
 def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, capsys):
     damaged = cut(bag, tmp_path / "cut")
     status = mnsf(damaged, "--methods", "ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_DAMAGED
+    assert status == evaluate.EXIT_INCOMPLETE
     rows = (tmp_path / "out" / "rows.jsonl").read_text().splitlines()
     assert 0 < len(rows) < 4
     printed = " ".join(capsys.readouterr().out.split())
@@ -177,14 +231,14 @@ def test_exit_status_is_told_to_the_shell(bag, tmp_path):
     arguments = ["evaluate", "--methods", "zero", *SETTINGS]
     assert main.run([*arguments, str(bag), "--out", str(tmp_path / "good")]) == 0
     status = main.run([*arguments, str(damaged), "--out", str(tmp_path / "out")])
-    assert status == evaluate.EXIT_DAMAGED == 3
+    assert status == evaluate.EXIT_INCOMPLETE == 3
 
 
 def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
     rubbish = tmp_path / "rubbish.mcap"
     rubbish.write_bytes(b"rubbish")
     status = mnsf(bag, rubbish, "--methods", "ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_DAMAGED
+    assert status == evaluate.EXIT_INCOMPLETE
     assert "rubbish.mcap" in "".join(capsys.readouterr().out.split())
     with pytest.raises(RecordingError, match="rubbish"):
         mnsf(rubbish, "--methods", "ego", "--out", tmp_path / "other")
@@ -279,7 +333,7 @@ def test_pair_is_scored_by_methods_that_make_do_with_two_sweeps(tmp_path, capsys
     pair = small.write_recording(tmp_path / "pair", 2)
     out = tmp_path / "out"
     status = mnsf(pair, "--methods", "ego,fnsf,mnsf,mnsf-frames5", "--out", out)
-    assert status == evaluate.EXIT_DAMAGED
+    assert status == evaluate.EXIT_INCOMPLETE
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
     assert [(row["method"], row["number"], bool(row["failure"])) for row in rows] == [
         ("ego", 0, False),
@@ -295,10 +349,10 @@ def test_pair_is_scored_by_methods_that_make_do_with_two_sweeps(tmp_path, capsys
 def test_recording_without_an_example_is_no_success(bag, tmp_path, capsys):
     single = small.write_recording(tmp_path / "single", 1)
     status = mnsf(bag, single, "--methods", "zero", "--out", tmp_path / "both")
-    assert status == evaluate.EXIT_DAMAGED
+    assert status == evaluate.EXIT_INCOMPLETE
     said = "No example: single contains no 2 consecutive sweeps"
     assert said in " ".join(capsys.readouterr().out.split())
-    assert mnsf(single, "--methods", "zero", "--out", tmp_path / "one") == evaluate.EXIT_DAMAGED
+    assert mnsf(single, "--methods", "zero", "--out", tmp_path / "one") == evaluate.EXIT_INCOMPLETE
     assert said in " ".join(capsys.readouterr().out.split())
 
 
@@ -315,7 +369,7 @@ def test_method_that_fails_on_every_example_is_no_success(tmp_path, capsys):
     without = small.write_recording(tmp_path / "without", 4, with_odometry=False)
     assert mnsf(without, "--methods", "zero", "--out", tmp_path / "zero") == 0
     status = mnsf(without, "--methods", "zero,ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_DAMAGED
+    assert status == evaluate.EXIT_INCOMPLETE
     printed = " ".join(capsys.readouterr().out.split())
     assert "No flow: ego failed on every example of without: 2." in printed
 
@@ -412,7 +466,7 @@ def test_full_disk_is_told_and_resume_goes_on(bag, tmp_path):
     arguments = [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"]
     done = shell('ulimit -f 6; "$@"', arguments)
     assert done.returncode == evaluate.EXIT_UNWRITTEN == 4
-    message = r"mnsf: .*/out/\w+\.\w+: cannot be written: File too large; .* --resume goes on\n"
+    message = r"mnsf: .*/out/\w+\.\w+: cannot be written: File too large\. .* --out \S+ --resume\n"
     assert re.fullmatch(message, done.stderr)
     assert shell('"$@"', [*arguments, "--resume"]).returncode == 0
     assert len((out / "rows.jsonl").read_text().splitlines()) == 8
@@ -436,7 +490,7 @@ def test_pairs_of_a_recording_are_examples_when_asked_for(tmp_path):
             writer.write_cloud("/points", encoded, small.stamp(index), "lidar")
     bag = tmp_path / "pairs"
     arguments = ["--methods", "zero,mnsf", "--out"]
-    assert mnsf(bag, *arguments, tmp_path / "without") == evaluate.EXIT_DAMAGED
+    assert mnsf(bag, *arguments, tmp_path / "without") == evaluate.EXIT_INCOMPLETE
     assert mnsf(bag, "--pairs", *arguments, tmp_path / "with") == 0
     rows = [json.loads(line) for line in (tmp_path / "with/rows.jsonl").read_text().splitlines()]
     assert [(row["method"], row["number"]) for row in rows] == [
