@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +19,7 @@ __all__ = [
     "EncodedCloud",
     "FieldLayout",
     "MessageError",
+    "clash_names",
     "decode_points",
     "decode_xyz",
     "encode_columns",
@@ -78,19 +81,24 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
     return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
 
 
-def encode_with_columns(cloud: PointCloudLike, columns: Columns) -> EncodedCloud:
+def encode_with_columns(
+    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
+) -> EncodedCloud:
     """Copy a cloud and give every point further fields.
 
     All fields of the cloud keep name, offset, datatype, count and the exact bytes of their values,
     also where they overlap or repeat a name; points keep their order, the cloud its byte order. New
     fields follow the last kept one, each at a multiple of its size. A field of the cloud with the
-    name of a column is dropped first, so that encoding the result again gives the same layout.
-    Padding at the end of points and rows is not kept.
+    name of a column is dropped first, so that encoding the result again gives the same layout; or
+    it is kept under another name, see `clash_names`. Padding at the end of points and rows is not
+    kept.
 
     Args:
         cloud: The message; its data stays as it is.
         columns: Name -> (height * width,) of a type that a field can have, values in row order. The
             value of points that have none (NaN) is the caller's choice.
+        clash_prefix: Put before the name of a field of the cloud that has the name of a column;
+            empty if such fields are dropped.
 
     Returns:
         Layout and data of the new cloud.
@@ -100,7 +108,7 @@ def encode_with_columns(cloud: PointCloudLike, columns: Columns) -> EncodedCloud
     """
     layout = CloudLayout.from_cloud(cloud)
     buffer = read_only_bytes(cloud, layout)
-    kept = tuple(field for field in layout.fields if field.name not in columns)
+    kept = _kept_fields(layout.fields, columns, clash_prefix)
     kept_size = fields_end(kept)
     added = column_fields(columns, layout.num_points, kept_size, aligned=True)
     encoded = EncodedCloud.allocate(
@@ -142,6 +150,38 @@ def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
     for field in fields:
         encoded.write_column(field, columns[field.name])
     return encoded
+
+
+def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> dict[str, str]:
+    """Find other names for fields that have the name of a column.
+
+    Args:
+        names: Names of the fields of a cloud.
+        columns: Names of the columns that it will get.
+        prefix: Put before a name until nothing else has the result.
+
+    Returns:
+        Name -> other name, of those fields only.
+    """
+    wanted = set(columns)
+    clashes = dict.fromkeys(name for name in names if name in wanted)
+    taken, others = wanted | set(names), {}
+    for name in clashes:
+        other = prefix + name
+        while other in taken:
+            other = prefix + other
+        others[name] = other
+        taken.add(other)
+    return others
+
+
+def _kept_fields(
+    fields: tuple[FieldLayout, ...], columns: Columns, clash_prefix: str
+) -> tuple[FieldLayout, ...]:
+    if not clash_prefix:
+        return tuple(field for field in fields if field.name not in columns)
+    others = clash_names([field.name for field in fields], columns, clash_prefix)
+    return tuple(replace(field, name=others.get(field.name, field.name)) for field in fields)
 
 
 def _view_points(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[Any]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_columns import FLOW_NAMES
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.recording.bag_writer import BagWriter
 from msg_utils.point_cloud2 import encode_columns
@@ -117,4 +118,4 @@ def _recorder(path: Path | None) -> Iterator[FlowRecorder]:
 
 
 def _flow_columns(flow: NDArray[np.float32]) -> Columns:
-    return {f"flow_{axis}": flow[:, number] for number, axis in enumerate("xyz")}
+    return {name: flow[:, axis] for axis, name in enumerate(FLOW_NAMES)}

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import dataclass
-from typing import Any
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
+from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import Sweep
-from msg_utils.point_cloud2 import EncodedCloud, decode_points, decode_xyz, encode_with_columns
+from msg_utils.point_cloud2 import (
+    EncodedCloud,
+    clash_names,
+    decode_points,
+    decode_xyz,
+    encode_with_columns,
+)
 from msg_utils.stamps import decode_stamp
+
+_CLASH_PREFIX: Final = "sensor_"
 
 
 @dataclass(frozen=True)
@@ -53,25 +62,27 @@ def sweep_from_message(message: PointCloud2, now_ns: int) -> Sweep:
 
 
 def flow_message(sweep: Sweep, estimate: FlowEstimate, interval_s: float) -> PointCloud2:
-    """The cloud that a sweep came from, with what was estimated beside each point.
+    """Returns the cloud that a sweep came from, with the columns of the estimate.
 
     Args:
         sweep: A sweep made by `sweep_from_message`.
         estimate: Its flow.
-        interval_s: Seconds to the next sweep, for velocities; where it is not positive there
-            are none.
+        interval_s: Seconds to the next sweep.
 
     Returns:
-        The same header, height, width, order and fields, and
-        flow_x, flow_y, flow_z: metres until the next sweep, NaN where the point is not finite;
-        vx, vy, vz: metres per second over ground, in the axes of this sweep;
-        dynamic: 1 where the point moves over ground;
-        confidence: 0 to 1.
-        Without the sensor's own motion, the velocities and the confidence are NaN.
+        The same header, height, width, order and fields, and the fields of FLOW_COLUMNS. A field
+        of the cloud that has the name of one of these is kept as `sensor_...`.
     """
     source: CloudSource = sweep.source
-    encoded = encode_with_columns(source.message, flow_columns(source, estimate, interval_s))
+    columns = flow_columns(estimate, interval_s, source.finite)
+    encoded = encode_with_columns(source.message, columns, clash_prefix=_CLASH_PREFIX)
     return encoded_message(source.message.header, encoded, is_dense=bool(source.finite.all()))
+
+
+def renamed_fields(message: PointCloud2) -> dict[str, str]:
+    """Returns old name -> new name of fields of a cloud that `flow_message` renames."""
+    names = [field.name for field in message.fields]
+    return clash_names(names, [column.name for column in FLOW_COLUMNS], _CLASH_PREFIX)
 
 
 def part_message(sweep: Sweep, flow_message: PointCloud2, wanted: NDArray[np.bool_]) -> PointCloud2:
@@ -98,40 +109,6 @@ def part_message(sweep: Sweep, flow_message: PointCloud2, wanted: NDArray[np.boo
     )
     message.data = data
     return message
-
-
-def flow_columns(
-    source: CloudSource, estimate: FlowEstimate, interval_s: float
-) -> dict[str, NDArray[Any]]:
-    """The columns that a flow adds to its cloud, for all points of the message."""
-    columns: dict[str, NDArray[Any]] = {
-        f"flow_{axis}": _spread(source, estimate.flow[:, index], np.nan)
-        for index, axis in enumerate("xyz")
-    }
-    known = estimate.over_ground
-    num_points = len(source.finite)
-    unknown = np.full(num_points, np.nan, np.float32)
-    for index, axis in enumerate("xyz"):
-        if known is None or interval_s <= 0:
-            columns[f"v{axis}"] = unknown
-        else:
-            velocity = known.motion[:, index] / np.float32(interval_s)
-            columns[f"v{axis}"] = _spread(source, velocity, np.nan)
-    if known is None:
-        return columns | {"dynamic": np.zeros(num_points, np.uint8), "confidence": unknown}
-    return columns | {
-        "dynamic": _spread(source, known.dynamic.astype(np.uint8), 0),
-        "confidence": _spread(source, known.confidence, np.nan),
-    }
-
-
-def _spread(source: CloudSource, values: NDArray[Any], missing: float) -> NDArray[Any]:
-    """Values (N,) of the finite points, for all points of the message."""
-    if source.finite.all():
-        return np.ascontiguousarray(values)
-    spread = np.full(len(source.finite), missing, dtype=values.dtype)
-    spread[source.finite] = values
-    return spread
 
 
 def encoded_message(header: Header, encoded: EncodedCloud, *, is_dense: bool) -> PointCloud2:

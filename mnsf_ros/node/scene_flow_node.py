@@ -16,14 +16,14 @@ from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.node.cloud_messages import sweep_from_message
+from mnsf_ros.node.cloud_messages import renamed_fields, sweep_from_message
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.input_subscription import InputSubscription
 from mnsf_ros.node.odometry_subscription import OdometrySubscription
-from mnsf_ros.node.once_log import OnceLog
 from mnsf_ros.node.parameters import ParameterChanges, declare_parameters, undeclared_overrides
-from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
+from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from msg_utils.errors import MessageError
@@ -31,9 +31,6 @@ from msg_utils.errors import MessageError
 NODE_NAME = "scene_flow"
 
 _REFRESH_PERIOD_S = 0.2
-
-# A fault that does not go away would fill the log ten times a second.
-_ERROR_PERIOD_S = 10.0
 
 
 class SceneFlowNode(Node):
@@ -51,7 +48,8 @@ class SceneFlowNode(Node):
         """
         super().__init__(NODE_NAME, **node_options)
         self._settings = declare_parameters(self)
-        self._once = OnceLog(self.get_logger())
+        self._faults = FaultLog(self.get_logger())
+        self._has_told_renamed = False
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
@@ -81,12 +79,12 @@ class SceneFlowNode(Node):
         return self._pipeline.close(timeout_s)
 
     def report_error(self, where: str, error: Exception) -> None:
-        """Logs and counts an error that nobody expected, unless it comes of ROS shutting down."""
+        """Logs and counts an unexpected error, unless ROS is shutting down."""
         if not self.context.ok():
             return
-        self._pipeline.statistics.count("callback_errors")
+        self._pipeline.statistics.count(CALLBACK_ERRORS)
         details = "".join(traceback.format_exception(error))
-        self._once.error(f"{where} {type(error).__name__}", details)
+        self._faults.error(f"{where} {type(error).__name__}", details)
 
     def _start_timers(self) -> None:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
@@ -99,9 +97,8 @@ class SceneFlowNode(Node):
 
     def _greet(self) -> None:
         for name in undeclared_overrides(self):
-            text = f"there is no parameter {name!r}; its value is ignored"
             instead = f"; {REPLACED[name]}" if name in REPLACED else ""
-            self.get_logger().warning(f"{text}{instead}")
+            self.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
         self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
 
     def _on_cloud(self, message: PointCloud2) -> None:
@@ -110,24 +107,24 @@ class SceneFlowNode(Node):
             sweep = sweep_from_message(message, self.get_clock().now().nanoseconds)
         except MessageError as error:
             self._pipeline.statistics.count("clouds_undecodable")
-            self._once.warn("undecodable", f"a cloud cannot be decoded: {error}")
+            self._faults.warn("undecodable", f"a cloud cannot be decoded: {error}")
             return
         if not (message.header.stamp.sec or message.header.stamp.nanosec):
             self._pipeline.statistics.count("clouds_without_stamp")
-            self._once.warn("no stamp", "a cloud has no stamp; the time of its arrival is taken")
+            self._faults.warn("no stamp", "a cloud has no stamp; its time of arrival is used")
         if len(sweep) == 0:
             self._pipeline.statistics.count("clouds_empty")
-            self._once.warn("empty", "a cloud has no finite point; it is left out")
+            self._faults.warn("empty", "a cloud without a finite point is skipped")
             return
         sweep = self._odometry.located(sweep)
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=self._is_watched())
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
-            self._once.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+            self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
 
     def _on_bad_odometry(self, fault: str, text: str) -> None:
         self._pipeline.statistics.count(fault)
-        self._once.warn(fault, f"an odometry message is left out: {text}")
+        self._faults.warn(fault, f"an odometry message is skipped: {text}")
 
     def _is_watched(self) -> bool:
         if self._settings.node.always_estimate:
@@ -137,6 +134,15 @@ class SceneFlowNode(Node):
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the worker thread."""
         self._outputs.publish(job.triplet, estimate)
+        if self._has_told_renamed:
+            return
+        renamed = renamed_fields(job.triplet.current.source.message)
+        if renamed:
+            self._has_told_renamed = True
+            names = ", ".join(f"{old} as {new}" for old, new in renamed.items())
+            self.get_logger().warning(
+                f"the clouds have fields of the same names as the flow; published: {names}"
+            )
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
         """Runs in the worker thread."""
@@ -144,19 +150,19 @@ class SceneFlowNode(Node):
             return
         stamp_ns = job.triplet.current.stamp_ns
         if isinstance(error, MnsfError):
-            self._once.warn(f"refused {type(error).__name__}", f"no flow for {stamp_ns}: {error}")
+            self._faults.warn(
+                f"refused {type(error).__name__}", f"no flow for sweep {stamp_ns}: {error}"
+            )
             return
         details = "".join(traceback.format_exception(error))
-        self.get_logger().error(
-            f"no flow for {stamp_ns}: unexpected error\n{details}",
-            throttle_duration_sec=_ERROR_PERIOD_S,
-        )
+        text = f"no flow for sweep {stamp_ns}: unexpected error\n{details}"
+        self._faults.error(f"failed {type(error).__name__}", text)
 
     def _on_lost(self, how_many: int) -> None:
         self._pipeline.statistics.count("sweeps_lost_in_transport", how_many)
-        self._once.warn(
+        self._faults.warn(
             "lost",
-            "the transport loses sweeps: publish them reliable, or give the publisher the "
+            "sweeps are lost in transport: publish them reliable, or start the publisher with the "
             "Fast DDS profile of this package (see README)",
         )
 
@@ -182,7 +188,7 @@ class SceneFlowNode(Node):
         self._settings = settings
 
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """A callback whose errors are logged and counted: out of it they would end the node."""
+        """Returns a callback that logs and counts errors, which would end the node."""
 
         def guarded(*arguments: object) -> None:
             try:

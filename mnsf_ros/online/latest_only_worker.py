@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
+
+_LOG = logging.getLogger(__name__)
 
 Job = TypeVar("Job")
 
@@ -16,7 +19,8 @@ class LatestOnlyWorker(Generic[Job]):
         """Starts the thread.
 
         Args:
-            work: Called in the thread with each job; handles its own errors.
+            work: Called in the thread with each job. An error that it raises is logged, and the
+                next job is worked on all the same.
             name: Name of the thread.
         """
         self._work = work
@@ -80,4 +84,10 @@ class LatestOnlyWorker(Generic[Job]):
                 job, self._waiting = self._waiting, None
                 self._is_busy = True
             if job is not None:
-                self._work(job)
+                self._work_on(job)
+
+    def _work_on(self, job: Job) -> None:
+        try:
+            self._work(job)
+        except Exception:  # noqa: BLE001 - one bad job must not end the thread
+            _LOG.exception("a job failed in thread %s", self._thread.name)

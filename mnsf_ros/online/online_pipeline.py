@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
 
+_LOG = logging.getLogger(__name__)
+
 SWEEPS_RECEIVED = "sweeps_received"
 TRIPLETS_FORMED = "triplets_formed"
 TRIPLETS_DROPPED = "triplets_dropped"
@@ -23,6 +26,7 @@ TRIPLETS_UNWATCHED = "triplets_unwatched"
 ESTIMATES_FAILED = "estimates_failed"
 FLOWS_OUT = "flows_out"
 OBJECTS_LEFT_OUT = "objects_left_out"
+CALLBACK_ERRORS = "callback_errors"
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,8 @@ class OnlinePipeline:
     """Takes sweeps as they come and hands out flows as they get ready.
 
     `add_sweep` and `change_settings` belong to one thread (the executor's). The two callbacks run
-    in the worker thread.
+    in the worker thread. An error in `on_estimate` counts as a failed estimate; one in `on_failure`
+    is logged and counted.
     """
 
     def __init__(
@@ -160,4 +165,8 @@ class OnlinePipeline:
         self.statistics.count(ESTIMATES_FAILED)
         kind = "" if isinstance(error, MnsfError) else f"{type(error).__name__}: "
         self.statistics.add_failure(f"{kind}{error}")
-        self._on_failure(job, error)
+        try:
+            self._on_failure(job, error)
+        except Exception:  # noqa: BLE001 - the next triplet is tried all the same
+            self.statistics.count(CALLBACK_ERRORS)
+            _LOG.exception("the callback for failed estimates raised an error")

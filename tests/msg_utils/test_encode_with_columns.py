@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from msg_utils.encoded_cloud import EncodedCloud
-from msg_utils.point_cloud2 import decode_points, decode_xyz, encode_with_columns
+from msg_utils.point_cloud2 import clash_names, decode_points, decode_xyz, encode_with_columns
 
 NAN = float("nan")
 XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
@@ -209,3 +209,26 @@ def test_empty_clouds(stack, fields, height, width):
     assert encoded.point_step == 12 + 4 * len(fields)
     assert [field.name for field in encoded.fields][-3:] == ["flow_x", "flow_y", "flow_z"]
     assert decode_points(message_of(stack, encoded)).shape == (height, width)
+
+
+def test_a_field_with_the_name_of_a_column_is_kept_under_another_name(stack):
+    fields = [*XYZ, ("flow_x", 12, 7, 1), ("my_flow_x", 16, 7, 1), ("flow_x", 20, 7, 1)]
+    point = struct.pack("<ffffff", 1, 2, 3, 4, 5, 6)
+    cloud = stack.make_cloud(fields, point, width=1, point_step=24)
+    encoded = encode_with_columns(cloud, flow(0.5), clash_prefix="my_")
+    assert as_tuples(encoded) == [
+        *XYZ,
+        ("my_my_flow_x", 12, 7, 1),
+        ("my_flow_x", 16, 7, 1),
+        ("my_my_flow_x", 20, 7, 1),
+        ("flow_x", 24, 7, 1),
+        ("flow_y", 28, 7, 1),
+        ("flow_z", 32, 7, 1),
+    ]
+    assert encoded.data.tobytes() == point + flow_bytes(0.5)
+
+
+def test_other_names_are_unlike_all_names():
+    names = ["x", "vx", "sensor_vx", "vy"]
+    found = clash_names(names, ["vx", "vy", "vz", "sensor_vy"], "sensor_")
+    assert found == {"vx": "sensor_sensor_vx", "vy": "sensor_sensor_vy"}

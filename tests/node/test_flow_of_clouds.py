@@ -177,7 +177,9 @@ def test_coordinates_of_double_precision(peer, drive):
     assert_shows_the_motion(flow_columns(received))
 
 
-def test_flow_fields_that_a_cloud_already_has_are_replaced(peer, drive):
+def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(
+    peer, drive, quick_node
+):
     messages = []
     for index in range(3):
         columns = dict(zip("xyz", surfaces(index, 6000).T.copy(), strict=True))
@@ -186,7 +188,10 @@ def test_flow_fields_that_a_cloud_already_has_are_replaced(peer, drive):
     peer.send(*messages)
     received = peer.flow_of(messages[1])
     names = [item.name for item in received.fields]
-    assert names == ["x", "y", "z", *ADDED_FIELDS]
+    assert names == ["x", "y", "z", *(f"sensor_{name}" for name in ADDED_FIELDS), *ADDED_FIELDS]
+    for name in ADDED_FIELDS:
+        assert (column(received, f"sensor_{name}") == 99.0).all()
+    assert quick_node.log.count("vx as sensor_vx") == 1
     assert_shows_the_motion(flow_columns(received))
     # The world moves past the sensor: over ground nothing does.
     assert not column(received, "dynamic").any()

@@ -276,6 +276,6 @@ class TestOdometry:
         for message in bad:
             publish_odometry(message)
         peer.spin_until(lambda: peer.count(BAD_ODOMETRY) == before + 4, "four to be counted")
-        assert process.log.count("an odometry message is left out: invalid quaternion") == 1
+        assert process.log.count("an odometry message is skipped: invalid quaternion") == 1
         clouds = [self.send(peer, publish_odometry, index, number) for index in range(3)]
         assert np.isfinite(flow_columns(peer.flow_of(clouds[1]))).all()

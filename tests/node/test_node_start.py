@@ -101,8 +101,8 @@ class TestRenamedNodeWithParameterFile:
     def test_warns_of_parameters_that_it_does_not_have(self, peer, process):
         warnings = [line for line in process.log.splitlines() if "[WARN]" in line]
         assert len(warnings) == 2
-        assert "there is no parameter 'crop.max_rang_m'" in warnings[0]
-        assert "there is no parameter 'typo'" in warnings[1]
+        assert "parameter 'crop.max_rang_m'" in warnings[0]
+        assert "parameter 'typo'" in warnings[1]
 
     def test_says_which_topics_it_uses(self, peer, process):
         assert "sweeps from /lidar/points, flow on /robot/flow_node/flow" in process.log

@@ -23,6 +23,7 @@ class Recorder:
         self.handed_out = []
         self.failures = []
         self.error = None
+        self.failure_error = None
         self.is_held = threading.Event()
         self._may_go_on = threading.Event()
         self._may_go_on.set()
@@ -43,6 +44,8 @@ class Recorder:
 
     def on_failure(self, job, error):
         self.failures.append((job, error))
+        if self.failure_error is not None:
+            raise self.failure_error
 
     @property
     def current_stamps(self):
@@ -410,3 +413,30 @@ def test_every_triplet_of_a_rough_ride_ends_in_exactly_one_way(pipeline, make_sw
     assert counts["flows_out"] > 0
     assert counts["estimates_failed"] > 0
     assert counts["triplets_unwatched"] > 0
+
+
+def test_errors_of_both_callbacks_do_not_end_the_stream(
+    pipeline, add, recorder, make_sweep, caplog
+):
+    recorder.error, recorder.failure_error = RuntimeError("cannot publish"), OSError("cannot log")
+    for index in range(4):
+        add(make_sweep(index))
+    assert len(recorder.failures) == 2
+    assert counts_of(pipeline)["callback_errors"] == 2
+    assert "cannot log" in caplog.text
+    recorder.error = recorder.failure_error = None
+    add(make_sweep(4))
+    assert recorder.current_stamps == [make_sweep(3).stamp_ns]
+    assert_balanced(pipeline)
+
+
+def test_an_error_after_the_flow_was_handed_out_does_not_end_the_stream(
+    pipeline, add, recorder, make_sweep, monkeypatch, caplog
+):
+    statistics = pipeline.statistics
+    with monkeypatch.context() as patched:
+        patched.setattr(statistics, "add_estimate", lambda *_: 1 / 0)
+        add(*(make_sweep(index) for index in range(3)))
+    assert "ZeroDivisionError" in caplog.text
+    add(make_sweep(3))
+    assert recorder.current_stamps == [make_sweep(index).stamp_ns for index in (1, 2)]

@@ -1,0 +1,107 @@
+"""What an estimate adds to the points of its sweep: one row of a table for each column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+
+Values = Callable[[FlowEstimate, float], NDArray[Any] | None]
+
+
+@dataclass(frozen=True)
+class FlowColumn:
+    """One value for each point.
+
+    Attributes:
+        name: Of the field in a cloud.
+        dtype: Type of the values, one that a PointField can have.
+        missing: Value where there is none: of points that are not finite, and of all points if
+            the method does not know.
+        unit: SI; empty for numbers without one.
+        text: What it is, for the documents.
+        values: Gives the values (N,) of the points of the sweep, from the estimate and the time
+            to the next sweep in seconds; None if the method does not know them.
+    """
+
+    name: str
+    dtype: DTypeLike
+    missing: float
+    unit: str
+    text: str
+    values: Values
+
+
+def _flow(axis: int) -> Values:
+    return lambda estimate, _interval_s: estimate.flow[:, axis]
+
+
+def _velocity(axis: int) -> Values:
+    def values(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
+        known = estimate.over_ground
+        if known is None or interval_s <= 0:
+            return None
+        return known.motion[:, axis] / np.float32(interval_s)
+
+    return values
+
+
+def _dynamic(estimate: FlowEstimate, _interval_s: float) -> NDArray[Any] | None:
+    return None if estimate.over_ground is None else estimate.over_ground.dynamic
+
+
+def _confidence(estimate: FlowEstimate, _interval_s: float) -> NDArray[Any] | None:
+    return None if estimate.over_ground is None else estimate.over_ground.confidence
+
+
+_FLOW_TEXT: Final = "displacement until the next sweep along {}, ego motion included"
+_VELOCITY_TEXT: Final = "velocity over ground along {}, in the axes of this sweep"
+_CONFIDENCE_TEXT: Final = "probability that the flow is less than 0.1 m off, 0 to 1"
+
+# The order is that of the fields in the cloud. The documents have the same table; a test compares.
+FLOW_COLUMNS: Final = (
+    FlowColumn("flow_x", np.float32, np.nan, "m", _FLOW_TEXT.format("x"), _flow(0)),
+    FlowColumn("flow_y", np.float32, np.nan, "m", _FLOW_TEXT.format("y"), _flow(1)),
+    FlowColumn("flow_z", np.float32, np.nan, "m", _FLOW_TEXT.format("z"), _flow(2)),
+    FlowColumn("vx", np.float32, np.nan, "m/s", _VELOCITY_TEXT.format("x"), _velocity(0)),
+    FlowColumn("vy", np.float32, np.nan, "m/s", _VELOCITY_TEXT.format("y"), _velocity(1)),
+    FlowColumn("vz", np.float32, np.nan, "m/s", _VELOCITY_TEXT.format("z"), _velocity(2)),
+    FlowColumn("dynamic", np.uint8, 0, "", "1 if the point moves over ground, else 0", _dynamic),
+    FlowColumn("confidence", np.float32, np.nan, "", _CONFIDENCE_TEXT, _confidence),
+)
+FLOW_NAMES: Final = tuple(column.name for column in FLOW_COLUMNS[:3])
+
+
+def flow_columns(
+    estimate: FlowEstimate, interval_s: float, measured: NDArray[np.bool_]
+) -> dict[str, NDArray[Any]]:
+    """Returns the columns of the table, by name.
+
+    Args:
+        estimate: The estimate.
+        interval_s: Seconds to the next sweep; where it is not positive there are no velocities.
+        measured: (M,) bool, the points of the cloud that are in the sweep, N of them.
+
+    Returns:
+        (M,) each, with the missing value where a point is not in the sweep.
+    """
+    return {
+        column.name: _in_rows_of_cloud(column, column.values(estimate, interval_s), measured)
+        for column in FLOW_COLUMNS
+    }
+
+
+def _in_rows_of_cloud(
+    column: FlowColumn, values: NDArray[Any] | None, measured: NDArray[np.bool_]
+) -> NDArray[Any]:
+    if values is not None and measured.all():
+        return np.ascontiguousarray(values, dtype=column.dtype)
+    result = np.full(len(measured), column.missing, dtype=column.dtype)
+    if values is not None:
+        result[measured] = values
+    return result

@@ -1,0 +1,44 @@
+"""A new field of the output cloud is one row in the table of columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from synthetic_clouds import column, surfaces, xyz_message
+
+from mnsf_ros.core import flow_columns
+from mnsf_ros.core.flow_columns import FLOW_COLUMNS, FlowColumn
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.node.cloud_messages import sweep_from_message
+from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+
+def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
+    length = FlowColumn(
+        "flow_length",
+        np.float32,
+        np.nan,
+        "m",
+        "length of the flow",
+        lambda estimate, _interval_s: np.linalg.norm(estimate.flow, axis=1),
+    )
+    monkeypatch.setattr(flow_columns, "FLOW_COLUMNS", (*FLOW_COLUMNS, length))
+    messages = [xyz_message(surfaces(index), stamp_ns=10**9 + index * 10**8) for index in range(3)]
+    sweeps = [sweep_from_message(message, 0) for message in messages]
+    flow = np.full(sweeps[1].xyz.shape, 2.0, np.float32)
+    published = []
+    context = Context()
+    rclpy.init(context=context)
+    try:
+        node = Node("columns", context=context)
+        outputs = FlowOutputs(node)
+        monkeypatch.setattr(outputs._flow, "publish", published.append)
+        outputs.publish(SweepTriplet(*sweeps), FlowEstimate(flow, np.ones(len(flow), bool)))
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+    assert [field.name for field in published[0].fields[-2:]] == ["confidence", "flow_length"]
+    np.testing.assert_allclose(column(published[0], "flow_length"), np.sqrt(12), rtol=1e-6)
