@@ -1,4 +1,4 @@
-"""Where tensors live and how many threads torch may use."""
+"""Where tensors live and how many threads may work."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ def compute_device(settings: ComputeSettings) -> torch.device:
     return torch.device(settings.device)
 
 
-def limit_threads(settings: ComputeSettings) -> None:
-    """Applies `compute.num_threads` to torch, for the calling thread too; 0 changes nothing."""
+def limit_threads(settings: ComputeSettings) -> int:
+    """Applies `compute.num_threads` to torch, for the calling thread too; 0 changes nothing.
+
+    Returns:
+        The number of threads, for the libraries that have to be told.
+    """
     if settings.num_threads:
         torch.set_num_threads(settings.num_threads)
+    return torch.get_num_threads()

@@ -7,7 +7,6 @@ target's points to nodes.
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
 
 import edt
@@ -62,7 +61,7 @@ class DistanceTransform:
 
     @classmethod
     def from_points(cls, points: torch.Tensor, box: GridBox) -> DistanceTransform:
-        """Builds the transform.
+        """Builds the transform, with as many threads as torch has.
 
         Args:
             points: (N, 3) float32, metres, inside the box. Its device holds the result.
@@ -73,7 +72,7 @@ class DistanceTransform:
         is_free = np.ones(box.shape, dtype=np.uint8)
         is_free[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
         distances = edt.edt(
-            is_free, anisotropy=(box.cell_size_m,) * 3, parallel=min(8, os.cpu_count() or 1)
+            is_free, anisotropy=(box.cell_size_m,) * 3, parallel=torch.get_num_threads()
         )
         return cls(torch.from_numpy(distances).to(points.device), box)
 

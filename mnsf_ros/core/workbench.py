@@ -19,6 +19,7 @@ from mnsf_ros.core.optimization import (
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.temporal_fusion import fit_fusion
+from mnsf_ros.core.warm_start import Learners, WarmStart
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -38,6 +39,9 @@ class Workbench:
         rows_to_fit: (M, 3) metres, the points of the current sweep that fits may use.
         points: The same, in batches.
         fits: Stage to result of its optimization.
+        warm_start: What the last triplet has handed on, and this one may.
+        start: Where the first weights came from.
+        learners: The networks of MNSF, once it has begun.
     """
 
     current: PreparedSweep
@@ -45,6 +49,7 @@ class Workbench:
     before: list[PreparedSweep]
     rows_to_fit: torch.Tensor
     points: Batches
+    learners: Learners
 
     def __init__(
         self,
@@ -53,6 +58,7 @@ class Workbench:
         device: torch.device,
         preparation: SweepPreparation,
         num_before: int = 0,
+        warm_start: WarmStart | None = None,
     ) -> None:
         """Prepares the sweeps and chooses the points to fit to.
 
@@ -62,6 +68,7 @@ class Workbench:
             device: Where to work.
             preparation: Remembers sweeps from triplet to triplet.
             num_before: Sweeps before the current one that the method needs.
+            warm_start: Of a method that can start where the last triplet ended.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
@@ -71,6 +78,8 @@ class Workbench:
         self.settings = settings
         self.device = device
         self.fits: dict[str, OptimizationResult] = {}
+        self.warm_start = warm_start or WarmStart()
+        self.start = Start.COLD_BY_SETTING
         self._clock = StageClock(device)
         # A generator of its own: the same triplet gives the same flow whatever came before.
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
@@ -158,17 +167,11 @@ class Workbench:
             )
         return self.flow("fusion", fusion.network, side_by_side)
 
-    def finish(
-        self,
-        flow: torch.Tensor,
-        start: Start = Start.COLD_BY_SETTING,
-        distance_kind: str | None = None,
-    ) -> FlowEstimate:
+    def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
         """Makes the result of the (N, 3) flow.
 
         Args:
             flow: Metres, from t to t+1.
-            start: Where the first weights came from.
             distance_kind: How distances were measured, if not to `next.distance`.
         """
         return FlowEstimate(
@@ -176,7 +179,7 @@ class Workbench:
             kept=self.current.kept,
             times_ms=self._clock.times_ms,
             fits=self.fits,
-            start=start,
+            start=self.start,
             device=self.device.type,
             distance_kind=distance_kind or self.next.distance.kind,
         )

@@ -46,9 +46,10 @@ class SensorPose:
 class EgoMotion:
     """Chains the sensor's motion from sweep to sweep, so that a change of source is no jump."""
 
-    def __init__(self, settings: EgoMotionSettings) -> None:
+    def __init__(self, settings: EgoMotionSettings, num_threads: int = 1) -> None:
         self._settings = settings
-        self._matcher = SweepMatcher(settings)
+        self._num_threads = num_threads
+        self._matcher = self._new_matcher()
         self._pose: NDArray[np.float64] = np.eye(4)
         self._last: Sweep | None = None
         self._last_pose = SensorPose(self._pose, EgoSource.START)
@@ -56,6 +57,10 @@ class EgoMotion:
         self._last_interval_ns = 0
         # Whether the last sweep is in the map: with odometry nobody needs one.
         self._is_mapped = False
+
+    def use_threads(self, num_threads: int) -> None:
+        """Sets the most threads that registration may use; poses do not depend on it."""
+        self._num_threads = self._matcher.num_threads = num_threads
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
         """The pose of a sweep that is newer than all before it.
@@ -86,7 +91,7 @@ class EgoMotion:
 
     def _start(self, sweep: Sweep) -> SensorPose:
         self._last, self._pose, self._last_motion = sweep, np.eye(4), None
-        self._matcher = SweepMatcher(self._settings)
+        self._matcher = self._new_matcher()
         self._is_mapped = not self._is_odometry_wanted or sweep.odometry is None
         if self._is_mapped:
             self._matcher.add(sweep.xyz, self._pose)
@@ -115,7 +120,7 @@ class EgoMotion:
     def _registered(self, sweep: Sweep) -> tuple[NDArray[np.float64], EgoSource]:
         if not self._is_mapped and self._last is not None:
             # Odometry was lost just now: the map starts with the last sweep, where it was.
-            self._matcher = SweepMatcher(self._settings)
+            self._matcher = self._new_matcher()
             self._matcher.add(self._last.xyz, self._pose)
         motion = self._expected_motion(sweep)
         pose = self._matcher.match(sweep.xyz, None if motion is None else self._pose @ motion)
@@ -124,7 +129,7 @@ class EgoMotion:
             motion = np.eye(4) if motion is None else motion
             # What the map shows is not what the sensor sees: it starts anew with this sweep, if
             # that shows anything at all.
-            matcher = SweepMatcher(self._settings)
+            matcher = self._new_matcher()
             matcher.add(sweep.xyz, self._pose @ motion)
             self._matcher = self._matcher if matcher.is_empty else matcher
             return motion, EgoSource.CONSTANT_VELOCITY
@@ -137,3 +142,6 @@ class EgoMotion:
         elapsed_ns, last_ns = sweep.stamp_ns - self._last.stamp_ns, self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
         return interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
+
+    def _new_matcher(self) -> SweepMatcher:
+        return SweepMatcher(self._settings, self._num_threads)

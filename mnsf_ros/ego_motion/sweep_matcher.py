@@ -25,7 +25,6 @@ _SEARCH_WITHIN_M: Final = (5.0, 2.0)
 # on half of the simulated streets at 3 m a sweep, with .7 instead of .9 of the points explained.
 _SEARCH_FROM_M: Final = ((0.0, 0.0), (2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
 _NUM_NEIGHBORS: Final = 10
-_NUM_THREADS: Final = 2
 # A motion that leads fewer of the points near the map than this is not one to trust; .88 to .97
 # on the recordings at hand.
 _MIN_EXPLAINED: Final = 0.6
@@ -52,9 +51,13 @@ class SweepMatcher:
     """Finds the pose of each sweep in the map of the sweeps before it.
 
     Where sums of several threads would depend on their timing it uses one only.
+
+    Attributes:
+        num_threads: The most threads that it may use.
     """
 
-    def __init__(self, settings: EgoMotionSettings) -> None:
+    def __init__(self, settings: EgoMotionSettings, num_threads: int = 1) -> None:
+        self.num_threads = num_threads
         self._settings = settings
         self._map = small_gicp.GaussianVoxelMap(settings.map_cell_m)
         self._map.set_lru(horizon=settings.map_sweeps)
@@ -170,5 +173,5 @@ class SweepMatcher:
             return None
         tree = small_gicp.KdTree(cloud, num_threads=1)
         # Each point by itself: here threads change nothing in the result.
-        small_gicp.estimate_covariances(cloud, tree, _NUM_NEIGHBORS, num_threads=_NUM_THREADS)
+        small_gicp.estimate_covariances(cloud, tree, _NUM_NEIGHBORS, num_threads=self.num_threads)
         return _Cloud(cloud, tree)

@@ -18,6 +18,10 @@ class TripletPoses:
         self._max_gap_s = settings.max_gap_s
         self._poses: dict[Sweep, SensorPose] = {}
 
+    def use_threads(self, num_threads: int) -> None:
+        """Sets the most threads that registration may use; poses do not depend on it."""
+        self._ego_motion.use_threads(num_threads)
+
     def of(self, triplet: SweepTriplet) -> dict[Sweep, SensorPose]:
         """The poses of all sweeps of a triplet, in a world that they share.
 

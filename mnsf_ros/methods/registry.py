@@ -13,14 +13,13 @@ from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Final
 
-from mnsf_ros.common_frame import CommonFrameEstimator
-from mnsf_ros.core.multi_frame import MultiFrameEstimator
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods.cold_estimator import ColdEstimator, FlowOf
 from mnsf_ros.methods.command_estimator import CommandEstimator
 from mnsf_ros.methods.fnsf import fnsf, fnsf_joint, fnsf_linear, fnsf_time
+from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.methods.mnsf_cycle import mnsf_cycle
+from mnsf_ros.methods.network_estimator import NetworkEstimator
 from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -34,20 +33,19 @@ GROUP: Final = "mnsf_ros.methods"
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
-
-def _cold(flow_of: FlowOf, num_before: int = 0, distance_kind: str | None = None) -> MethodMaker:
-    make = partial(ColdEstimator, flow_of, num_before=num_before, distance_kind=distance_kind)
-    return lambda settings: CommonFrameEstimator(make(settings))
+_TRIPLET: Final = 3
 
 
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
     """The method of the paper, with some settings of its fusion fixed."""
-    values = {f"fusion.{name}": value for name, value in changes.items()}
-
-    def make(settings: Settings) -> SceneFlowEstimator:
-        return CommonFrameEstimator(MultiFrameEstimator(settings, num_sweeps, values))
-
-    return make
+    return partial(
+        NetworkEstimator,
+        flow_of=partial(mnsf, num_fields=num_sweeps - 1),
+        num_sweeps=num_sweeps,
+        fixed={f"fusion.{name}": value for name, value in changes.items()},
+        starts_warm=True,
+        needs_previous=num_sweeps != _TRIPLET,
+    )
 
 
 # A new method is one line here; docs/extending.md has the recipe.
@@ -57,13 +55,13 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     "zero": ZeroEstimator,
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
-    "nsfp": _cold(nsfp, distance_kind="tree"),
-    "nsfp-linear": _cold(nsfp_linear, distance_kind="tree"),
-    "fnsf": _cold(fnsf),
-    "fnsf-linear": _cold(fnsf_linear),
-    "fnsf-joint": _cold(fnsf_joint, num_before=1),
-    "fnsf-time": _cold(fnsf_time, num_before=1),
-    "mnsf-cycle": _cold(mnsf_cycle, num_before=1),
+    "nsfp": partial(NetworkEstimator, flow_of=nsfp, distance_kind="tree"),
+    "nsfp-linear": partial(NetworkEstimator, flow_of=nsfp_linear, distance_kind="tree"),
+    "fnsf": partial(NetworkEstimator, flow_of=fnsf),
+    "fnsf-linear": partial(NetworkEstimator, flow_of=fnsf_linear),
+    "fnsf-joint": partial(NetworkEstimator, flow_of=fnsf_joint, num_sweeps=3),
+    "fnsf-time": partial(NetworkEstimator, flow_of=fnsf_time, num_sweeps=3),
+    "mnsf-cycle": partial(NetworkEstimator, flow_of=mnsf_cycle, num_sweeps=3),
     # Ablations (a) to (c) of the paper; (d) is the method itself.
     "mnsf-no-backward": _mnsf(2),
     "mnsf-mean": _mnsf(kind="mean"),

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
+from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.ego_motion.triplet_poses import TripletPoses
@@ -103,6 +104,7 @@ class EstimatedEgoMotionEstimator:
         """
         clock = StageClock(_CPU)
         with clock.stage("ego motion"):
+            self._poses.use_threads(limit_threads(self.settings.compute))
             poses = self._poses.of(triplet)
             current, following = (
                 poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)

@@ -70,6 +70,10 @@ class MotionMemory:
                 other._sweeps, other._known = self._sweeps, self._known
         return other
 
+    def use_threads(self, num_threads: int) -> None:
+        """Sets the most threads that registration may use; poses do not depend on it."""
+        self._ego_motion.use_threads(num_threads)
+
     def prepared(self, *sweeps: Sweep) -> list[ObjectSweep]:
         """The sweeps made ready, in the order of the arguments, oldest first.
 

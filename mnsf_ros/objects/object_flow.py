@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device
+from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
@@ -72,6 +72,7 @@ class ObjectFlowEstimator:
             SweepError: If crop and ground removal leave too few points of a sweep.
             CancelledError: If `cancelled` says so.
         """
+        self._memory.use_threads(limit_threads(self.settings.compute))
         clock = _Clock(cancelled)
         with clock.stage("prepare"):
             scene = Scene.of(triplet, self._memory)

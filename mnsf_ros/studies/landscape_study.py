@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import torch
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
+from torch import nn
 
+from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.motion_inversion import invert_motion
 from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.schedule import Schedules
+from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
-from mnsf_ros.studies.fitted_optima import fitted_optima
+from mnsf_ros.methods.mnsf import mnsf
+from mnsf_ros.settings import Settings
 from mnsf_ros.studies.loss_landscape import Landscape, landscape
 from mnsf_ros.studies.study_examples import first_example
 from mnsf_ros.studies.study_options import StudyOptions
 from mnsf_ros.studies.study_output import StudyResult, new_figure
+from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _TITLE: Final = "Loss landscape around the optimum"
 _TEXT: Final = (
@@ -88,9 +98,9 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
         )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    optima = fitted_optima(example.triplet, options.evaluation().method_settings)
+    bench = fitted_workbench(example.triplet, options.evaluation().method_settings)
     found = {}
-    for name, (network, loss_of) in optima.losses.items():
+    for name, (network, loss_of) in _losses(bench).items():
         options.say(f"looking around {name}")
         found[name] = landscape(
             network,
@@ -103,7 +113,58 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
     where = (
         f"Sweep {example.number} of {example.recording}, {len(example.triplet.current):,} points."
     )
-    return landscape_result(found, [_TEXT, where, *_unconverged(optima.fits)])
+    return landscape_result(found, [_TEXT, where, *_unconverged(bench.fits)])
+
+
+def fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
+    """Returns a workbench on which MNSF, and with it FNSF, was fitted to a triplet.
+
+    Raises:
+        MnsfError: A sweep or a setting cannot be used, or a fit fails.
+    """
+    settings = settings.changed(
+        {"warm_start.enabled": False, "fusion.inversion": True, "fusion.kind": "mlp"}
+    )
+    limit_threads(settings.compute)
+    device, preparation = compute_device(settings.compute), SweepPreparation(settings)
+    bench = Workbench(triplet, settings, device, preparation, num_before=1)
+    mnsf(bench, Schedules.start_now(settings, is_warm=False, cancelled=never))
+    return bench
+
+
+class MultiFrameField(nn.Module):
+    """MNSF as one network: (M, 3) points to their fused flow, (M, 3) metres."""
+
+    def __init__(self, bench: Workbench) -> None:
+        """Takes the fitted networks."""
+        super().__init__()
+        self._forward_field, self._backward_field = (
+            field.network for field in bench.learners.fields
+        )
+        self._fusion = bench.learners.fusion.network
+        self._ratio = bench.triplet.interval_ratio
+
+    def forward(self, points: torch.Tensor) -> torch.Tensor:
+        """Flow at the points."""
+        backward_flow = self._backward_field(points)
+        flows = (self._forward_field(points), invert_motion(backward_flow, self._ratio))
+        fused: torch.Tensor = self._fusion(torch.cat(flows, dim=1))
+        return fused
+
+
+def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Callable[[], torch.Tensor]]]:
+    """What is varied to its weights and their loss, over all points at once."""
+    points, target = bench.current.points, bench.next.distance
+    forward_field, whole = bench.learners.forward.network, MultiFrameField(bench)
+
+    def loss_with(field: nn.Module) -> Callable[[], torch.Tensor]:
+        return lambda: target.mean(points + field(points))
+
+    return {
+        "FNSF": (forward_field, loss_with(forward_field)),
+        "MNSF (all weights)": (whole, loss_with(whole)),
+        "MNSF (fusion)": (bench.learners.fusion.network, loss_with(whole)),
+    }
 
 
 def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:

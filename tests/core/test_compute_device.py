@@ -7,7 +7,6 @@ import torch
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 
 HAS_CUDA = torch.cuda.is_available()
@@ -33,10 +32,6 @@ def test_cuda_where_there_is_none():
     text = "^compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu$"
     with pytest.raises(SettingsError, match=text):
         compute_device(settings.compute)
-    with pytest.raises(SettingsError, match=text):
-        make_method("mnsf", settings)
-    with pytest.raises(SettingsError, match=text):
-        make_method("mnsf", Settings()).with_settings(settings)
 
 
 @pytest.fixture
@@ -48,7 +43,7 @@ def threads():
 
 
 def test_number_of_threads(threads):
-    limit_threads(settings_with(num_threads=threads + 1).compute)
+    assert limit_threads(settings_with(num_threads=threads + 1).compute) == threads + 1
     assert torch.get_num_threads() == threads + 1
-    limit_threads(settings_with(num_threads=0).compute)
+    assert limit_threads(settings_with(num_threads=0).compute) == threads + 1
     assert torch.get_num_threads() == threads + 1

@@ -161,9 +161,12 @@ def test_device_that_is_not_there():
 
     if torch.cuda.is_available():
         pytest.skip("there is one")
-    for name in ("fnsf", "nsfp", "mnsf"):
+    missing = PAPER.changed({"compute.device": "cuda"})
+    for name in ("fnsf", "nsfp", "mnsf", "online"):
         with pytest.raises(SettingsError, match=r"compute\.device"):
-            make_method(name, PAPER.changed({"compute.device": "cuda"}))
+            make_method(name, missing)
+        with pytest.raises(SettingsError, match=r"compute\.device"):
+            make_method(name, PAPER).with_settings(missing)
 
 
 def test_method_of_another_package(install):

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from mnsf_ros.core.estimation_run import EstimationRun
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import never
+from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.warm_start import Learners, WarmStart
+from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method
+from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -56,15 +59,13 @@ def estimator():
     return estimator
 
 
-def run(each, warm_start, settings=SMALL):
-    return EstimationRun(
-        triplet=each,
-        settings=settings,
-        device=torch.device("cpu"),
-        preparation=SweepPreparation(settings),
-        warm_start=warm_start,
-        cancelled=lambda: False,
-    )
+def workbench(each, warm_start):
+    preparation = SweepPreparation(SMALL)
+    return Workbench(each, SMALL, torch.device("cpu"), preparation, 1, warm_start)
+
+
+def schedules(cancelled=never):
+    return Schedules.start_now(SMALL, is_warm=False, cancelled=cancelled)
 
 
 def num_steps(learner):
@@ -73,17 +74,19 @@ def num_steps(learner):
 
 def test_networks_and_their_optimizers_go_on():
     warm_start = WarmStart()
-    first = run(triplet(10), warm_start)
-    first.forward_flow()
+    first, second, third = (workbench(triplet(10 + k / 10), warm_start) for k in range(3))
+    mnsf(first, schedules())
+    assert num_steps(first.learners.forward) == {5}
     carried = [weight.clone() for weight in first.learners.forward.network.parameters()]
-    warm_start.keep(first.learners, triplet(10))
-    second = run(triplet(10.1), warm_start)
+    with pytest.raises(CancelledError):
+        mnsf(second, schedules(lambda: True))
     assert second.learners is first.learners
     for before, now in zip(carried, second.learners.forward.network.parameters(), strict=True):
         assert torch.equal(before, now)
-    assert num_steps(second.learners.forward) == {5}
-    second.forward_flow()
-    assert num_steps(second.learners.forward) == {5 + 3}
+    warm_start.keep(first.learners, triplet(10.1))
+    mnsf(third, schedules())
+    assert third.learners is first.learners
+    assert num_steps(third.learners.forward) == {5 + 3}
 
 
 def test_warm_start_has_its_own_number_of_steps(estimator):

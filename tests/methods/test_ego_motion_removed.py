@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 from box_street import BoxStreet, pose
 
-from mnsf_ros.common_frame import CommonFrameEstimator
-from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
+from mnsf_ros.methods.network_estimator import NetworkEstimator
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -198,43 +197,45 @@ def test_it_can_be_abandoned(triplet):
 class KnownFlow:
     """A method that is told the motion over ground, and remembers what it was asked for."""
 
-    settings = QUICK.changed({"ego_motion.source": "odometry"})
+    settings = QUICK.changed({"ego_motion.source": "odometry", "ground.remove": False})
 
-    def __init__(self, motion=0.0, num_sweeps=2):
+    def __init__(self, motion=(0.0, 0.0, 0.0, 0.0)):
         self.motion = motion
-        self.traits = MethodTraits(num_sweeps)
         self.asked = None
 
-    def estimate(self, triplet, cancelled=None):
-        self.asked = triplet
-        flow = np.zeros_like(triplet.current.xyz)
-        flow[:, 0] = self.motion
-        return FlowEstimate(flow, np.ones(len(flow), bool))
+    def __call__(self, bench, schedules):
+        self.asked = bench.triplet
+        flow = torch.zeros_like(bench.current.positions)
+        flow[:, 0] = torch.tensor(self.motion).repeat(len(flow) // 4)
+        return flow
+
+    def estimate(self, triplet, **how):
+        return NetworkEstimator(self.settings, self, **how).estimate(triplet)
 
 
 def told_sweep(index, interval_s=0.1, odometry=True):
-    """Four points and the sensor's pose: 0.5 m a sweep."""
-    xyz = np.random.default_rng(index).uniform(-20, 20, (4, 3)).astype(np.float32)
+    """40 points and the sensor's pose: 0.5 m a sweep."""
+    xyz = np.random.default_rng(index).uniform((-20, -20, 0), (20, 20, 3), (40, 3))
     known = pose(0.5 * index, yaw_deg=3.0 * index) if odometry else None
-    return Sweep(xyz, round(index * interval_s * 1e9), "lidar", odometry=known)
+    stamp_ns = round(index * interval_s * 1e9)
+    return Sweep(xyz.astype(np.float32), stamp_ns, "lidar", odometry=known)
 
 
 # Without stamps the usual interval counts, 0.1 s.
 @pytest.mark.parametrize(("interval_s", "limit_m"), [(0.1, 0.05), (0.2, 0.1), (0.0, 0.05)])
 def test_who_moves_is_a_matter_of_speed(interval_s, limit_m):
-    inner = KnownFlow(limit_m * np.array([0.1, 0.9, 1.1, 3.0]))
+    method = KnownFlow([limit_m * share for share in (0.1, 0.9, 1.1, 3.0)])
     triplet = SweepTriplet(*(told_sweep(index, interval_s) for index in range(3)))
-    known = CommonFrameEstimator(inner).estimate(triplet).over_ground
-    assert known.dynamic.tolist() == [False, False, True, True]
+    known = method.estimate(triplet).over_ground
+    assert known.dynamic.tolist() == 10 * [False, False, True, True]
 
 
 def test_method_gets_all_sweeps_in_the_frame_of_the_current_one():
-    inner = KnownFlow()
+    method = KnownFlow()
     sweeps = [told_sweep(index) for index in range(5)]
-    CommonFrameEstimator(inner).estimate(
-        SweepTriplet(sweeps[2], sweeps[3], sweeps[4], earlier=(sweeps[1], sweeps[0]))
-    )
-    asked = inner.asked
+    triplet = SweepTriplet(sweeps[2], sweeps[3], sweeps[4], earlier=(sweeps[1], sweeps[0]))
+    method.estimate(triplet, num_sweeps=5)
+    asked = method.asked
     assert asked.current is sweeps[3]
     current_from_world = np.linalg.inv(sweeps[3].odometry)
     moved = (asked.next, *asked.before)
@@ -246,10 +247,5 @@ def test_method_gets_all_sweeps_in_the_frame_of_the_current_one():
 
 def test_source_is_that_of_the_motion_to_the_next_sweep():
     pair = SweepTriplet(None, told_sweep(0), told_sweep(1))
-    known = CommonFrameEstimator(KnownFlow()).estimate(pair).over_ground
+    known = KnownFlow().estimate(pair).over_ground
     assert known.source == EgoSource.ODOMETRY.value
-
-
-@pytest.mark.parametrize("num_sweeps", [2, 3, 5])
-def test_as_many_sweeps_are_looked_at_as_by_the_method_itself(num_sweeps):
-    assert CommonFrameEstimator(KnownFlow(num_sweeps=num_sweeps)).traits.num_sweeps == num_sweeps

@@ -1,0 +1,109 @@
+"""MNSF, the method of the paper: from three sweeps to the flow of the middle one.
+
+`mnsf` follows section 3 step by step. Variants (ablations, more sweeps, the authors' code) are
+settings and the number of fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+
+from mnsf_ros.core.flow_estimate import Start
+from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, still_fits
+from mnsf_ros.core.motion_inversion import invert_motion
+from mnsf_ros.core.schedule import Schedule, Schedules
+from mnsf_ros.core.warm_start import Learners
+from mnsf_ros.core.workbench import Workbench
+
+
+def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:
+    """MNSF (section 3 of the paper); (N, 3) metres.
+
+    With fewer sweeps before the current one than backward fields, the forward flow alone is the
+    result, which is FNSF.
+
+    Args:
+        bench: The sweeps.
+        schedules: How long to fit each network.
+        num_fields: The forward field, and a backward field for each sweep before the current one.
+    """
+    learners = bench.learners = _starting_learners(bench, num_fields)
+    schedules = replace(schedules, is_warm=bench.start is Start.WARM)
+    if len(bench.before) < num_fields - 1:
+        return _fitted_flows(bench, [schedules.forward], keep_best=True)[0]
+    # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
+    forward_flow, *backward_flows = _field_flows(bench, schedules)
+    # 3.: the backward flow is turned round.
+    inverted_flows = _inverted(bench, backward_flows)
+    # 4.: the fusion makes one flow of both.
+    flow = bench.fused_flow(learners.fusion, [forward_flow, *inverted_flows], schedules.fusion)
+    bench.warm_start.keep(learners, bench.triplet)
+    return flow
+
+
+def _starting_learners(bench: Workbench, num_fields: int) -> Learners:
+    """The networks of the last triplet if they still fit, else fresh ones."""
+    with bench.stage("prepare"):
+        carried, bench.start = bench.warm_start.carried(bench.triplet, bench.settings)
+        # Until the estimate is complete, its half-fitted networks are no start for the next one.
+        bench.warm_start.forget()
+        if carried and _still_fit(carried, bench):
+            return carried
+        bench.start = Start.COLD_LOSS if carried else bench.start
+        return Learners.fresh(bench.settings, bench.generator, bench.device, num_fields)
+
+
+def _still_fit(carried: Learners, bench: Workbench) -> bool:
+    # A cold start after this must not differ from any other: give back what was drawn.
+    state = bench.generator.get_state()
+    ratio = bench.settings.warm_start.max_loss_ratio
+    fits = still_fits(carried.forward, bench.points, bench.next.distance, ratio)
+    bench.generator.set_state(state)
+    return fits
+
+
+def _field_flows(bench: Workbench, schedules: Schedules) -> list[torch.Tensor]:
+    """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
+    fields = bench.learners.fields
+    keep_best = bench.settings.fusion.fields == "best"
+    if not bench.settings.optimization.joint:
+        return _fitted_flows(bench, schedules.fields(len(fields)), keep_best=keep_best)
+    with bench.stage("fields"):
+        bench.fits["fields"] = fit_jointly(
+            fields,
+            bench.points,
+            [sweep.distance for sweep in (bench.next, *bench.before)],
+            schedules.fields(1)[0],
+            keep_best=keep_best,
+        )
+    return [bench.flow("fields", field.network) for field in fields]
+
+
+def _fitted_flows(
+    bench: Workbench, schedules: Sequence[Schedule], *, keep_best: bool
+) -> list[torch.Tensor]:
+    """The flows of as many fields as there are schedules, each fitted by itself."""
+    flows = []
+    fields = bench.learners.fields[: len(schedules)]
+    targets = (bench.next, *bench.before)[: len(schedules)]
+    for number, (field, target, schedule) in enumerate(
+        zip(fields, targets, schedules, strict=True)
+    ):
+        stage = ("forward", "backward")[number] if number < 2 else f"backward {number}"
+        with bench.stage(stage):
+            bench.fits[stage] = fit_field(
+                field, bench.points, target.distance, schedule, keep_best=keep_best
+            )
+        flows.append(bench.flow(stage, field.network))
+    return flows
+
+
+def _inverted(bench: Workbench, backward_flows: Sequence[torch.Tensor]) -> list[torch.Tensor]:
+    """Flows to t-1, t-2 ... turned into flows to t+1, or not, to see what that is worth."""
+    if not bench.settings.fusion.inversion:
+        return list(backward_flows)
+    ratios = bench.triplet.interval_ratios[: len(backward_flows)]
+    return [invert_motion(flow, ratio) for flow, ratio in zip(backward_flows, ratios, strict=True)]

@@ -1,0 +1,189 @@
+"""The estimator of all methods that fit networks: each method is one function on a workbench.
+
+With `ego_motion.removed` the sweeps are first moved into the frame of the current one, so that
+the networks explain only what the ego motion does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.prepared_sweep import SweepPreparation
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.core.schedule import Schedules
+from mnsf_ros.core.warm_start import WarmStart
+from mnsf_ros.core.workbench import Workbench
+from mnsf_ros.ego_motion.ego_motion import SensorPose
+from mnsf_ros.ego_motion.triplet_poses import TripletPoses
+from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
+from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
+
+# A point that is faster over ground is dynamic: 0.05 m within a sweep at 10 Hz.
+_DYNAMIC_SPEED_M_S: Final = 0.5
+
+FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
+
+
+class NetworkEstimator:
+    """Estimates scene flow by a method that fits networks to each triplet.
+
+    Not for use from several threads at once.
+
+    Attributes:
+        settings: How it estimates.
+        traits: What the method needs.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        flow_of: FlowOf,
+        *,
+        num_sweeps: int = 2,
+        fixed: Mapping[str, SettingValue] | None = None,
+        distance_kind: str | None = None,
+        starts_warm: bool = False,
+        needs_previous: bool = True,
+    ) -> None:
+        """Makes an estimator that has seen nothing yet.
+
+        Args:
+            settings: How to estimate.
+            flow_of: The method: fits networks on the workbench, by the schedules, and returns
+                the flow (N, 3), metres from t to t+1.
+            num_sweeps: Sweeps that the method looks at.
+            fixed: Settings that make the variant, whatever the others are.
+            distance_kind: How the method measures distances, if not to `Workbench.next.distance`.
+            starts_warm: Whether the method can start where the last triplet ended.
+            needs_previous: False if a method of three sweeps can do with two.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        self._flow_of = flow_of
+        self._fixed = dict(fixed or {})
+        self._distance_kind = distance_kind
+        self._starts_warm = starts_warm
+        self._needs_previous = needs_previous
+        self.settings = settings = settings.changed(self._fixed)
+        is_warm = starts_warm and settings.warm_start.enabled
+        self.traits = MethodTraits(num_sweeps, carries_state=is_warm or settings.ego_motion.removed)
+        self._device = compute_device(settings.compute)
+        self._preparation = SweepPreparation(settings)
+        self._warm_start = WarmStart()
+        self._poses = TripletPoses(settings.ego_motion)
+
+    def with_settings(self, settings: Settings) -> NetworkEstimator:
+        """Returns an estimator with other settings that keeps what is still valid.
+
+        Raises:
+            SettingsError: If the settings ask for a device that is not there.
+        """
+        other = NetworkEstimator(
+            settings,
+            self._flow_of,
+            num_sweeps=self.traits.num_sweeps,
+            fixed=self._fixed,
+            distance_kind=self._distance_kind,
+            starts_warm=self._starts_warm,
+            needs_previous=self._needs_previous,
+        )
+        old, new = self.settings, other.settings
+        if new.compute == old.compute:
+            if _networks(new) == _networks(old):
+                other._warm_start = self._warm_start
+            preparing = (new.crop, new.ground, new.distance)
+            if preparing == (old.crop, old.ground, old.distance):
+                other._preparation = self._preparation
+        if new.ego_motion == old.ego_motion:
+            other._poses = self._poses
+        return other
+
+    def estimate(
+        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+    ) -> FlowEstimate:
+        """Estimates the flow of the triplet's current sweep.
+
+        Args:
+            triplet: The sweeps, each in its own sensor frame.
+            cancelled: Asked again and again; True ends the estimate with CancelledError.
+
+        Raises:
+            SweepError: If crop and ground removal leave too few points of a sweep, there are too
+                few sweeps, or with `ego_motion.removed` a sweep cannot follow the one before it.
+            OptimizationError: If the optimization finds no finite flow.
+            CancelledError: If `cancelled` returns True.
+        """
+        num_threads = limit_threads(self.settings.compute)
+        if not self.settings.ego_motion.removed:
+            return self._fitted(triplet, cancelled)
+        clock = StageClock(torch.device("cpu"))
+        with clock.stage("ego motion"):
+            self._poses.use_threads(num_threads)
+            poses = self._poses.of(triplet)
+            common = _in_frame_of_current(triplet, poses)
+        estimate = self._fitted(common, cancelled)
+        with clock.stage("output"):
+            over_ground = _over_ground(triplet, poses, estimate.flow)
+            points = triplet.current.xyz + estimate.flow
+            flow = rigid_flow(points, over_ground.next_from_current) + estimate.flow
+        times_ms = clock.times_ms | estimate.times_ms
+        return replace(estimate, flow=flow, times_ms=times_ms, over_ground=over_ground)
+
+    def _fitted(self, triplet: SweepTriplet, cancelled: Callable[[], bool]) -> FlowEstimate:
+        """The flow in the coordinates of the sweeps as they are."""
+        num_before = self.traits.num_sweeps - 2
+        if triplet.previous is None and not self._needs_previous:
+            num_before = 0
+        bench = Workbench(
+            triplet, self.settings, self._device, self._preparation, num_before, self._warm_start
+        )
+        schedules = Schedules.start_now(self.settings, is_warm=False, cancelled=cancelled)
+        return bench.finish(self._flow_of(bench, schedules), self._distance_kind)
+
+
+def _networks(settings: Settings) -> tuple[object, ...]:
+    """What must be the same for networks to be carried over."""
+    # In another frame the flow is another one.
+    is_removed = settings.ego_motion.removed
+    return settings.field, settings.fusion, settings.optimization.joint, is_removed
+
+
+def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) -> SweepTriplet:
+    current_from_world = np.linalg.inv(poses[triplet.current].world_from_sensor)
+
+    def moved(sweep: Sweep) -> Sweep:
+        current_from_sensor = current_from_world @ poses[sweep].world_from_sensor
+        return replace(sweep, xyz=transformed(sweep.xyz, current_from_sensor), odometry=None)
+
+    return SweepTriplet(
+        previous=None if triplet.previous is None else moved(triplet.previous),
+        current=triplet.current,
+        next=moved(triplet.next),
+        earlier=tuple(map(moved, triplet.earlier)),
+    )
+
+
+def _over_ground(
+    triplet: SweepTriplet, poses: dict[Sweep, SensorPose], motion: NDArray[np.float32]
+) -> OverGround:
+    current, following = poses[triplet.current], poses[triplet.next]
+    interval_s = triplet.interval_s if triplet.interval_s > 0 else USUAL_INTERVAL_S
+    return OverGround(
+        motion=motion,
+        dynamic=np.linalg.norm(motion, axis=1) > _DYNAMIC_SPEED_M_S * interval_s,
+        # Networks do not know how sure they are.
+        confidence=np.full(len(motion), np.nan, dtype=np.float32),
+        world_from_sensor=current.world_from_sensor,
+        next_from_current=np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor,
+        source=following.source.value,
+    )

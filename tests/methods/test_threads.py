@@ -1,0 +1,67 @@
+"""`compute.num_threads` holds for every library that a method calls."""
+
+from __future__ import annotations
+
+import edt
+import numpy as np
+import pytest
+import small_gicp
+import torch
+from moving_sweeps import QUICK
+
+from mnsf_ros.methods import make_method
+
+GRID = {"distance.kind": "grid", "ego_motion.removed": True}
+
+
+@pytest.fixture
+def used(monkeypatch):
+    """The numbers of threads that the libraries were told; torch gets its own back."""
+    before, numbers = torch.get_num_threads(), {"edt": set(), "small_gicp": set(), "torch": set()}
+    transform = edt.edt
+
+    def told(*arguments, parallel, **others):
+        numbers["edt"].add(parallel)
+        numbers["torch"].add(torch.get_num_threads())
+        return transform(*arguments, parallel=parallel, **others)
+
+    monkeypatch.setattr(edt, "edt", told)
+    for name in ("align", "estimate_covariances", "voxelgrid_sampling", "KdTree"):
+        monkeypatch.setattr(small_gicp, name, counted(getattr(small_gicp, name), numbers))
+    yield numbers
+    torch.set_num_threads(before)
+
+
+def counted(function, numbers):
+    def call(*arguments, num_threads, **others):
+        numbers["small_gicp"].add(num_threads)
+        return function(*arguments, num_threads=num_threads, **others)
+
+    return call
+
+
+@pytest.mark.parametrize("method", ["mnsf", "fnsf", "online", "ego-estimated"])
+def test_no_library_takes_more_threads_than_it_may(translated, used, method):
+    flows = []
+    for num_threads in (1, 3):
+        settings = QUICK.changed(
+            {**GRID, "compute.num_threads": num_threads, "optimization.max_iterations": 3}
+        )
+        flows.append(make_method(method, settings).estimate(translated).flow)
+        numbers = {library: max(told) for library, told in used.items() if told}
+        assert numbers["small_gicp"] == num_threads
+        if method in ("mnsf", "fnsf"):
+            assert numbers["edt"] == numbers["torch"] == num_threads
+    if method in ("online", "ego-estimated"):
+        np.testing.assert_array_equal(*flows)
+
+
+@pytest.mark.parametrize("method", ["mnsf", "online"])
+def test_another_number_of_threads_keeps_the_world(translated, used, method):
+    settings = QUICK.changed({**GRID, "optimization.max_iterations": 3})
+    estimator = make_method(method, settings)
+    first = estimator.estimate(translated).over_ground
+    estimator = estimator.with_settings(settings.changed({"compute.num_threads": 2}))
+    again = estimator.estimate(translated).over_ground
+    assert torch.get_num_threads() == 2
+    np.testing.assert_array_equal(first.world_from_sensor, again.world_from_sensor)
