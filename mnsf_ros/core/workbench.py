@@ -86,8 +86,7 @@ class Workbench:
         with self.stage("prepare"):
             sweeps = (triplet.current, triplet.next, *_sweeps_before(triplet, num_before))
             self.current, self.next, *self.before = preparation.prepare(*sweeps)
-            kept = torch.from_numpy(self.current.kept).nonzero().view(-1)
-            self._indices_to_fit = self._sampled(kept).to(device)
+            self._indices_to_fit = self._sampled(self.current.kept_positions).to(device)
             self.rows_to_fit = self.current.positions[self._indices_to_fit]
             self.points = self.batches(self.rows_to_fit)
 
@@ -138,7 +137,7 @@ class Workbench:
         Args:
             stage: Whose time this adds to.
             network: Maps (N, C) to (N, 3).
-            rows: (N, C) for all points of the current sweep; their positions if not given.
+            rows: (P, C) for each position of the current sweep; the positions if not given.
 
         Returns:
             (N, 3) finite metres.
@@ -175,7 +174,7 @@ class Workbench:
             distance_kind: How distances were measured, if not to `next.distance`.
         """
         return FlowEstimate(
-            flow=flow.cpu().numpy(),
+            flow=self.current.whole(flow),
             kept=self.current.kept,
             times_ms=self._clock.times_ms,
             fits=self.fits,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, PointSelection
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.tracks import (
     CloudRows,
     TruthTrack,
@@ -25,9 +24,15 @@ from mnsf_ros.geometry.rigid_motion import residual_flow
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.settings import BufferSettings
+from mnsf_ros.sweeps.cropping import crop_mask
+from mnsf_ros.sweeps.ground import ground_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
+from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
+
+# The paper's largest ablation uses five sweeps: t-3 to t+1.
+MAX_SWEEPS: Final = 5
+# Half of the static points are off by more where odometry and truth contradict each other.
+_MAX_CONTRADICTION_M: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,29 +41,22 @@ class Example:
 
     Attributes:
         recording: Name of the recording.
-        number: Place of the current sweep in the recording, in stamp order, counted from 0.
-        triplet: The sweeps as every method gets them: finite points, cropped, without ground,
-            sampled if a number of points was asked for.
-        truth: True flow of the points of the current sweep, row for row; None if unknown.
-        next_from_current: (4, 4) rigid motion of the standing world from the current to the next
-            sensor frame, from the recording's odometry; None if unknown.
-        scored: (N,) bool, the points of the current sweep that figures are taken of, the same for
-            all methods; None for all. Where a method prepares sweeps itself, it gets more than
-            these.
+        number: Index of the current sweep in the recording, in stamp order, counted from 0.
+        triplet: The sweeps as every method gets them: all finite points, as in the live node.
+            `kept` of each sweep says which of them count, see `kept_points`.
+        truth: True flow of all points of the current sweep, row for row; None if unknown.
     """
 
     recording: str
     number: int
     triplet: SweepTriplet
     truth: FlowTruth | None = None
-    next_from_current: NDArray[np.float64] | None = None
-    scored: NDArray[np.bool_] | None = None
 
-
-# The paper's largest ablation uses five sweeps: t-3 to t+1.
-MAX_SWEEPS: Final = 5
-# Half of the points that stand are off by more where odometry and truth contradict each other.
-_MAX_CONTRADICTION_M: Final = 0.1
+    @property
+    def scored(self) -> NDArray[np.bool_]:
+        """The points (N,) of the current sweep that are scored, the same for all methods."""
+        current = self.triplet.current
+        return np.ones(len(current), dtype=bool) if current.kept is None else current.kept
 
 
 def read_examples(
@@ -84,8 +82,7 @@ def read_examples(
         poses = PoseTrack(recorded, sensor_mount(options.settings.ego_motion))
     builder = ExampleBuilder(
         recording.name,
-        options.selection,
-        options.settings.buffer,
+        options,
         findings,
         truth=truth,
         poses=poses,
@@ -95,23 +92,36 @@ def read_examples(
     return builder.examples(in_stamp_order(sweeps))
 
 
-@dataclass(frozen=True, eq=False)
-class SelectedSweep:
-    """A sweep as the methods get it, with what is known about its points.
+def kept_points(
+    xyz: NDArray[np.float32],
+    stamp_ns: int,
+    true_ground: NDArray[np.bool_] | None,
+    options: EvaluationOptions,
+) -> NDArray[np.bool_]:
+    """Chooses the points whose flow is asked for and scored, the same for all methods.
 
-    Attributes:
-        sweep: The points that were selected.
-        number: Place of the sweep in the recording, counted from 0.
-        scored: (N,) bool, the points that figures are taken of.
-        truth: Truth of the same points, row for row; None if unknown.
-        world_from_sensor: (4, 4) pose of the sensor; None if unknown.
+    Args:
+        xyz: (N, 3) metres, sensor frame.
+        stamp_ns: Stamp of the sweep: each has its own random choice, the same in each run.
+        true_ground: (N,) bool from the truth, None if there is none.
+        options: Crop, ground, number of points and seed.
+
+    Returns:
+        (N,) bool.
     """
-
-    sweep: Sweep
-    number: int
-    scored: NDArray[np.bool_]
-    truth: FlowTruth | None = None
-    world_from_sensor: NDArray[np.float64] | None = None
+    settings = options.settings
+    kept = crop_mask(xyz, settings.crop)
+    if settings.ground.remove and options.use_true_ground and true_ground is not None:
+        kept &= ~true_ground
+    elif settings.ground.remove:
+        inside = np.flatnonzero(kept)
+        kept[inside[ground_mask(xyz[inside], settings.ground)]] = False
+    rows = np.flatnonzero(kept)
+    if options.num_points is not None and len(rows) > options.num_points:
+        random = np.random.default_rng([options.seed, stamp_ns])
+        kept[:] = False
+        kept[random.choice(rows, options.num_points, replace=False)] = True
+    return kept
 
 
 class ExampleBuilder:
@@ -120,8 +130,7 @@ class ExampleBuilder:
     def __init__(
         self,
         recording: str,
-        selection: PointSelection,
-        settings: BufferSettings,
+        options: EvaluationOptions,
         findings: Findings,
         *,
         truth: TruthTrack | None = None,
@@ -132,23 +141,22 @@ class ExampleBuilder:
 
         Args:
             recording: Name of the recording.
-            selection: Which points to give and to score.
-            settings: Which sweeps may stand beside each other.
+            options: Which points to keep, and which sweeps may follow each other.
             findings: Gets what is noticed on the way.
             truth: Truth of the sweeps; None if there is none.
             poses: Poses of the sensor; None if there are none.
             num_sweeps: Sweeps that an example must have, 2 to `MAX_SWEEPS`.
         """
         self._recording = recording
-        self._selection = selection
-        self._settings = settings
+        self._options = options
         self._findings = findings
         self._truth = truth
         self._poses = poses
         self._num_sweeps = num_sweeps
-        self._number = 0
-        self._buffer = SweepBuffer()
-        self._recent: deque[SelectedSweep] = deque(maxlen=MAX_SWEEPS)
+        self._buffer = SweepBuffer(MAX_SWEEPS)
+        self._num_read = 0
+        # Number and truth of the newest sweep in the buffer.
+        self._newest: tuple[int, FlowTruth | None] = (0, None)
 
     def examples(self, sweeps: Iterable[Sweep | None]) -> Iterator[Example]:
         """Yields the examples of a recording.
@@ -161,48 +169,48 @@ class ExampleBuilder:
             if sweep is None:
                 self._interrupt()
                 continue
-            selected = self._selected(sweep)
-            if self._is_accepted(selected):
-                example = self._newest_example()
-                if example is not None:
-                    yield example
+            example = self._completed_by(sweep)
+            if example is not None:
+                yield example
 
     def _interrupt(self) -> None:
-        """Lets no triplet reach across this place."""
-        self._findings.count(Event.INTERRUPTIONS, int(len(self._recent) > 0))
-        self._buffer = SweepBuffer()
-        self._recent.clear()
+        """Lets no triplet span this place."""
+        self._findings.count(Event.INTERRUPTIONS, int(len(self._buffer) > 0))
+        self._buffer.clear()
 
-    def _selected(self, sweep: Sweep) -> SelectedSweep:
+    def _completed_by(self, sweep: Sweep) -> Example | None:
+        """The example whose next sweep this is."""
+        number, self._num_read = self._num_read, self._num_read + 1
         truth = self._truth_of(sweep)
-        cloud: CloudRows = sweep.source
-        if truth is not None:
-            truth = truth.of_points(cloud.rows)
-        scored = self._selection.scored_mask(sweep.xyz, None if truth is None else truth.ground)
-        rows = self._selection.given_rows(scored, sweep.stamp_ns)
-        if truth is not None:
-            truth = replace(truth, valid=truth.valid & scored).of_points(rows)
-        source = replace(cloud, rows=cloud.rows[rows])
-        number, self._number = self._number, self._number + 1
-        pose = self._pose_of(sweep)
-        return SelectedSweep(
-            sweep=replace(sweep, xyz=sweep.xyz[rows], source=source, odometry=pose),
-            number=number,
-            scored=scored[rows],
-            truth=truth,
-            world_from_sensor=pose,
+        kept = kept_points(
+            sweep.xyz, sweep.stamp_ns, None if truth is None else truth.ground, self._options
         )
+        sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
+        arrival = self._buffer.push(sweep, self._options.settings.buffer)
+        if arrival is not Arrival.ACCEPTED:
+            self._findings.count(ARRIVAL_EVENTS[arrival])
+        if arrival in REFUSED:
+            return None
+        current, self._newest = self._newest, (number, truth)
+        triplet = self._buffer.triplet(self._num_sweeps)
+        if triplet is None:
+            return None
+        triplet = replace(triplet, next_from_current=_motion(triplet.current, sweep))
+        example = Example(self._recording, current[0], triplet, truth=current[1])
+        self._findings.count(Event.ODOMETRY_CONTRADICTS, int(_is_contradicted(example)))
+        return example
 
     def _truth_of(self, sweep: Sweep) -> FlowTruth | None:
         if self._truth is None:
             return None
         truth, passed_over = self._truth.take(sweep)
         self._findings.count(Event.TRUTH_WITHOUT_SWEEP, passed_over)
-        if passed_over and self._recent and self._recent[-1].truth is not None:
+        if passed_over and len(self._buffer) and self._newest[1] is not None:
             # The truth before leads to a sweep that is not there, and must not be scored.
             self._interrupt()
         self._findings.count(Event.SWEEPS_WITHOUT_TRUTH, int(truth is None))
-        return truth
+        cloud: CloudRows = sweep.source
+        return None if truth is None else truth.of_points(cloud.rows)
 
     def _pose_of(self, sweep: Sweep) -> NDArray[np.float64] | None:
         if self._poses is None:
@@ -214,54 +222,22 @@ class ExampleBuilder:
         self._findings.count(Event.FRAMES_DIFFER, int(pose.frame_id not in ("", sweep.frame_id)))
         return pose.world_from_frame
 
-    def _is_accepted(self, selected: SelectedSweep) -> bool:
-        arrival = self._buffer.push(selected.sweep, self._settings)
-        if arrival is not Arrival.ACCEPTED:
-            self._findings.count(ARRIVAL_EVENTS[arrival])
-        if arrival in (Arrival.DUPLICATE, Arrival.OUT_OF_ORDER):
-            return False
-        if arrival is not Arrival.ACCEPTED:
-            self._recent.clear()
-        self._recent.append(selected)
-        return True
 
-    def _newest_example(self) -> Example | None:
-        if len(self._recent) < self._num_sweeps:
-            return None
-        *before, current, following = self._recent
-        sweeps_before = [selected.sweep for selected in reversed(before)]
-        motion = _motion(current, following)
-        if motion is not None and current.truth is not None:
-            contradicts = _contradicts(motion, current.sweep.xyz, current.truth)
-            self._findings.count(Event.ODOMETRY_CONTRADICTS, int(contradicts))
-        return Example(
-            recording=self._recording,
-            number=current.number,
-            triplet=SweepTriplet(
-                previous=sweeps_before[0] if sweeps_before else None,
-                current=current.sweep,
-                next=following.sweep,
-                earlier=tuple(sweeps_before[1:]),
-                next_from_current=motion,
-            ),
-            truth=current.truth,
-            next_from_current=motion,
-            scored=current.scored,
-        )
-
-
-def _motion(current: SelectedSweep, following: SelectedSweep) -> NDArray[np.float64] | None:
-    if current.world_from_sensor is None or following.world_from_sensor is None:
+def _motion(current: Sweep, following: Sweep) -> NDArray[np.float64] | None:
+    if current.odometry is None or following.odometry is None:
         return None
-    motion: NDArray[np.float64] = (
-        np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor
-    )
+    motion: NDArray[np.float64] = np.linalg.inv(following.odometry) @ current.odometry
     return motion
 
 
-def _contradicts(motion: NDArray[np.float64], xyz: NDArray[np.float32], truth: FlowTruth) -> bool:
-    stands = truth.valid & ~truth.dynamic
-    if not stands.any():
+def _is_contradicted(example: Example) -> bool:
+    """Whether the odometry of an example contradicts the truth of its static points."""
+    truth, motion = example.truth, example.triplet.next_from_current
+    if truth is None or motion is None:
         return False
-    off_m = np.linalg.norm(residual_flow(xyz[stands], truth.flow[stands], motion), axis=1)
+    static = truth.valid & ~truth.dynamic & example.scored
+    if not static.any():
+        return False
+    xyz = example.triplet.current.xyz[static]
+    off_m = np.linalg.norm(residual_flow(xyz, truth.flow[static], motion), axis=1)
     return float(np.median(off_m)) > _MAX_CONTRADICTION_M

@@ -45,7 +45,7 @@ class BagFlowRecorder(FlowRecorder):
         self._writer = writer
 
     def write(self, example: Example, flow: NDArray[np.float32]) -> None:
-        """Writes the flow, and where there is truth its error and the true flow.
+        """Writes the flow of the scored points, and with truth its error and the true flow.
 
         Args:
             example: What was estimated.
@@ -54,12 +54,13 @@ class BagFlowRecorder(FlowRecorder):
         Raises:
             RecordingError: Writing fails.
         """
-        sweep = example.triplet.current
-        points: Columns = {name: sweep.xyz[:, axis] for axis, name in enumerate("xyz")}
+        rows = np.flatnonzero(example.scored)
+        xyz, flow = example.triplet.current.xyz[rows], flow[rows]
+        points: Columns = {name: xyz[:, axis] for axis, name in enumerate("xyz")}
         self._write(example, FLOW_TOPIC, {**points, **_flow_columns(flow)})
-        truth = example.truth
-        if truth is None:
+        if example.truth is None:
             return
+        truth = example.truth.of_points(rows)
         true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
         error_m = end_point_errors(flow, true_flow).astype(np.float32)
         dynamic = truth.dynamic.astype(np.uint8)
@@ -70,7 +71,7 @@ class BagFlowRecorder(FlowRecorder):
     def _write(self, example: Example, topic: str, columns: Columns) -> None:
         sweep = example.triplet.current
         is_dense = all(bool(np.isfinite(column).all()) for column in columns.values())
-        cloud = encode_columns(columns, 1, len(sweep))
+        cloud = encode_columns(columns, 1, len(columns["x"]))
         self._writer.write_cloud(topic, cloud, sweep.stamp_ns, sweep.frame_id, is_dense=is_dense)
 
 

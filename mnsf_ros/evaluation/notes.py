@@ -10,7 +10,7 @@ from itertools import chain
 from typing import Final
 
 from mnsf_ros.evaluation.findings import Event
-from mnsf_ros.evaluation.options import num_sweeps_needed, registers
+from mnsf_ros.evaluation.options import num_sweeps_needed
 from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord, SessionRecord
 
@@ -28,7 +28,6 @@ class NoteKind(Enum):
     NO_ERRORS = "no errors"
     NO_CHECKSUMS = "no checksums"
     NO_TRUTH = "no truth"
-    NO_GROUND = "no ground"
     EVENT = "event"
     MIXED_SESSIONS = "mixed sessions"
 
@@ -74,7 +73,6 @@ def notes_of(
         NoteKind.NO_ERRORS: _without_errors(run.recordings, rows),
         NoteKind.NO_CHECKSUMS: _without_checksums(run.recordings),
         NoteKind.NO_TRUTH: _without_truth(run.recordings),
-        NoteKind.NO_GROUND: _without_ground(run),
         NoteKind.EVENT: _events(finished),
         NoteKind.MIXED_SESSIONS: _mixed_sessions(run.sessions),
     }
@@ -99,18 +97,6 @@ def _without_truth(recordings: Iterable[RecordingRecord]) -> Iterator[str]:
     names = [one.name for one in recordings if one.truth is None]
     if names:
         yield f"{_listed(names)}: no true flow, so no errors."
-
-
-def _without_ground(run: RunRecord) -> Iterator[str]:
-    """Methods that lose more by the removal of the ground than the others."""
-    identity = run.identity
-    is_removed = identity.crop_and_ground["ground.remove"]
-    names = [method for method in run.method_names if registers(method)]
-    if names and is_removed and identity.realtime_rate is None:
-        yield (
-            f"{_listed(names)}: got sweeps without ground, as all methods did, and found the "
-            "sensor's motion less exactly than the live node; --realtime 1 gives whole sweeps."
-        )
 
 
 def _events(finished: Iterable[FinishedTask]) -> Iterator[str]:

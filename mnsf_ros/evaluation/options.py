@@ -8,77 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.inspection import Inspection
-from mnsf_ros.settings import CropSettings, GroundSettings, Settings
-from mnsf_ros.sweeps.cropping import crop_mask
-from mnsf_ros.sweeps.ground import ground_mask
-
-_SETTINGS: Final = Settings()
-
-
-@dataclass(frozen=True)
-class PointSelection:
-    """The protocol.
-
-    Attributes:
-        crop: Points outside are neither given nor scored.
-        ground: Neither are ground points, if `remove` is set.
-        use_true_ground: Take the truth's own ground flag where there is truth; else ground is
-            found as the node finds it.
-        num_points: So many random points of what is left; None for all.
-        seed: Of the random choice, together with the stamp of the sweep.
-        gives_all: Give the methods all points, as the node does, so that they crop and remove
-            ground themselves. What is scored stays the same.
-    """
-
-    crop: CropSettings = _SETTINGS.crop
-    ground: GroundSettings = _SETTINGS.ground
-    use_true_ground: bool = True
-    num_points: int | None = None
-    seed: int = 0
-    gives_all: bool = False
-
-    def scored_mask(
-        self, xyz: NDArray[np.float32], true_ground: NDArray[np.bool_] | None
-    ) -> NDArray[np.bool_]:
-        """Says which points of a sweep are scored.
-
-        Args:
-            xyz: (N, 3) metres, sensor frame.
-            true_ground: (N,) bool from the truth, None if there is none.
-
-        Returns:
-            (N,) bool.
-        """
-        kept = crop_mask(xyz, self.crop)
-        if self.ground.remove and self.use_true_ground and true_ground is not None:
-            kept &= ~true_ground
-        elif self.ground.remove:
-            inside = np.flatnonzero(kept)
-            kept[inside[ground_mask(xyz[inside], self.ground)]] = False
-        return kept
-
-    def given_rows(self, scored: NDArray[np.bool_], stamp_ns: int) -> NDArray[np.int64]:
-        """Chooses the points that the methods get.
-
-        Args:
-            scored: (N,) bool, see `scored_mask`.
-            stamp_ns: Stamp of the sweep: each has its own random choice, the same in each run.
-
-        Returns:
-            (M,) ascending rows of the sweep.
-        """
-        rows = np.arange(len(scored)) if self.gives_all else np.flatnonzero(scored)
-        if self.num_points is None or len(rows) <= self.num_points:
-            return rows
-        random = np.random.default_rng([self.seed, stamp_ns])
-        return np.sort(random.choice(rows, self.num_points, replace=False))
-
+from mnsf_ros.settings import Settings
 
 ALL_POINTS: Final = "all"
 # Methods, by name or how the name begins, that never look at what they did before.
@@ -188,32 +121,17 @@ class EvaluationOptions:
         return place % self.every == 0
 
     @property
-    def selection(self) -> PointSelection:
-        """Which points are given and scored."""
-        return PointSelection(
-            crop=self.settings.crop,
-            ground=self.settings.ground,
-            use_true_ground=self.use_true_ground,
-            num_points=self.num_points,
-            seed=self.seed,
-            gives_all=self.realtime_rate is not None,
-        )
-
-    @property
     def method_settings(self) -> Settings:
         """The settings that the methods get.
 
-        Ground is removed before, unless the methods play live node. The number of threads is
-        fixed, because sums in another order give other last digits, and early stopping on a
-        noisy loss makes large differences of them. In real time they are those of the node.
+        The number of threads is fixed, because sums in another order give other last digits, and
+        early stopping on a noisy loss makes large differences of them. In real time it is that of
+        the node.
         """
         values: dict[str, Any] = {"compute.seed": self.seed}
-        is_node = self.realtime_rate is not None
-        if not is_node:
-            values["ground.remove"] = False
         if self.settings.compute.num_threads == 0:
-            num_cores = os.cpu_count() or 1
-            values["compute.num_threads"] = max(1, num_cores - 1) if is_node else 1
+            is_node = self.realtime_rate is not None
+            values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
         return self.settings.changed(values)
 
     def has_memory(self, method: str) -> bool:
@@ -226,13 +144,8 @@ class EvaluationOptions:
         if method in _STATELESS or method.startswith(_STATELESS_PREFIXES):
             return False
         is_warm = self.settings.warm_start.enabled and not method.startswith(_COLD)
-        is_registering = registers(method)
+        is_registering = method in _REGISTERING
         return is_warm or self.settings.ego_motion.removed or is_registering
-
-
-def registers(method: str) -> bool:
-    """Whether a method finds the sensor's motion sweep after sweep, whatever else is set."""
-    return method in _REGISTERING
 
 
 def num_sweeps_needed(wanted: int, there: int) -> int:

@@ -75,18 +75,23 @@ class PredictionFiles:
         if self._masks is None:
             _check_rows(file, flow, cloud.num_points)
             flow = flow[cloud.rows]
-            return FlowEstimate(flow, kept=np.ones(len(flow), dtype=bool))
+            return FlowEstimate(flow, kept=_asked(current))
         mask = self._mask(current, cloud.num_points)
         _check_rows(file, flow, int(np.count_nonzero(mask)))
         everywhere = np.full((cloud.num_points, 3), np.nan, dtype=np.float32)
         everywhere[mask] = flow
-        return FlowEstimate(everywhere[cloud.rows], kept=mask[cloud.rows])
+        return FlowEstimate(everywhere[cloud.rows], kept=mask[cloud.rows] & _asked(current))
 
     def _mask(self, current: Sweep, num_points: int) -> NDArray[np.bool_]:
         file = _file_of(self._masks or self._folder, current)
         mask = _read_feather(file, ("mask",))[:, 0] != 0
         _check_rows(file, mask, num_points)
         return np.asarray(mask)
+
+
+def _asked(sweep: Sweep) -> NDArray[np.bool_]:
+    """The points (N,) whose flow is asked for: only these need a finite prediction."""
+    return np.ones(len(sweep), dtype=bool) if sweep.kept is None else sweep.kept
 
 
 def _existing(folder: str) -> Path:

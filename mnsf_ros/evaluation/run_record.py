@@ -59,7 +59,6 @@ class RunIdentity:
     @classmethod
     def of(cls, options: EvaluationOptions) -> RunIdentity:
         """Returns the identity of a run with these options."""
-        selection = options.selection
         settings = options.settings.to_mapping()
         return cls(
             settings=dict(options.method_settings.to_mapping()),
@@ -68,9 +67,9 @@ class RunIdentity:
                 for name, value in settings.items()
                 if name.startswith(("crop.", "ground."))
             },
-            num_points=selection.num_points,
+            num_points=options.num_points,
             seed=options.seed,
-            ground="truth" if selection.use_true_ground else "settings",
+            ground="truth" if options.use_true_ground else "settings",
             realtime_rate=options.realtime_rate,
             check_cycle=options.check_cycle,
             num_sweeps=options.num_sweeps,

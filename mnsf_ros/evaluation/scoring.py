@@ -39,8 +39,9 @@ _MIN_SPREAD_M = 1.0
 
 def empty_row(example: Example, method: str) -> ResultRow:
     """Returns a row that says nothing but what it is about."""
-    current = example.triplet.current
-    return ResultRow(example.recording, example.number, current.stamp_ns, method, len(current))
+    num_points = int(np.count_nonzero(example.scored))
+    stamp_ns = example.triplet.current.stamp_ns
+    return ResultRow(example.recording, example.number, stamp_ns, method, num_points)
 
 
 def failed_row(example: Example, method: str, failure: Failure | str) -> ResultRow:
@@ -75,18 +76,11 @@ def scored_row(
         device=estimate.device,
     )
     answered = _answered(example, estimate)
-    looked_at = answered & scored_points(example)
+    looked_at = answered & example.scored
     row = replace(row, consistency=landing_distances(example.triplet, estimate.flow, looked_at))
     if example.truth is None:
         return row
     return _with_errors(row, _Comparison.of(example, example.truth, estimate.flow, answered))
-
-
-def scored_points(example: Example) -> NDArray[np.bool_]:
-    """The points (N,) of the current sweep that figures are taken of, the same for all methods."""
-    if example.scored is None:
-        return np.ones(len(example.triplet.current), dtype=bool)
-    return example.scored
 
 
 def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
@@ -134,10 +128,10 @@ class _Comparison:
         flow: NDArray[np.float32],
         answered: NDArray[np.bool_],
     ) -> _Comparison:
-        scored = truth.valid & answered
+        scored = truth.valid & answered & example.scored
         xyz, true_flow = example.triplet.current.xyz[scored], truth.flow[scored]
         dynamic = truth.dynamic[scored]
-        motion = _sensor_motion(xyz, true_flow, dynamic, example.next_from_current)
+        motion = _sensor_motion(xyz, true_flow, dynamic, example.triplet.next_from_current)
         own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
         return cls(
             estimate=flow[scored],
@@ -209,9 +203,9 @@ def landing_distances(
         `nearest_m` and, for zero flow, `zero_nearest_m`: means over the points of the distance to
         the nearest point of the next sweep. Empty if either sweep has no points.
     """
-    if not points.any() or len(triplet.next) == 0:
+    if not points.any() or len(triplet.next.kept_xyz) == 0:
         return {}
-    tree = cKDTree(triplet.next.xyz)
+    tree = cKDTree(triplet.next.kept_xyz)
     xyz = triplet.current.xyz[points]
     moved, _ = tree.query(xyz + flow[points])
     unmoved, _ = tree.query(xyz)
@@ -236,11 +230,13 @@ def cycle_distance(
     Returns:
         `cycle_m`, the mean over the points. Empty if either sweep has no points.
     """
-    if not points.any() or len(triplet.next) == 0:
+    if not points.any() or len(triplet.next.kept_xyz) == 0:
         return {}
     xyz = triplet.current.xyz[points]
-    _, nearest = cKDTree(triplet.next.xyz).query(xyz + flow[points])
-    way = flow[points] + backward_flow[nearest]
+    following = triplet.next
+    _, nearest = cKDTree(following.kept_xyz).query(xyz + flow[points])
+    kept_flow = backward_flow if following.kept is None else backward_flow[following.kept]
+    way = flow[points] + kept_flow[nearest]
     return {"cycle_m": float(np.linalg.norm(way.astype(np.float64), axis=1).mean())}
 
 

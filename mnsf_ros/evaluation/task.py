@@ -28,7 +28,6 @@ from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
     reversed_pair,
-    scored_points,
     scored_row,
 )
 from mnsf_ros.methods import make_method
@@ -153,7 +152,7 @@ class _Scorer:
         if isinstance(way_back, str):
             return row
         answered = np.isfinite(result.flow).all(axis=1)
-        looked_at = answered & scored_points(example)
+        looked_at = answered & example.scored
         cycle = cycle_distance(triplet, result.flow, way_back.flow, looked_at)
         return replace(row, consistency={**row.consistency, **cycle})
 

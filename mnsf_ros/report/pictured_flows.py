@@ -181,7 +181,7 @@ def estimated_examples(
 
 def _estimated(example: Example, method: str, options: EvaluationOptions) -> PicturedFlow:
     estimator = make_estimator(method, options.method_settings)
-    flow = estimator.estimate(example.triplet).flow
+    flow = estimator.estimate(example.triplet).flow[example.scored]
     return PicturedFlow(method, flow, _errors(example, flow), is_again=True)
 
 
@@ -209,32 +209,35 @@ def _examples(
 
 
 def _pictured(example: Example) -> PicturedExample:
-    truth = example.truth
     return PicturedExample(
         recording=example.recording,
         number=example.number,
         stamp_ns=example.triplet.current.stamp_ns,
-        xyz=example.triplet.current.xyz,
-        truth=None if truth is None else _where_valid(truth.flow, truth.valid),
-        next_from_current=example.next_from_current,
-        error_name="distance to next sweep" if truth is None else "end point error",
+        xyz=example.triplet.current.kept_xyz,
+        truth=_true_flow(example),
+        next_from_current=example.triplet.next_from_current,
+        error_name="distance to next sweep" if example.truth is None else "end point error",
     )
 
 
 def _errors(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float64]:
-    truth = example.truth
-    if truth is not None:
-        return end_point_errors(flow, _where_valid(truth.flow, truth.valid))
+    """The errors (M,) of the flow (M, 3) of the scored points."""
+    true_flow = _true_flow(example)
+    if true_flow is not None:
+        return end_point_errors(flow, true_flow)
     answered = np.isfinite(flow).all(axis=1)
-    looked_at = answered if example.scored is None else answered & example.scored
-    moved = example.triplet.current.xyz[looked_at] + flow[looked_at]
+    moved = example.triplet.current.kept_xyz[answered] + flow[answered]
     distances = np.full(len(flow), np.nan)
-    distances[looked_at], _ = cKDTree(example.triplet.next.xyz).query(moved)
+    distances[answered], _ = cKDTree(example.triplet.next.kept_xyz).query(moved)
     return distances
 
 
-def _where_valid(flow: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    known: NDArray[np.float32] = np.where(valid[:, None], flow, np.float32(np.nan))
+def _true_flow(example: Example) -> NDArray[np.float32] | None:
+    """The true flow (M, 3) of the scored points; NaN where it is not known."""
+    if example.truth is None:
+        return None
+    truth = example.truth.of_points(np.flatnonzero(example.scored))
+    known: NDArray[np.float32] = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
     return known
 
 

@@ -110,9 +110,8 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
             num_steps=how.num_steps,
             num_directions=how.num_directions,
         )
-    where = (
-        f"Sweep {example.number} of {example.recording}, {len(example.triplet.current):,} points."
-    )
+    num_points = len(example.triplet.current.kept_xyz)
+    where = f"Sweep {example.number} of {example.recording}, {num_points:,} points."
     return landscape_result(found, [_TEXT, where, *_unconverged(bench.fits)])
 
 

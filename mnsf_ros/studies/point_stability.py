@@ -80,7 +80,7 @@ def changes(
         MnsfError: An estimate fails.
     """
     _check_sizes(triplet, sizes)
-    tree = cKDTree(triplet.next.xyz)
+    tree = cKDTree(triplet.next.kept_xyz)
     for size in sizes:
         for repeat in range(num_repeats):
             random = np.random.default_rng([seed, size, repeat])
@@ -91,7 +91,7 @@ def changes(
                 # The last one drawn takes the place of the first.
                 other = usual | {name: np.concatenate([drawn[name][-1:], usual[name][1:]])}
                 after = estimator.estimate(_part(triplet, other)).flow
-                xyz = triplet.current.xyz[usual["current"]][1:]
+                xyz = triplet.current.kept_xyz[usual["current"]][1:]
                 pair = (before[1:], after[1:])
                 losses = [float(tree.query(xyz + flow)[0].mean()) for flow in pair]
                 flow_m = float(np.linalg.norm(pair[1] - pair[0], axis=1).mean())
@@ -154,11 +154,16 @@ def _sweep(triplet: SweepTriplet, name: str) -> Sweep:
     sweep: Sweep | None = getattr(triplet, name)
     if sweep is None:
         raise EvaluationError(f"the triplet has no {name} sweep")
-    return sweep
+    return sweep if sweep.kept is None else _of_all_kept(sweep, sweep.kept_xyz)
+
+
+def _of_all_kept(sweep: Sweep, xyz: NDArray[np.float32]) -> Sweep:
+    """The sweep with these points only, whose flow is asked for."""
+    kept = None if sweep.kept is None else np.ones(len(xyz), dtype=bool)
+    return replace(sweep, xyz=xyz, kept=kept)
 
 
 def _part(triplet: SweepTriplet, rows: dict[str, NDArray[np.int64]]) -> SweepTriplet:
-    current, following, previous = (
-        replace(_sweep(triplet, name), xyz=_sweep(triplet, name).xyz[rows[name]]) for name in SWEEPS
-    )
+    sweeps = ((_sweep(triplet, name), rows[name]) for name in SWEEPS)
+    current, following, previous = (_of_all_kept(one, one.xyz[chosen]) for one, chosen in sweeps)
     return replace(triplet, current=current, next=following, previous=previous, earlier=())

@@ -25,6 +25,8 @@ class Sweep:
         frame_id: Name of the sensor's coordinate frame.
         source: What the sweep was decoded from. Carried along, never looked at.
         odometry: (4, 4) float64, world_from_sensor by the robot's odometry, where it is known.
+        kept: (N,) bool, the points whose flow is asked for. None: the method chooses, by the
+            settings of crop and ground.
     """
 
     xyz: NDArray[np.float32]
@@ -32,6 +34,12 @@ class Sweep:
     frame_id: str = ""
     source: Any = None
     odometry: NDArray[np.float64] | None = None
+    kept: NDArray[np.bool_] | None = None
+
+    @property
+    def kept_xyz(self) -> NDArray[np.float32]:
+        """The kept points, (M, 3) metres; all points if nobody has chosen any."""
+        return self.xyz if self.kept is None else self.xyz[self.kept]
 
     @classmethod
     def from_array(

@@ -1,4 +1,4 @@
-"""The last three sweeps in stamp order."""
+"""The last few sweeps in stamp order."""
 
 from __future__ import annotations
 
@@ -20,15 +20,27 @@ class Arrival(Enum):
     FRAME_CHANGED = "frame_changed"  # other frame_id: buffer starts anew
 
 
-_REFUSED = frozenset({Arrival.DUPLICATE, Arrival.OUT_OF_ORDER})
+REFUSED = frozenset({Arrival.DUPLICATE, Arrival.OUT_OF_ORDER})
 _RESTARTED = frozenset({Arrival.TIME_WENT_BACK, Arrival.GAP, Arrival.FRAME_CHANGED})
 
 
 class SweepBuffer:
-    """Keeps three consecutive sweeps; decides by their header stamps only."""
+    """Keeps the newest consecutive sweeps; decides by their header stamps only."""
 
-    def __init__(self) -> None:
-        self._sweeps: deque[Sweep] = deque(maxlen=3)
+    def __init__(self, num_sweeps: int = 3) -> None:
+        """Starts empty.
+
+        Args:
+            num_sweeps: The most sweeps that it keeps.
+        """
+        self._sweeps: deque[Sweep] = deque(maxlen=num_sweeps)
+
+    def __len__(self) -> int:
+        return len(self._sweeps)
+
+    def clear(self) -> None:
+        """Forgets all sweeps: no triplet spans this place."""
+        self._sweeps.clear()
 
     def push(self, sweep: Sweep, settings: BufferSettings) -> Arrival:
         """Adds a sweep, or refuses it, and says which.
@@ -40,16 +52,20 @@ class SweepBuffer:
         arrival = self._classify(sweep, settings)
         if arrival in _RESTARTED:
             self._sweeps.clear()
-        if arrival not in _REFUSED:
+        if arrival not in REFUSED:
             self._sweeps.append(sweep)
         return arrival
 
-    def triplet(self) -> SweepTriplet | None:
-        """The three sweeps, or None while there are fewer."""
-        if len(self._sweeps) < 3:
+    def triplet(self, num_sweeps: int = 3) -> SweepTriplet | None:
+        """Returns the newest sweeps, or None while there are fewer than `num_sweeps`.
+
+        With 2 the previous sweep may be missing. `earlier` has all others that are kept.
+        """
+        if len(self._sweeps) < num_sweeps:
             return None
-        previous, current, newest = self._sweeps
-        return SweepTriplet(previous, current, newest)
+        newest, current, *before = reversed(self._sweeps)
+        previous = before[0] if before else None
+        return SweepTriplet(previous, current, newest, earlier=tuple(before[1:]))
 
     def _classify(self, sweep: Sweep, settings: BufferSettings) -> Arrival:
         if not self._sweeps:

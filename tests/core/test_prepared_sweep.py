@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,6 +40,18 @@ def test_kept_points_are_inside_the_crop_and_no_ground(sweep):
 def test_ground_may_stay(sweep):
     kept = PreparedSweep(sweep, NO_GROUND).kept
     np.testing.assert_array_equal(kept, crop_mask(sweep.xyz, NO_GROUND.crop))
+
+
+def test_points_that_the_caller_has_chosen_are_kept(sweep):
+    """Only at these are fields evaluated, and ground is not looked for."""
+    chosen = np.arange(len(sweep)) % 3 == 0
+    prepared = PreparedSweep(replace(sweep, kept=chosen), ON_CPU)
+    expected = chosen & crop_mask(sweep.xyz, ON_CPU.crop)
+    np.testing.assert_array_equal(prepared.kept, expected)
+    np.testing.assert_array_equal(prepared.positions.numpy(), sweep.xyz[expected])
+    flow = prepared.whole(prepared.positions)
+    np.testing.assert_array_equal(flow[expected], sweep.xyz[expected])
+    assert np.isnan(flow[~expected]).all()
 
 
 def test_points_beyond_the_crop_cannot_hide_ground(sweep):

@@ -11,12 +11,12 @@ from box_street import pose
 
 from mnsf_ros.evaluation.examples import ExampleBuilder, read_examples
 from mnsf_ros.evaluation.findings import Event, Findings
-from mnsf_ros.evaluation.options import PointSelection
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.recording.bag_messages import cloud_message
-from mnsf_ros.settings import BufferSettings
+from mnsf_ros.settings import Settings
 
 
 def truth_cloud(index, truth=None):
@@ -31,14 +31,16 @@ def poses_of(indices):
     )
 
 
-def examples_of(sweeps, *, truth_of=None, selection=None, findings=None, **options):
+def options_of(**values):
+    return EvaluationOptions(Settings(), **values)
+
+
+def examples_of(sweeps, *, truth_of=None, options=None, findings=None, **arguments):
     findings = findings or Findings()
     truth = None
     if truth_of is not None:
         truth = TruthTrack(map(truth_cloud, truth_of), findings, "drive")
-    builder = ExampleBuilder(
-        "drive", selection or PointSelection(), BufferSettings(), findings, truth=truth, **options
-    )
+    builder = ExampleBuilder("drive", options or options_of(), findings, truth=truth, **arguments)
     return builder.examples(sweeps)
 
 
@@ -82,13 +84,14 @@ def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
     assert findings.warnings == {Event.INTERRUPTIONS: 1}
 
 
-def test_scored_points_are_marked_where_methods_get_whole_sweeps():
-    whole = PointSelection(gives_all=True)
-    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), selection=whole):
-        assert len(example.triplet.current) == 60
-        assert np.array_equal(example.scored, np.arange(60) % 10 != 1)
+def test_methods_get_whole_sweeps_and_the_points_that_count():
     for example in examples_of(map(small.sweep, range(4)), truth_of=range(4)):
-        assert example.scored.all()
+        triplet = example.triplet
+        for sweep in (*triplet.before, triplet.current, triplet.next):
+            assert len(sweep) == 60
+            assert np.array_equal(sweep.kept, np.arange(60) % 10 != 1)
+        assert np.array_equal(example.scored, triplet.current.kept)
+        assert np.array_equal(example.truth.valid, np.ones(60, bool))
 
 
 def test_gap_in_time_duplicate_and_other_frame_are_counted():
@@ -105,16 +108,15 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
 
 
 def test_truth_is_of_the_same_rows_as_the_points():
-    keep_all = PointSelection(num_points=20, seed=1)
-    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), selection=keep_all):
-        rows = example.triplet.current.source.rows
-        assert len(rows) == 20
+    options = options_of(num_points=20, seed=1)
+    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), options=options):
         index = example.number
-        assert np.array_equal(example.triplet.current.xyz, small.xyz(index)[rows])
-        assert np.array_equal(example.truth.flow, small.truth(index).flow[rows])
-        assert np.array_equal(example.truth.class_id, small.truth(index).class_id[rows])
-        assert not example.truth.ground.any()
-        assert example.truth.valid.all()
+        assert np.array_equal(example.triplet.current.xyz, small.xyz(index))
+        assert np.array_equal(example.truth.flow, small.truth(index).flow)
+        assert np.array_equal(example.truth.class_id, small.truth(index).class_id)
+        assert np.count_nonzero(example.scored) == 20
+        assert not example.truth.ground[example.scored].any()
+        assert example.truth.valid[example.scored].all()
 
 
 def test_rows_count_in_the_cloud_also_where_points_were_not_finite():
@@ -124,16 +126,9 @@ def test_rows_count_in_the_cloud_also_where_points_were_not_finite():
     holed = type(sweep)(sweep.xyz[finite], sweep.stamp_ns, sweep.frame_id, source)
     sweeps = [small.sweep(0), holed, small.sweep(2)]
     (example,) = examples_of(sweeps, truth_of=range(3))
-    rows = example.triplet.current.source.rows
-    assert set(rows) <= set(finite)
-    assert np.array_equal(example.truth.flow, small.truth(1).flow[rows])
-
-
-def test_live_node_gets_all_points_but_is_scored_on_the_same():
-    given_all = PointSelection(gives_all=True)
-    (example,) = examples_of(map(small.sweep, range(3)), truth_of=range(3), selection=given_all)
-    assert len(example.triplet.current) == 60
-    assert np.array_equal(example.truth.valid, ~small.truth(1).ground)
+    assert np.array_equal(example.triplet.current.source.rows, finite)
+    assert np.array_equal(example.truth.flow, small.truth(1).flow[finite])
+    assert np.array_equal(example.scored, finite % 10 != 1)
 
 
 def test_truth_is_not_used_across_a_sweep_that_is_missing():
@@ -149,15 +144,14 @@ def test_motion_from_odometry():
     (example,) = examples_of(map(small.sweep, range(3)), poses=poses_of(range(3)))
     expected = np.eye(4)
     expected[0, 3] = -0.5
-    assert np.allclose(example.next_from_current, expected)
-    assert example.triplet.next_from_current is example.next_from_current
+    assert np.allclose(example.triplet.next_from_current, expected)
 
 
 def test_odometry_that_is_missing_or_of_another_frame_is_counted():
     findings = Findings()
     poses = PoseTrack([StampedPose(small.stamp(1), small.pose(1), "base_link")])
     (example,) = examples_of(map(small.sweep, range(3)), poses=poses, findings=findings)
-    assert example.next_from_current is None
+    assert example.triplet.next_from_current is None
     assert findings.warnings == {Event.SWEEPS_WITHOUT_POSE: 2, Event.FRAMES_DIFFER: 1}
 
 
@@ -196,8 +190,9 @@ def test_examples_of_a_recording(tmp_path, num_points):
         examples = list(read_examples(reader, recording, options, findings))
     assert [example.number for example in examples] == [1, 2, 3]
     assert all(example.truth is not None for example in examples)
-    assert all(example.next_from_current is not None for example in examples)
-    assert {len(example.triplet.current) for example in examples} == {num_points or 54}
+    assert all(example.triplet.next_from_current is not None for example in examples)
+    assert {np.count_nonzero(example.scored) for example in examples} == {num_points or 54}
+    assert {len(example.triplet.current) for example in examples} == {60}
     assert not findings.warnings
 
 
@@ -246,8 +241,7 @@ def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
     clouds = [truth_cloud(0), truth_cloud(1, truth), truth_cloud(2)]
     builder = ExampleBuilder(
         "drive",
-        PointSelection(),
-        BufferSettings(),
+        options_of(),
         findings,
         truth=TruthTrack(clouds, findings, "drive"),
         poses=poses_of(range(3)),

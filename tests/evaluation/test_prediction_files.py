@@ -9,6 +9,7 @@ import small_evaluations as small
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.prediction_files import PredictionFiles
 from mnsf_ros.evaluation.tracks import CloudRows
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 ROWS = np.array([2, 3, 5])
@@ -24,7 +25,7 @@ def triplet():
 
 
 def estimate(folder, triplet):
-    return PredictionFiles(f"file:{folder}").estimate(triplet)
+    return PredictionFiles(f"file:{folder}", Settings()).estimate(triplet)
 
 
 def write_feather(path, columns):
@@ -73,7 +74,7 @@ def test_argoverse_2_submission_with_masks(tmp_path, triplet):
     write_feather(tmp_path / "out" / name, submission(FLOW[mask]))
     write_feather(tmp_path / "masks" / name, {"mask": mask})
     method = f"file:{tmp_path / 'out'}::{tmp_path / 'masks'}"
-    found = PredictionFiles(method).estimate(triplet)
+    found = PredictionFiles(method, Settings()).estimate(triplet)
     # Of the rows 2, 3 and 5 the second is not in the mask.
     assert found.kept.tolist() == [True, False, True]
     assert np.array_equal(found.flow[found.kept], FLOW[[2, 5]])
@@ -89,7 +90,7 @@ def assert_refused(tmp_path, triplet, text):
 def test_no_such_folder(tmp_path, triplet):
     assert_refused(tmp_path / "nowhere", triplet, "there is no such folder of predictions")
     with pytest.raises(EvaluationError, match="no such folder"):
-        PredictionFiles("file:")
+        PredictionFiles("file:", Settings())
 
 
 def test_no_prediction_for_the_sweep(tmp_path, triplet):

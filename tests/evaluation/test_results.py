@@ -34,7 +34,7 @@ from mnsf_ros.evaluation.results_files import (
 )
 from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, main_tables
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.run_record import MethodRecord, RunIdentity, git_commit
+from mnsf_ros.evaluation.run_record import RunIdentity, git_commit
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
@@ -289,28 +289,6 @@ def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
     table = consistency_table(summarize(rows, ["zero", "mnsf"]))
     assert len(table.header) == columns
     assert ("there and back (m)" in table.header) == (columns == 4)
-
-
-@pytest.mark.parametrize(
-    ("method", "realtime", "removed", "told"),
-    [
-        ("online", None, True, "online, ego-estimated: got sweeps without ground"),
-        ("mnsf", None, True, "ego-estimated: got sweeps without ground"),
-        ("online", 1.0, True, ""),
-        ("online", None, False, ""),
-    ],
-)
-def test_notes_tell_who_suffers_without_ground(results, method, realtime, removed, told):
-    record = results[0].record
-    identity = replace(
-        record.identity,
-        realtime_rate=realtime,
-        crop_and_ground=record.identity.crop_and_ground | {"ground.remove": removed},
-    )
-    methods = list(map(MethodRecord.of, ["zero", method, "ego-estimated"]))
-    notes = notes_of(replace(record, identity=identity, methods=methods), [])
-    found = [note for note in notes if note.kind is NoteKind.NO_GROUND]
-    assert [note.text.startswith(told) for note in found] == ([True] if told else [])
 
 
 def test_notes_name_many_recordings_in_one_line(results):

@@ -130,8 +130,8 @@ def test_real_time_drops_what_comes_too_fast(bag):
     dropped = [row for row in rows if row.is_dropped]
     assert [row.number for row in dropped] == [2, 3, 4]
     assert all(row.latency_ms >= row.time_ms for row in rows if not row.failure)
-    # Sweeps were given whole, ground and all.
-    assert {row.num_points for row in rows} == {60}
+    # The points that count are those of a run without real time.
+    assert {row.num_points for row in rows} == {54}
 
 
 def test_real_time_keeps_all_that_comes_slowly(bag):
@@ -331,9 +331,9 @@ def test_options_out_of_range_are_refused(values, text):
         EvaluationOptions(Settings(), **values)
 
 
-def test_methods_get_prepared_sweeps_and_a_fixed_number_of_threads():
+def test_methods_get_the_settings_of_the_run_and_a_fixed_number_of_threads():
     settings = EvaluationOptions(preset("paper"), seed=5).method_settings
-    assert not settings.ground.remove
+    assert settings.ground.remove
     assert settings.compute.num_threads == 1
     assert settings.compute.seed == 5
     live = EvaluationOptions(preset("online"), realtime_rate=1.0).method_settings

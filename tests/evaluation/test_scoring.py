@@ -41,10 +41,14 @@ def make_truth(**changes):
     return replace(truth, **changes)
 
 
-def make_example(interval_ms=100, **changes):
-    next_ns = 100_000_000 + interval_ms * 1_000_000
-    triplet = SweepTriplet(Sweep(XYZ, 0), Sweep(XYZ, 100_000_000), Sweep(XYZ + FLOW, next_ns))
-    example = Example("drive", 1, triplet, make_truth(), MOTION)
+def triplet_of(xyz, flow, motion=MOTION, interval_ms=100):
+    stamps_ns = (0, 100_000_000, 100_000_000 + interval_ms * 1_000_000)
+    previous, current, following = map(Sweep, (xyz, xyz, xyz + flow), stamps_ns)
+    return SweepTriplet(previous, current, following, next_from_current=motion)
+
+
+def make_example(interval_ms=100, motion=MOTION, **changes):
+    example = Example("drive", 1, triplet_of(XYZ, FLOW, motion, interval_ms), make_truth())
     return replace(example, **changes)
 
 
@@ -70,7 +74,9 @@ def test_perfect_flow():
 def test_self_consistency_is_that_of_the_same_points_whatever_a_method_was_fitted_to(kept):
     # Only the first and the last point are scored; the others are far off.
     flow = FLOW + np.array([[0, 0, 0.1], [0, 0, 7], [0, 0, 7], [0, 0, 0.3]], np.float32)
-    example = make_example(scored=np.array([True, False, False, True]))
+    triplet = make_example().triplet
+    current = replace(triplet.current, kept=np.array([True, False, False, True]))
+    example = make_example(triplet=replace(triplet, current=current))
     row = scored_row(example, "mnsf", estimate(flow, np.array(kept)))
     assert row.consistency["nearest_m"] == pytest.approx(0.2)
 
@@ -112,11 +118,10 @@ def test_wrong_odometry_does_not_change_who_moves_how_fast():
     flow[dynamic, 1] += 0.2
     none = np.zeros(50, bool)
     truth = FlowTruth(100_000_000, flow, ~none, dynamic, none, np.full(50, 6, np.uint8))
-    sweeps = (Sweep(xyz, 0), Sweep(xyz, 100_000_000), Sweep(xyz + flow, 200_000_000))
     jumped = MOTION.copy()
     jumped[0, 3] = 50.0
     right, wrong = (
-        scored_row(Example("drive", 1, SweepTriplet(*sweeps), truth, motion), "x", estimate(flow))
+        scored_row(Example("drive", 1, triplet_of(xyz, flow, motion), truth), "x", estimate(flow))
         for motion in (MOTION, jumped)
     )
     assert right.by_speed == wrong.by_speed
@@ -137,8 +142,7 @@ def test_standing_points_in_one_place_do_not_overrule_odometry():
     flow[dynamic, 1] += 0.1
     none = np.zeros(24, bool)
     truth = FlowTruth(100_000_000, flow, ~none, dynamic, none, np.full(24, 6, np.uint8))
-    sweeps = (Sweep(xyz, 0), Sweep(xyz, 100_000_000), Sweep(xyz + flow, 200_000_000))
-    example = Example("drive", 1, SweepTriplet(*sweeps), truth, MOTION)
+    example = Example("drive", 1, triplet_of(xyz, flow), truth)
     row = scored_row(example, "x", estimate(flow))
     # By odometry the movers go 1 m/s.
     points = {limit: errors.num_points for limit, errors in row.by_speed.items()}
@@ -147,7 +151,7 @@ def test_standing_points_in_one_place_do_not_overrule_odometry():
 
 def test_without_odometry_the_standing_points_tell_the_motion():
     with_odometry = scored_row(make_example(), "x", estimate(FLOW * 0.5))
-    without = scored_row(make_example(next_from_current=None), "x", estimate(FLOW * 0.5))
+    without = scored_row(make_example(motion=None), "x", estimate(FLOW * 0.5))
     assert without.by_speed.keys() == with_odometry.by_speed.keys()
     assert without.errors == with_odometry.errors
 
@@ -164,10 +168,26 @@ def test_points_that_are_not_valid_are_not_scored():
 
 def test_truth_without_any_valid_point():
     truth = make_truth(valid=np.zeros(4, bool))
-    row = scored_row(make_example(truth=truth, next_from_current=None), "x", estimate(FLOW))
+    row = scored_row(make_example(truth=truth, motion=None), "x", estimate(FLOW))
     assert row.errors["all"].num_points == 0
     assert not row.by_range
     assert not row.sums
+
+
+def test_only_kept_points_are_scored():
+    """The others may have a flow, a wrong one even, or none."""
+    kept = np.array([True, True, False, True])
+    triplet = make_example().triplet
+    current, following = replace(triplet.current, kept=kept), replace(triplet.next, kept=kept)
+    example = make_example(triplet=replace(triplet, current=current, next=following))
+    for far in (50.0, np.nan):
+        flow = FLOW.copy()
+        flow[2] = far
+        row = scored_row(example, "x", estimate(flow, kept))
+        assert row.num_points == 3
+        assert row.errors["all"].num_points == 3
+        assert row.errors["all"].epe_m == 0
+        assert row.consistency["nearest_m"] == 0
 
 
 def test_without_truth_there_is_consistency_only():
@@ -243,8 +263,7 @@ def test_way_there_and_back_by_hand():
 
 
 def test_reversed_pair_swaps_sweeps_and_motion():
-    example = make_example()
-    triplet = replace(example.triplet, next_from_current=MOTION)
+    triplet = make_example().triplet
     back = reversed_pair(triplet)
     assert np.array_equal(back.current.xyz, triplet.next.xyz)
     assert np.array_equal(back.next.xyz, triplet.current.xyz)

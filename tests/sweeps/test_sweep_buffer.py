@@ -125,3 +125,28 @@ def test_limits_may_change_from_sweep_to_sweep(lidar):
     long = Settings().changed({"buffer.max_interval_s": 5})
     late = Sweep(np.zeros((1, 3), np.float32), 3000 * MS, "lidar")
     assert lidar.buffer.push(late, long.buffer) is Arrival.ACCEPTED
+
+
+def test_a_larger_buffer_has_earlier_sweeps_too():
+    buffer, settings = SweepBuffer(5), Settings().buffer
+    stamps_ms = (0, 100, 200, 300, 400, 500)
+    for number, stamp_ms in enumerate(stamps_ms, start=1):
+        buffer.push(Sweep(np.zeros((1, 3), np.float32), stamp_ms * MS), settings)
+        assert len(buffer) == min(number, 5)
+        assert (buffer.triplet(2) is None) == (number < 2)
+        assert (buffer.triplet() is None) == (number < 3)
+    triplet = buffer.triplet(5)
+    before = [sweep.stamp_ns / MS for sweep in triplet.before]
+    assert before == [300, 200, 100]
+    assert (triplet.current.stamp_ns / MS, triplet.next.stamp_ns / MS) == (400, 500)
+    buffer.clear()
+    assert len(buffer) == 0
+    assert buffer.triplet(2) is None
+
+
+def test_two_sweeps_are_a_triplet_without_a_previous_one():
+    buffer = SweepBuffer()
+    for stamp_ms in (0, 100):
+        buffer.push(Sweep(np.zeros((1, 3), np.float32), stamp_ms * MS), Settings().buffer)
+    assert buffer.triplet(2).previous is None
+    assert buffer.triplet(2).before == ()
