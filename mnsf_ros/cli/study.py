@@ -113,7 +113,7 @@ def _add_case_study_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.studies.run_study import run_study
-    from mnsf_ros.studies.study_options import StudyOptions
+    from mnsf_ros.studies.study import StudyOptions
 
     console = Console()
 

@@ -70,6 +70,7 @@ def band_chart(chart: BandChart) -> str:
         axes.grid(axis="y")
         axes.set_axisbelow(True)
         axes.tick_params(length=0)
+        axes.tick_params(axis="x", pad=8)  # room for a mark at zero
         axes.spines[["left", "right", "top"]].set_visible(False)
         _draw_legend(figure, axes, columns)
         label = f"{chart.title}: {chart.up} over {chart.across}. The numbers are in a table below."

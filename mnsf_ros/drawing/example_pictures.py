@@ -29,12 +29,13 @@ from mnsf_ros.drawing.flow_panel import (
 from mnsf_ros.drawing.flow_wheel import draw_wheel
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
-_HEIGHT_PX: Final = 476
+_HEIGHT_PX: Final = 484
 _SIDE_PX: Final = 400
 _BOTTOM_PX: Final = 26
 _LEFTS_PX: Final = (36, 484, 932)
 _FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
 _SLOW_M: Final = 0.1
+_MOST_LETTERS: Final = 22
 _SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
 # An error that counts as an outlier, whatever the true length, has the full color.
 FULL_ERROR_M: Final = 0.3
@@ -73,7 +74,7 @@ class PicturedExample:
         stamp_ns: Stamp of the sweep.
         xyz: (N, 3) metres, the points to draw, sensor frame.
         truth: (N, 3) metres per sweep, NaN where unknown; None if there is none at all.
-        next_from_current: (4, 4) the sensor's own motion; None if it is to be fitted.
+        next_from_current: (4, 4) ego motion; None if it is to be fitted.
         flows: What the methods found.
         error_name: What the errors are: the distance to the true flow, or, where there is no
             truth, that of the moved points to the next sweep.
@@ -134,7 +135,7 @@ class ExamplePainter:
     def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:
         whole, own = self._parts(flow)
         # The notes of the panels would be larger than the panels: the page says it once.
-        name = shortened(name)
+        name = shortened(name, _MOST_LETTERS)
         panels = (
             Panel(f"{name}: flow", "", self._xy, whole, 4.0, 10.0),
             Panel(f"{name}: what moves", "", self._xy, own, 9.0, 3.0),
@@ -148,7 +149,7 @@ class ExamplePainter:
             draw_wheel(wheel, speed, neutral=SLOW, ink=INK)
 
     def _parts(self, flow: NDArray[Any]) -> tuple[Flow, Flow]:
-        """The flow (N, 2) as it is, and without the sensor's own motion."""
+        """The flow (N, 2) as it is, and without ego motion."""
         example = self._example
         motion = example.next_from_current
         if motion is None:

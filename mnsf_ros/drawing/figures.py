@@ -69,9 +69,9 @@ _CHART_STYLE: Final[dict[str, Any]] = {
 }
 
 
-def shortened(name: str) -> str:
+def shortened(name: str, most_letters: int = _MOST_LETTERS) -> str:
     """Returns a name that fits into a chart."""
-    return name if len(name) <= _MOST_LETTERS else f"{name[: _MOST_LETTERS - 1]}…"
+    return name if len(name) <= most_letters else f"{name[: most_letters - 1]}…"
 
 
 @contextmanager

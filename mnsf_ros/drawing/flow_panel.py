@@ -113,10 +113,17 @@ def draw_floor(axes: Axes, title: str, note: str, view_m: float) -> None:
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
         spine.set_color(GRID)
-    above: dict[str, Any] = {"transform": axes.transAxes, "verticalalignment": "bottom"}
-    above |= {"parse_math": False}  # a dollar sign in a name is a dollar sign
-    axes.text(0.0, 1.055 if note else 1.02, title, color=INK, fontsize=13, weight="bold", **above)
-    axes.text(0.0, 1.01, note, color=FAINT_INK, fontsize=10, **above)
+    # In points above the panel, so that it looks the same in panels of any size. A dollar sign in
+    # a name is a dollar sign.
+    above: dict[str, Any] = {
+        "xycoords": "axes fraction",
+        "textcoords": "offset points",
+        "verticalalignment": "bottom",
+        "parse_math": False,
+    }
+    left_top = (0.0, 1.0)
+    axes.annotate(title, left_top, (0, 18), color=INK, fontsize=13, weight="bold", **above)
+    axes.annotate(note, left_top, (0, 4), color=FAINT_INK, fontsize=10, **above)
 
 
 def _draw_arrows(

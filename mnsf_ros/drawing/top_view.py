@@ -1,4 +1,4 @@
-"""A picture of a flow from above: as published, and without the sensor's own motion."""
+"""A picture of a flow from above: with and without ego motion."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def save_top_view(
 ) -> None:
     """Draws a flow from above into a PNG file of 1600x800 pixels, or 1600x1600 with truth.
 
-    Left the flow as it is, with the sensor's own motion in it; right what moves by itself, which
-    is the flow without one rigid motion. Colors and arrows show motion in x and y only.
+    Left the flow as it is, with ego motion; right what moves, which is the flow without one rigid
+    motion. Colors and arrows show motion in x and y only.
 
     Args:
         path: The file; its folder is made if it is missing.
@@ -59,7 +59,7 @@ def save_top_view(
         flow: (N, 3) metres per sweep; rows that are not finite are drawn in dim grey.
         title: One line above the picture.
         truth: (N, 3) pseudo ground truth flow, drawn as a second row in the same colors.
-        next_from_current: (4, 4) the sensor's own motion; fitted to each flow if None.
+        next_from_current: (4, 4) ego motion; fitted to each flow if None.
         view_m: The view reaches so far from the sensor to each side, metres.
         slow_m: Slower points are grey, metres per sweep.
 
@@ -116,7 +116,7 @@ def _row(
     return (
         Panel(
             f"{prefix}flow",
-            f"with the sensor's own motion in it: {way_m:.2f} m and {abs(np.degrees(turn)):.1f}° "
+            f"with ego motion: {way_m:.2f} m and {abs(np.degrees(turn)):.1f}° "
             f"per sweep{missing_note}",
             xy,
             flow[:, :2].astype(np.float64),
@@ -125,7 +125,7 @@ def _row(
         ),
         Panel(
             f"{prefix}what moves",
-            f"without the sensor's own motion: {num_movers:,} of {len(xy):,} points faster than "
+            f"without ego motion: {num_movers:,} of {len(xy):,} points faster than "
             f"{slow_m:g} m per sweep",
             xy,
             residual[:, :2].astype(np.float64),

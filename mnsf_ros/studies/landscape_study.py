@@ -6,10 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
 import torch
-from matplotlib.colors import BoundaryNorm
-from matplotlib.figure import Figure
 from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
@@ -19,6 +16,7 @@ from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
+from mnsf_ros.drawing.study_charts import Heights, height_maps
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
@@ -26,9 +24,8 @@ from mnsf_ros.evaluation.tables import TextTable, format_number
 from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.settings import Settings
 from mnsf_ros.studies.loss_landscape import Landscape, landscape
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.studies.study_examples import first_example
-from mnsf_ros.studies.study_options import StudyOptions
-from mnsf_ros.studies.study_output import StudyResult, new_figure
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _TITLE: Final = "Loss landscape around the optimum"
@@ -40,7 +37,6 @@ _TEXT: Final = (
     "last, while forward and backward flow are fixed. The rise is the mean of a step forth and "
     "back, over all directions, with the standard deviation between directions."
 )
-_LEVELS: Final = 16
 # Ten times the weights themselves; far beyond, layer by layer, the loss is no number any more.
 _MAX_RADIUS: Final = 10.0
 # The optimum and a step to each side.
@@ -212,28 +208,9 @@ def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResu
         tables=[TextTable(header, cells, "Sharpness: how much the loss rises")],
         header=("method", "kind", "first_step", "second_step", "loss_m"),
         rows=rows,
-        figure=_figure(found),
+        picture=height_maps(
+            _TITLE,
+            "m",
+            {name: Heights(item.axis, item.losses_m, item.loss_m) for name, item in found.items()},
+        ),
     )
-
-
-def _figure(found: dict[str, Landscape]) -> Figure:
-    figure = new_figure(4.2 * len(found) + 1.0, 5.0)
-    panels = np.atleast_1d(figure.subplots(1, len(found)))
-    rises = [np.maximum(item.losses_m - item.loss_m, 0.0) for item in found.values()]
-    highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
-    # Denser near the optimum; the same levels for all, or the eye would compare nothing.
-    levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
-    norm = BoundaryNorm(levels, 256, extend="max")
-    for axes, (name, item), rise in zip(panels, found.items(), rises, strict=True):
-        drawn = axes.contourf(item.axis, item.axis, rise, levels, norm=norm, extend="max")
-        axes.contour(item.axis, item.axis, rise, levels, colors="white", linewidths=0.4)
-        axes.plot(0.0, 0.0, "r+", markersize=10)
-        axes.set(title=f"{name}\nloss {item.loss_m:.4f} m", aspect="equal")
-        axes.set_xlabel("step along a random direction")
-    panels[0].set_ylabel("step along another one")
-    ticks = levels[:: max(1, _LEVELS // 8)]
-    bar = figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", ticks=ticks)
-    bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
-    bar.minorticks_off()
-    figure.suptitle(_TITLE)
-    return figure

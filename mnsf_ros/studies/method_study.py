@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from matplotlib.figure import Figure
-
+from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
@@ -22,16 +21,14 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
 from mnsf_ros.evaluation.runner import TaskEvent, TaskRun, plan_runs, run_evaluation
 from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.studies.first_examples import first_examples
-from mnsf_ros.studies.study_examples import study_recordings
-from mnsf_ros.studies.study_options import StudyOptions
-from mnsf_ros.studies.study_output import StudyResult, new_figure
+from mnsf_ros.studies.study import StudyOptions, StudyResult
+from mnsf_ros.studies.study_examples import first_examples, study_recordings
 
 _HEADER: Final = (
     *("variant", "method", "points", "epe_m", "acc5", "acc10", "outliers"),
     *("angle_error_rad", "num_points", "time_ms"),
 )
-GROUPS: Final = {"all": "all points", "dynamic": "moving points", "static": "standing points"}
+GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 
 
 @dataclass(frozen=True)
@@ -143,8 +140,8 @@ def study_result(
             shares = (item.acc5, item.acc10, item.outliers)
             values = (item.epe_m, *shares, item.angle_error_rad, item.num_points)
             rows.append((name, study.variants[name], group, *values, named[name].time_ms))
-    figure = _figure(study, named)
-    return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, figure)
+    picture = _picture(study, named)
+    return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, picture)
 
 
 def _max_rows(runs: Sequence[TaskRun], options: StudyOptions, num_sweeps: int) -> int:
@@ -197,25 +194,16 @@ class _Watch:
             self._options.say(f"{self._done} of {self._total}: {where}: {said}")
 
 
-def _figure(study: MethodStudy, named: dict[str, MethodSummary]) -> Figure:
-    figure = new_figure(9.0, 1.2 + 0.5 * len(named))
-    panels = figure.subplots(1, 2, sharey=True)
+def _picture(study: MethodStudy, named: dict[str, MethodSummary]) -> bytes:
     parts = (("EPE (m), less is better", "epe_m", 1.0), ("Acc5 (%), more is better", "acc5", 100.0))
-    for axes, (title, name, factor) in zip(panels, parts, strict=True):
-        for place, group in enumerate(GROUPS):
-            values = [
+    panels = {
+        title: {
+            words: [
                 getattr(s.errors[group], name) * factor if group in s.errors else math.nan
                 for s in named.values()
             ]
-            heights = [row + 0.26 * (place - 1) for row in range(len(named))]
-            axes.barh(heights, values, height=0.24, label=GROUPS[group], color=_COLORS[place])
-        axes.set_yticks(range(len(named)), list(named))
-        axes.set_title(title, fontsize=10)
-        axes.grid(axis="x", alpha=0.3)
-    panels[0].invert_yaxis()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    figure.suptitle(study.title)
-    return figure
-
-
-_COLORS: Final = ("#0b62c4", "#e2703a", "#8a94a3")
+            for group, words in GROUPS.items()
+        }
+        for title, name, factor in parts
+    }
+    return grouped_bars(study.title, list(named), panels)

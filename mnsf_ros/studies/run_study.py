@@ -15,8 +15,7 @@ from mnsf_ros.studies.stability_study import (
     run_stability_study,
     stability_settings,
 )
-from mnsf_ros.studies.study_options import StudyOptions
-from mnsf_ros.studies.study_output import StudyResult, write_study
+from mnsf_ros.studies.study import StudyOptions, StudyResult, write_study
 
 _METHOD_STUDIES: Final = {study.name: study for study in METHOD_STUDIES}
 STUDY_NAMES: Final = (*_METHOD_STUDIES, "landscape", "stability")

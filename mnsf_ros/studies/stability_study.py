@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from matplotlib.figure import Figure
-
+from mnsf_ros.drawing.study_charts import LogLine, log_lines
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
@@ -22,15 +21,12 @@ from mnsf_ros.studies.point_stability import (
     fitted_slope,
     mean_changes,
 )
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 from mnsf_ros.studies.study_examples import first_example
-from mnsf_ros.studies.study_options import StudyOptions
-from mnsf_ros.studies.study_output import StudyResult, new_figure
 
 METHODS: Final = ("nsfp", "fnsf", "mnsf")
 _TITLE: Final = "Stability: one point replaced"
 _PARTS: Final = {"flow_m": "change of flow (m)", "loss_m": "change of loss (m)"}
-_COLORS: Final = dict(zip(METHODS, ("#0b62c4", "#c4450a", "#14804a"), strict=True))
-_LOOKS: Final = {"current": ("o", "-"), "next": ("s", "--"), "previous": ("^", ":")}
 _MIN_SIZES: Final = 3
 # The one that is replaced, and one that stays.
 _MIN_POINTS: Final = 2
@@ -128,7 +124,7 @@ def stability_result(found: Sequence[Change], how: StabilityOptions) -> StudyRes
         tables=[_table(found, how, part, words) for part, words in _PARTS.items()],
         header=("method", "num_points", "sweep", "repeat", "flow_m", "loss_m"),
         rows=rows,
-        figure=_figure(found, how),
+        picture=_picture(found, how),
     )
 
 
@@ -151,35 +147,13 @@ def _slope_text(line: Slope) -> str:
     return f"{line.slope:.2f} ± {line.deviation:.2f}"
 
 
-def _figure(found: Sequence[Change], how: StabilityOptions) -> Figure:
-    figure = new_figure(11.0, 5.0)
-    panels = figure.subplots(1, 2)
-    for axes, (part, words) in zip(panels, _PARTS.items(), strict=True):
-        tops = []
+def _picture(found: Sequence[Change], how: StabilityOptions) -> bytes:
+    panels: dict[str, list[LogLine]] = {words: [] for words in _PARTS.values()}
+    for part, words in _PARTS.items():
         for number, method in enumerate(how.methods):
-            for sweep, (mark, line) in _LOOKS.items():
+            for look, sweep in enumerate(SWEEPS):
                 means = mean_changes(found, method, sweep, part)
                 known = {size: value for size, value in means.items() if value > 0}
-                if not known:
-                    continue
-                color = _COLORS.get(method, f"C{number}")
-                label = f"{method}, {sweep}"
-                axes.loglog(
-                    list(known),
-                    list(known.values()),
-                    color=color,
-                    marker=mark,
-                    ls=line,
-                    label=label,
-                )
-                tops.append(max(known.values()))
-        guide = [max(tops, default=1.0) * how.sizes[0] / size for size in how.sizes]
-        axes.loglog(how.sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
-        axes.set_xticks(how.sizes, [f"{size:,}" for size in how.sizes])
-        axes.minorticks_off()
-        axes.set_xlabel("points N of each sweep")
-        axes.set_title(words)
-        axes.grid(which="major", alpha=0.3)
-    panels[1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle(_TITLE)
-    return figure
+                if known:
+                    panels[words].append(LogLine(f"{method}, {sweep}", known, number, look))
+    return log_lines(_TITLE, "points N of each sweep", how.sizes, panels)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 from mnsf_ros.errors import RecordingError
@@ -10,13 +10,17 @@ from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
+    EvaluationOptions,
+    EvaluationTask,
     choose_topics,
 )
 from mnsf_ros.evaluation.recording_names import recording_names
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.runner import Executor, TaskEvent, TaskRun, run_serially, task_events
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.studies.study import StudyOptions
 
 # A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
 _BEAMS, _COLUMNS = 32, 1024
@@ -88,3 +92,24 @@ def _simulation(options: StudyOptions, num_sweeps: int) -> SimulationSettings:
         num_beams=_BEAMS,
         num_columns=_COLUMNS,
     )
+
+
+def first_examples(number: int | None) -> Executor:
+    """Returns an Executor that runs tasks one after the other, each only to so many examples."""
+    if number is None:
+        return run_serially
+
+    def execute(
+        runs: Sequence[TaskRun], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        for run in runs:
+            num_left = number - len(run.skipped)
+            events = task_events(run, options) if num_left > 0 else iter([Findings()])
+            for event in events:
+                yield run.task, event
+                num_left -= isinstance(event, ResultRow)
+                if isinstance(event, ResultRow) and num_left == 0:
+                    yield run.task, Findings()
+                    break
+
+    return execute

@@ -18,7 +18,7 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.studies.method_study import METHOD_STUDIES
 from mnsf_ros.studies.run_study import STUDY_NAMES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
-from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.studies.study import StudyOptions
 
 FEW_STEPS = {
     "crop.max_range_m": 20.0,

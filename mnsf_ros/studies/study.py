@@ -1,22 +1,74 @@
-"""What every study writes: a page in Markdown, its numbers as CSV, and a picture."""
+"""What a study is done on, and what it writes: a page in Markdown, numbers as CSV, a chart."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
+from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.tables import TextTable
-from mnsf_ros.studies.study_options import StudyOptions
+from mnsf_ros.settings import Settings
 
-_DPI: Final = 120
+Say = Callable[[str], None]
+
+
+def _silent(text: str) -> None:
+    """Says nothing."""
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """What a study is done on, and how.
+
+    Attributes:
+        out: Folder for all that the study writes.
+        settings: How to estimate.
+        recordings: Paths of recordings; if empty, a street is simulated.
+        num_points: So many random points of each sweep; None for all.
+        max_examples: At most so many examples of each recording, from its beginning; None for
+            all of them. Case studies look at the first one alone.
+        seed: Of the points, the start weights, the street, and whatever else is drawn.
+        resume: Whether to go on with what is in the folder.
+        command: The command line, to be remembered.
+        say: Gets one line for each step.
+    """
+
+    out: Path
+    settings: Settings
+    recordings: tuple[Path, ...] = ()
+    num_points: int | None = 2048
+    max_examples: int | None = None
+    seed: int = 0
+    resume: bool = False
+    command: tuple[str, ...] = ()
+    say: Say = _silent
+
+    def __post_init__(self) -> None:
+        """Checks the values.
+
+        Raises:
+            EvaluationError: If a number is out of its range.
+        """
+        if self.max_examples is not None and self.max_examples < 1:
+            raise EvaluationError(f"max_examples: got {self.max_examples}, expected 1 or more")
+
+    def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:
+        """Returns the options of the evaluator.
+
+        Raises:
+            EvaluationError: If a number is out of its range.
+        """
+        return EvaluationOptions(
+            settings=self.settings,
+            num_points=self.num_points,
+            seed=self.seed,
+            num_sweeps=num_sweeps,
+        )
 
 
 @dataclass(frozen=True)
@@ -30,7 +82,7 @@ class StudyResult:
         tables: Tables for people.
         header: Titles of the columns of the CSV file.
         rows: Its rows; the same study gives the same ones, times apart.
-        figure: The picture.
+        picture: The chart, a PNG file.
     """
 
     name: str
@@ -39,14 +91,7 @@ class StudyResult:
     tables: Sequence[TextTable]
     header: Sequence[str]
     rows: Sequence[Sequence[object]]
-    figure: Figure
-
-
-def new_figure(width: float, height: float) -> Figure:
-    """Returns a figure of so many inches that knows nothing of any display."""
-    figure = Figure((width, height), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    picture: bytes
 
 
 def write_study(result: StudyResult, options: StudyOptions) -> list[Path]:
@@ -59,7 +104,7 @@ def write_study(result: StudyResult, options: StudyOptions) -> list[Path]:
     paths = [options.out / f"{result.name}{suffix}" for suffix in (".md", ".csv", ".png")]
     paths[0].write_text(_page(result, options), encoding="utf-8")
     paths[1].write_text(_csv(result), encoding="utf-8")
-    result.figure.savefig(paths[2], dpi=_DPI, metadata={"Software": None})
+    paths[2].write_bytes(result.picture)
     return paths
 
 

@@ -1,0 +1,140 @@
+"""The charts of the studies, each as the bytes of a PNG file on white ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm
+from numpy.typing import NDArray
+
+from mnsf_ros.drawing.figures import SERIES, chart_figure, png_bytes
+
+_DPI: Final = 120
+_LEVELS: Final = 16
+_GROUP_COLORS: Final = (SERIES[0], "#e2703a", "#8a94a3")
+
+
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """A square of heights around a place.
+
+    Attributes:
+        axis: (G,) steps, symmetric, 0 in the middle.
+        heights: (G, G) rows along the second direction.
+        middle: Height in the middle.
+    """
+
+    axis: NDArray[np.float64]
+    heights: NDArray[np.float64]
+    middle: float
+
+
+@dataclass(frozen=True)
+class LogLine:
+    """A line of a chart with two logarithmic scales.
+
+    Attributes:
+        label: Its name.
+        values: x to y, both above 0.
+        color: Number of its color.
+        look: Number of its mark and dashes.
+    """
+
+    label: str
+    values: Mapping[int, float]
+    color: int
+    look: int
+
+
+def grouped_bars(
+    title: str,
+    rows: Sequence[str],
+    panels: Mapping[str, Mapping[str, Sequence[float]]],
+) -> bytes:
+    """Draws horizontal bars, some beside each other in each row.
+
+    Args:
+        title: Headline.
+        rows: Names of the R rows, from the top.
+        panels: Title of each panel to name of the group to its R values; NaN where there is none.
+    """
+    figure = chart_figure(9.0, 1.2 + 0.5 * len(rows))
+    axes_of = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
+    for axes, (name, groups) in zip(axes_of, panels.items(), strict=True):
+        for place, (group, values) in enumerate(groups.items()):
+            heights = [row + 0.26 * (place - 1) for row in range(len(rows))]
+            color = _GROUP_COLORS[place % len(_GROUP_COLORS)]
+            axes.barh(heights, values, height=0.24, label=group, color=color)
+        axes.set_yticks(range(len(rows)), list(rows))
+        axes.set_title(name, fontsize=10)
+        axes.grid(axis="x", alpha=0.3)
+        axes.set_axisbelow(True)
+    axes_of[0].invert_yaxis()
+    handles, names = axes_of[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=3)
+    figure.suptitle(title)
+    return png_bytes(figure, dpi=_DPI)
+
+
+def height_maps(title: str, unit: str, found: Mapping[str, Heights]) -> bytes:
+    """Draws how much heights rise above that in the middle, with the same levels for all."""
+    figure = chart_figure(4.2 * len(found) + 1.0, 5.0)
+    panels = np.atleast_1d(figure.subplots(1, len(found)))
+    rises = [np.maximum(item.heights - item.middle, 0.0) for item in found.values()]
+    highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
+    # Denser near the middle; the same levels for all, or the eye would compare nothing.
+    levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
+    norm = BoundaryNorm(levels, 256, extend="max")
+    for axes, (name, item), rise in zip(panels, found.items(), rises, strict=True):
+        drawn = axes.contourf(item.axis, item.axis, rise, levels, norm=norm, extend="max")
+        axes.contour(item.axis, item.axis, rise, levels, colors="white", linewidths=0.4)
+        axes.plot(0.0, 0.0, "r+", markersize=10)
+        axes.set(title=f"{name}\nloss {item.middle:.4f} {unit}", aspect="equal")
+        axes.set_xlabel("step along a random direction")
+    panels[0].set_ylabel("step along another one")
+    ticks = levels[:: max(1, _LEVELS // 8)]
+    bar = figure.colorbar(drawn, ax=list(panels), label=f"rise of the loss ({unit})", ticks=ticks)
+    bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
+    bar.minorticks_off()
+    figure.suptitle(title)
+    return png_bytes(figure, dpi=_DPI)
+
+
+def log_lines(
+    title: str, across: str, sizes: Sequence[int], panels: Mapping[str, Sequence[LogLine]]
+) -> bytes:
+    """Draws lines over sizes, with one over the size for comparison.
+
+    Args:
+        title: Headline.
+        across: What the sizes are sizes of.
+        sizes: Marks of the horizontal scale, ascending.
+        panels: Title of each panel to its lines.
+    """
+    figure = chart_figure(11.0, 5.0)
+    axes_of = np.atleast_1d(figure.subplots(1, len(panels)))
+    for axes, (name, lines) in zip(axes_of, panels.items(), strict=True):
+        _draw_log_lines(axes, sizes, lines)
+        axes.set_xlabel(across)
+        axes.set_title(name)
+    axes_of[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.suptitle(title)
+    return png_bytes(figure, dpi=_DPI)
+
+
+def _draw_log_lines(axes: Axes, sizes: Sequence[int], lines: Sequence[LogLine]) -> None:
+    for line in lines:
+        x, y = list(line.values), list(line.values.values())
+        mark, dashes = (("o", "-"), ("s", "--"), ("^", ":"))[line.look % 3]
+        color = SERIES[line.color % len(SERIES)]
+        axes.loglog(x, y, color=color, marker=mark, ls=dashes, label=line.label)
+    top = max((value for line in lines for value in line.values.values()), default=1.0)
+    guide = [top * sizes[0] / size for size in sizes]
+    axes.loglog(sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
+    axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
+    axes.minorticks_off()
+    axes.grid(which="major", alpha=0.3)
