@@ -33,3 +33,7 @@ class CancelledError(MnsfError):
 
 class RecordingError(MnsfError):
     """A recording is missing, damaged, or does not hold what was asked of it."""
+
+
+class DatasetError(MnsfError):
+    """Files of a data set are missing, damaged, or laid out in another way."""

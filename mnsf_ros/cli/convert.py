@@ -7,9 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.datasets.formats import FORMATS, open_source
-from mnsf_ros.datasets.read_options import ReadOptions
-from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.datasets.formats import FORMATS, ReadOptions, TruthSettings, open_source
 
 _DEFAULTS = TruthSettings()
 

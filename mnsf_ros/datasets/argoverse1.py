@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, files_in, read_json, reading, stamp_in
 from mnsf_ros.datasets.surface_classes import argoverse1_class
-from mnsf_ros.errors import SweepFileError
+from mnsf_ros.errors import DatasetError, SweepFileError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 from mnsf_ros.sweeps_io.ply import read_vertices
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mnsf_ros.datasets.read_options import ReadOptions
+    from mnsf_ros.datasets.formats import ReadOptions
 
 _PREFIX: Final = "PC_"
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.source_files import reading, require
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.sweeps_io.arrays import read_feather_columns, read_feather_table
 
 
 def read_feather(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -19,12 +20,9 @@ def read_feather(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
     Raises:
         DatasetError: If the file is missing or damaged, or lacks a column.
     """
-    feather = require("pyarrow.feather")
+    require("pyarrow.feather")
     with reading(path):
-        # Without memory_map, since a damaged file could only be noticed later.
-        table = feather.read_table(path, memory_map=False)
-        _check_columns(path, table.column_names, columns)
-        return {name: table.column(name).to_numpy() for name in columns}
+        return read_feather_columns(path, columns)
 
 
 def feather_columns(path: Path) -> list[str]:
@@ -33,9 +31,9 @@ def feather_columns(path: Path) -> list[str]:
     Raises:
         DatasetError: If the file is missing or damaged.
     """
-    feather = require("pyarrow.feather")
+    require("pyarrow.feather")
     with reading(path):
-        return list(feather.read_table(path, memory_map=False).column_names)
+        return list(read_feather_table(path).column_names)
 
 
 def read_parquet(path: Path, columns: Sequence[str]) -> list[dict[str, Any]]:

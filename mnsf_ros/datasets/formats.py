@@ -1,19 +1,50 @@
-"""All formats that can be read, by the name a user calls them."""
+"""All formats that can be read, by the name a user calls them, and what to say about a source."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.errors import DatasetError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mnsf_ros.datasets.labelled_sweep import SweepSource
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options of the formats that take them.
+
+    Attributes:
+        sequence: Which sequence to read from a source that holds several.
+        labels: Folder of labels that are kept apart from the sweeps.
+    """
+
+    sequence: str | None = None
+    labels: Path | None = None
+
+
+@dataclass(frozen=True)
+class TruthSettings:
+    """What truth is made of.
+
+    Attributes:
+        box_margin_m: By how much boxes grow in length, width and height, in total. The default
+            is that of the data sets prepared for NSFP, FNSF and MNSF.
+        unlabelled_static: Whether points where no labels reach count as standing still instead
+            of as unknown.
+    """
+
+    box_margin_m: float = 0.6
+    unlabelled_static: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks the margin."""
+        if not 0.0 <= self.box_margin_m <= 10.0:
+            raise DatasetError(f"box margin is {self.box_margin_m} m, expected 0 to 10")
 
 
 @dataclass(frozen=True)
@@ -32,7 +63,7 @@ class Format:
 
 
 FORMATS: Final[Mapping[str, Format]] = {
-    "kitti": Format("kitti_raw", "KITTI raw: folder of a drive, …_sync"),
+    "kitti": Format("kitti", "KITTI raw: folder of a drive, …_sync"),
     "argoverse2": Format("argoverse2", "Argoverse 2 sensor: folder of a log", ("labels",)),
     "argoverse1": Format("argoverse1", "Argoverse 1 tracking: folder of a log"),
     "waymo": Format(

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, is_rigid
 
 # Farther than any lidar sees; such numbers come from damaged files.

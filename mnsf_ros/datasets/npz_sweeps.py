@@ -16,7 +16,7 @@ from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mnsf_ros.datasets.read_options import ReadOptions
+    from mnsf_ros.datasets.formats import ReadOptions
 
 _COLUMNS: Final = {"intensity": np.float32, "ring": np.uint16, "time_offset": np.float32}
 

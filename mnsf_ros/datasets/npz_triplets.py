@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, files_in, read_npz, reading
+from mnsf_ros.errors import DatasetError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from mnsf_ros.datasets.read_options import ReadOptions
+    from mnsf_ros.datasets.formats import ReadOptions
 
 # The files have no stamps, so these are made up.
 _FIRST_NS: Final = 1_700_000_000_000_000_000

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.sweeps_io.arrays import open_archive
+from mnsf_ros.sweeps_io.sweep_in_file import UNREADABLE, reason
 
 
 @contextmanager
@@ -98,13 +99,8 @@ def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     Raises:
         DatasetError: If it is missing or damaged, or lacks a required array.
     """
-    # The file is opened here because np.load leaves a damaged one open.
-    with reading(path), path.open("rb") as file:
-        loaded = np.load(file, allow_pickle=False)
-        if not isinstance(loaded, np.lib.npyio.NpzFile):
-            raise ValueError("is a single array, expected an npz archive")
-        with loaded as archive:
-            arrays = dict(archive)
+    with reading(path), open_archive(path) as archive:
+        arrays = {name: archive.array(name) for name in archive.names}
     missing = [name for name in required if name not in arrays]
     if missing:
         raise DatasetError(

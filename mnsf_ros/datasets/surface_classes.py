@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mnsf_ros.datasets.arrow_tables import parquet_groups, read_parquet
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import files_in, reading
 from mnsf_ros.datasets.surface_classes import waymo_class
@@ -19,6 +18,7 @@ from mnsf_ros.datasets.waymo_range_image import (
     shaped,
     waymo_sweep,
 )
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mnsf_ros.datasets.read_options import ReadOptions
+    from mnsf_ros.datasets.formats import ReadOptions
 
 _STAMP: Final = "key.frame_timestamp_micros"
 _LASER: Final = "key.laser_name"

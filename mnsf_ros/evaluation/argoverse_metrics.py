@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Of a group of points: their number, the sum of their errors (m), the sum of their own motion (m).
 Sums = dict[str, list[float]]

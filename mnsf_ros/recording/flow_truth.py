@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -21,6 +22,23 @@ _FLAGS = ("valid", "dynamic", "ground", "class_id")
 _SCALARS = (*"xyz", *_FLOW, *_FLAGS)
 # Nothing on earth moves as far from one sweep to the next.
 _MAX_FLOW_M = 1000.0
+
+
+class SurfaceClass(IntEnum):
+    """What a point belongs to; the numbers are written to recordings and never reused."""
+
+    ROAD = 1
+    SIDEWALK = 2
+    BUILDING = 3
+    POLE = 4
+    VEGETATION = 5
+    CAR = 6
+    PEDESTRIAN = 7
+    CYCLIST = 8
+    STREET_FURNITURE = 9
+    LARGE_VEHICLE = 10  # bus, truck, trailer, tram
+    OBSTACLE = 11  # cone, barrel, sign: what a data set labels as objects, though they stand
+    ANIMAL = 12
 
 
 class HeaderLike(Protocol):

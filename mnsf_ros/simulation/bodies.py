@@ -1,33 +1,126 @@
-"""Rigid things of the scene: what they are made of and where they are."""
+"""Rigid things of the scene: solid shapes, where rays enter them, and where they are.
+
+A shape sits at the origin of its own frame. Rays are given in that frame as one common origin
+and three arrays of direction components; ranges come back in units of the direction's length,
+`inf` where the ray misses. A ray that starts inside a shape does not see it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
+import numpy as np
+
+from mnsf_ros.geometry.transforms import FloatArray, planar_pose
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.routes import Trip
 
-if TYPE_CHECKING:
-    from mnsf_ros.geometry.transforms import FloatArray
-    from mnsf_ros.simulation.shapes import Shape
+Directions: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class SurfaceClass(IntEnum):
-    """What a point belongs to; the numbers are written to recordings and never reused."""
+# Stands for zero in divisions: a ray parallel to a face meets it immeasurably far away.
+_PARALLEL = 1e-200
 
-    ROAD = 1
-    SIDEWALK = 2
-    BUILDING = 3
-    POLE = 4
-    VEGETATION = 5
-    CAR = 6
-    PEDESTRIAN = 7
-    CYCLIST = 8
-    STREET_FURNITURE = 9
-    LARGE_VEHICLE = 10  # bus, truck, trailer, tram
-    OBSTACLE = 11  # cone, barrel, sign: what a data set labels as objects, though they stand
-    ANIMAL = 12
+
+class ShapeKind(IntEnum):
+    """The kinds of solids that can be cast."""
+
+    BOX = 0
+    CYLINDER = 1
+    SPHERE = 2
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One solid of a body.
+
+    Attributes:
+        kind: Which solid.
+        half_extents: Half sizes along the shape's own x, y and z in meters. A cylinder stands
+            along z with radius `half_extents[0]`; a sphere has radius `half_extents[0]`.
+        body_from_shape: (4, 4) pose of the shape on its body.
+    """
+
+    kind: ShapeKind
+    half_extents: tuple[float, float, float]
+    body_from_shape: FloatArray
+
+
+def box(
+    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], yaw: float = 0.0
+) -> Shape:
+    """Return a box that spans the three intervals (meters), turned by `yaw` about its center."""
+    center = [(low + high) / 2 for low, high in (x, y, z)]
+    half = ((x[1] - x[0]) / 2, (y[1] - y[0]) / 2, (z[1] - z[0]) / 2)
+    return Shape(ShapeKind.BOX, half, planar_pose(center[0], center[1], yaw, center[2]))
+
+
+def cylinder(x: float, y: float, radius: float, z: tuple[float, float]) -> Shape:
+    """Return an upright cylinder around (x, y) from height `z[0]` to `z[1]` (meters)."""
+    half = (radius, radius, (z[1] - z[0]) / 2)
+    return Shape(ShapeKind.CYLINDER, half, planar_pose(x, y, 0.0, (z[0] + z[1]) / 2))
+
+
+def sphere(x: float, y: float, z: float, radius: float) -> Shape:
+    """Return a sphere around (x, y, z) (meters)."""
+    return Shape(ShapeKind.SPHERE, (radius, radius, radius), planar_pose(x, y, 0.0, z))
+
+
+def entry_ranges(
+    kind: ShapeKind, half_extents: FloatArray, origin: FloatArray, directions: Directions
+) -> FloatArray:
+    """Return how far each ray travels until it enters the shape.
+
+    Args:
+        kind: Which solid.
+        half_extents: (3,) half sizes in meters, see `Shape`.
+        origin: (3,) start of all rays in the shape's frame.
+        directions: Three equally shaped arrays: x, y and z of each ray's direction.
+
+    Returns:
+        Array of the directions' shape; `inf` for rays that miss or start inside.
+    """
+    # Rays beside something round have no entry: the root is NaN, which compares as a miss.
+    with np.errstate(invalid="ignore"):
+        if kind == ShapeKind.SPHERE:
+            near, far = _round_interval(half_extents[0], origin, directions)
+        elif kind == ShapeKind.CYLINDER:
+            near, far = _round_interval(half_extents[0], origin[:2], directions[:2])
+            near, far = _clip(near, far, half_extents[2], origin[2], directions[2])
+        else:
+            near, far = _slab(half_extents[0], origin[0], directions[0])
+            for axis in (1, 2):
+                near, far = _clip(near, far, half_extents[axis], origin[axis], directions[axis])
+        return np.where((near <= far) & (near > 0.0), near, np.inf)
+
+
+def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where rays enter and leave the layer between -half and +half of one axis."""
+    inverse = 1.0 / np.where(direction == 0.0, _PARALLEL, direction)
+    middle = -start * inverse
+    reach = half * np.abs(inverse)
+    return middle - reach, middle + reach
+
+
+def _clip(
+    near: FloatArray, far: FloatArray, half: float, start: float, direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Narrow the interval [near, far] to the layer between -half and +half of one axis."""
+    enter, leave = _slab(half, start, direction)
+    return np.maximum(near, enter), np.minimum(far, leave)
+
+
+def _round_interval(
+    radius: float, origin: FloatArray, directions: tuple[FloatArray, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return where rays enter and leave a circle (2 axes) or sphere (3 axes); NaN if never."""
+    squared = np.maximum(sum(direction * direction for direction in directions), _PARALLEL)
+    along = sum(start * direction for start, direction in zip(origin, directions, strict=True))
+    outside = float(origin @ origin) - radius * radius
+    root = np.sqrt(along * along - squared * outside)
+    return (-along - root) / squared, (-along + root) / squared
 
 
 @dataclass(frozen=True)

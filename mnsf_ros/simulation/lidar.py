@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mnsf_ros.simulation.shapes import Directions, Shape, entry_ranges
+from mnsf_ros.simulation.bodies import Directions, Shape, entry_ranges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mnsf_ros.simulation.bodies import Model, SurfaceClass
-from mnsf_ros.simulation.shapes import Shape, box, cylinder, sphere
+from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.simulation.bodies import Model, Shape, box, cylinder, sphere
 
 HOUSE_DEPTH_M = 10.0
 _PORCH_M = 0.6

@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mnsf_ros.simulation.ego import EgoMotion, braking_distance, draw_sway, drive_with_stops
 from mnsf_ros.simulation.roadside import roadside_bodies
-from mnsf_ros.simulation.routes import Trip
+from mnsf_ros.simulation.routes import (
+    EgoMotion,
+    Trip,
+    braking_distance,
+    draw_sway,
+    drive_with_stops,
+)
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
 from mnsf_ros.simulation.traffic import Traffic
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.simulation.bodies import SurfaceClass
-from mnsf_ros.simulation.ground import ground_hits
+from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.simulation.ground import ground_hits, intensities
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
-from mnsf_ros.simulation.reflectivity import intensities
 from mnsf_ros.simulation.scene import Scene, build_scene
 
 if TYPE_CHECKING:

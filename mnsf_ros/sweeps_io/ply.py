@@ -10,8 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, read_bytes, reading, xyz_of_columns
-from mnsf_ros.sweeps_io.text_rows import parse_rows
+from mnsf_ros.sweeps_io.sweep_in_file import (
+    SweepInFile,
+    parse_rows,
+    read_bytes,
+    reading,
+    xyz_of_columns,
+)
 
 _TYPES: Final = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2",

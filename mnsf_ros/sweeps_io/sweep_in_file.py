@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +17,59 @@ from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.damaged_files import UNREADABLE, reason
+
+# LookupError and TypeError: on files laid out otherwise. MemoryError: a damaged header may ask for
+# any size. SyntaxError: NumPy parses headers as Python source, and XML errors are of this kind.
+UNREADABLE: Final = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    ArithmeticError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    struct.error,
+    tokenize.TokenError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+_MAX_LENGTH: Final = 200
+
+
+def reason(error: BaseException) -> str:
+    """Returns what an error says, in one short line without a full stop."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
+    if isinstance(error, LookupError):
+        # A KeyError's text is only the key.
+        return f"it has no {text}" if isinstance(error, KeyError) else f"index error: {text}"
+    return text or type(error).__name__
+
+
+def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArray[Any]]:
+    """Parses some columns of the first rows.
+
+    Args:
+        text: Rows, with blanks between the numbers.
+        num_rows: Rows to parse.
+        places: Columns wanted, counted from 0.
+
+    Returns:
+        The columns, (N,) float64 each.
+
+    Raises:
+        ValueError: If there are fewer rows, a row is too short, or something is no number.
+    """
+    lines = [line for line in text.splitlines() if not line.isspace() and line][:num_rows]
+    if len(lines) < num_rows:
+        raise ValueError(f"is cut short: {len(lines)} of {num_rows} rows")
+    if not lines:
+        return [np.zeros(0) for _ in places]
+    return list(np.loadtxt(lines, usecols=tuple(places), ndmin=2, comments=None).T)
+
 
 # More than lidars measure of a point; that many columns and fewer rows are points side by side.
 _MAX_COLUMNS: Final = 16

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.errors import DatasetError
 
 BOXES = "per_sweep_annotations_amodal/tracked_object_labels"
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.datasets.formats import ReadOptions, open_source
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.errors import DatasetError
 
 pa = pytest.importorskip("pyarrow")
 feather = pytest.importorskip("pyarrow.feather")

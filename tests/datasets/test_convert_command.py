@@ -14,9 +14,8 @@ import pytest
 import tiny_world
 
 from mnsf_ros.cli import convert
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.formats import FORMATS, open_source
-from mnsf_ros.errors import RecordingError
+from mnsf_ros.errors import DatasetError, RecordingError
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "datasets.md"
 

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.datasets.truth_summary import TruthSummary
-from mnsf_ros.errors import RecordingError
+from mnsf_ros.datasets.recording_writer import TruthSummary, write_recording
+from mnsf_ros.errors import DatasetError, RecordingError
 
 
 def sweep(index, *, num_points=5, stamp_ns=None):

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.formats import TruthSettings, open_source
 from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.errors import DatasetError
 
 EARTH_RADIUS_M = 6_378_137.0
 LATITUDE, LONGITUDE = 49.0, 8.4

@@ -9,11 +9,10 @@ import pytest
 import tiny_world
 from real_extracts import extract
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.formats import TruthSettings, open_source
 from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
 from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.errors import DatasetError
 
 
 def convert(name, source, out, first=0, count=None, **settings):

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets import json_rows
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.nuscenes_boxes import Annotation, Keyframe, boxes_at
-from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.datasets import nuscenes
+from mnsf_ros.datasets.formats import ReadOptions, TruthSettings, open_source
+from mnsf_ros.datasets.nuscenes import Annotation, Keyframe, boxes_at
 from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.errors import DatasetError
 
 # The lidar looks to the left, as it does on the real vehicles, and the sweep is in its frame.
 EGO_FROM_LIDAR = tiny_world.pose(0.9, 0.1, 1.8, -1.5)
@@ -98,7 +96,7 @@ def convert(source, out, sequence="scene-1"):
 
 def test_a_scene_becomes_a_recording_with_truth(tmp_path, monkeypatch):
     # So small that every object lies in several chunks.
-    monkeypatch.setattr(json_rows, "_CHUNK_CHARACTERS", 50)
+    monkeypatch.setattr(nuscenes, "_CHUNK_CHARACTERS", 50)
     out = convert(write_data(tmp_path / "data"), tmp_path / "out")
     found = tiny_world.read(out)
     assert found.stamps == [micros * 1000 for micros in MICROS]

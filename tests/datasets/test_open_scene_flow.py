@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.errors import DatasetError
 
 h5py = pytest.importorskip("h5py")
 # From the lidar to the vehicle, whose poses the files have beside points of the lidar.

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.errors import DatasetError
+from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
 from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
-from mnsf_ros.datasets.truth_settings import TruthSettings
+from mnsf_ros.errors import DatasetError
 
 SETTINGS = TruthSettings()
 

@@ -2,15 +2,15 @@ from __future__ import annotations
 
 import json
 import sys
+import zlib
 
 import numpy as np
 import pytest
 from tiny_protobuf import field, varint
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.json_rows import json_rows
+from mnsf_ros.datasets.nuscenes import json_rows
 from mnsf_ros.datasets.protobuf_wire import WireMessage
-from mnsf_ros.datasets.source_files import require
+from mnsf_ros.datasets.source_files import read_npz, require
 from mnsf_ros.datasets.surface_classes import (
     argoverse1_class,
     argoverse2_class,
@@ -19,6 +19,9 @@ from mnsf_ros.datasets.surface_classes import (
     nuscenes_class,
     waymo_class,
 )
+from mnsf_ros.datasets.waymo_records import _matrix
+from mnsf_ros.decompression import MAX_BYTES, SizeLimitError
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions
 
 
@@ -52,7 +55,7 @@ def test_a_broken_library_is_not_called_missing(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("chunk", [1, 2, 7, 1 << 20])
 def test_rows_of_large_json_lists(tmp_path, monkeypatch, chunk):
-    monkeypatch.setattr("mnsf_ros.datasets.json_rows._CHUNK_CHARACTERS", chunk)
+    monkeypatch.setattr("mnsf_ros.datasets.nuscenes._CHUNK_CHARACTERS", chunk)
     rows = [{"a": [1, {"b": "]}, {"}]}, {}, {"ü": None, "c": 1.5e-7}]
     path = tmp_path / "rows.json"
     for indent in (None, 2):
@@ -131,3 +134,18 @@ def test_categories_of_the_data_sets():
     for number in (-1, 31):
         with pytest.raises(ValueError, match=f"category number {number}, expected 0 to 30"):
             argoverse2_classes(np.array([3, number]))
+
+
+def test_arrays_of_a_small_file_have_a_limit(tmp_path):
+    path = tmp_path / "bomb.npz"
+    part = np.zeros(MAX_BYTES // 16 + 1)
+    np.savez_compressed(path, xyz=part, stamp_ns=part)
+    assert path.stat().st_size < MAX_BYTES // 200
+    with pytest.raises(DatasetError, match=rf"bomb\.npz: .*limit.*{MAX_BYTES}"):
+        read_npz(path, ("xyz",))
+
+
+def test_range_images_have_a_limit():
+    bomb = zlib.compress(bytes(MAX_BYTES + 1))
+    with pytest.raises(SizeLimitError, match=str(MAX_BYTES)):
+        _matrix(bomb, 4)

@@ -10,9 +10,7 @@ import tiny_waymo
 import tiny_world
 from tiny_protobuf import crc32c, field, tf_record
 
-from mnsf_ros.datasets.errors import DatasetError
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.read_options import ReadOptions
+from mnsf_ros.datasets.formats import ReadOptions, open_source
 from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.datasets.waymo_range_image import (
     LaserCalibration,
@@ -20,6 +18,7 @@ from mnsf_ros.datasets.waymo_range_image import (
     shaped,
     waymo_sweep,
 )
+from mnsf_ros.errors import DatasetError
 
 
 @pytest.fixture(scope="module")

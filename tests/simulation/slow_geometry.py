@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mnsf_ros.simulation.shapes import ShapeKind
+from mnsf_ros.simulation.bodies import ShapeKind
 
 
 def signed_distance(kind, half, points):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.ground import ground_hits
 from mnsf_ros.simulation.street import CURB_HEIGHT_M, ROAD_HALF_WIDTH_M, Centerline, Street
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
+from mnsf_ros.simulation.bodies import Shape, ShapeKind, box, entry_ranges
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
-from mnsf_ros.simulation.shapes import Shape, ShapeKind, box, entry_ranges
 
 FULL = (slice(None), slice(None))
 

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from mnsf_ros.recording import conventions
-from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.settings import SimulationSettings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "recordings.md").read_text(encoding="utf-8")

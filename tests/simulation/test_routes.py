@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mnsf_ros.simulation.ego import drive_with_stops
-from mnsf_ros.simulation.routes import Route, SpeedProfile, Trip
+from mnsf_ros.simulation.routes import Route, SpeedProfile, Trip, drive_with_stops
 
 
 def circle(radius):

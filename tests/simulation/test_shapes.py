@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from slow_geometry import signed_distance
 
-from mnsf_ros.simulation.shapes import ShapeKind, entry_ranges
+from mnsf_ros.simulation.bodies import ShapeKind, entry_ranges
 
 HALF = {
     ShapeKind.BOX: np.array([2.0, 1.0, 0.5]),

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from slow_geometry import signed_distance
 
 from mnsf_ros.geometry.transforms import apply, invert
-from mnsf_ros.simulation.bodies import SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import CURB_HEIGHT_M
 from mnsf_ros.simulation.sweeps import FIRST_STAMP_NS, SweepSimulator, simulate_sweeps

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from slow_geometry import corners, overlap
 
-from mnsf_ros.simulation.bodies import SurfaceClass
-from mnsf_ros.simulation.ego import EGO_LENGTH_M, EGO_WIDTH_M
+from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.simulation.routes import EGO_LENGTH_M, EGO_WIDTH_M
 from mnsf_ros.simulation.scene import build_scene
 from mnsf_ros.simulation.settings import SimulationSettings
 

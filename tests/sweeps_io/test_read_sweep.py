@@ -316,7 +316,7 @@ HUGE = "999999999999"
         ("a.npy", lambda: npy(np.zeros(2, [("x", "f4"), ("y", "f4")])), "no field of name z"),
         ("a.npy", lambda: npy(XYZ).replace(b"(4, 3)", b"(9999999999, 3)"), "cut short or damaged"),
         ("a.npz", npz, "It has none"),
-        ("a.npz", lambda: npy(XYZ), "not a zip file"),
+        ("a.npz", lambda: npy(XYZ), "single array"),
         ("a.npy", lambda: npz(xyz=XYZ), "magic"),
         ("a.feather", lambda: npy(XYZ), "cannot be read: "),
     ],
@@ -379,7 +379,7 @@ def test_archive_that_claims_to_grow_beyond_bounds(file):
     # The size in the central directory, which is what an archive is read by.
     place = content.rfind(b"PK\x01\x02") + 24
     struct.pack_into("<I", content, place, 2**31 + 1)
-    with pytest.raises(SweepFileError, match="takes 2147483649 bytes, too many"):
+    with pytest.raises(SweepFileError, match="2147483649 bytes, the limit"):
         read_sweep(str(file("a.npz", bytes(content))))
 
 
@@ -397,7 +397,7 @@ def test_damaged_compression(file, data, num_bytes):
 
 
 def test_compression_law():
-    from mnsf_ros.sweeps_io.lzf import decompress
+    from mnsf_ros.sweeps_io.pcd import decompress
 
     rng = np.random.default_rng(0)
     for content in (

@@ -1,0 +1,136 @@
+"""Arrays in npy, npz and Feather files, never larger than a sweep can be.
+
+Errors are those of NumPy and zipfile, or a ValueError: see `sweep_in_file.UNREADABLE`.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.decompression import MAX_BYTES, SizeLimitError, check_size
+
+_VERSION_1: Final = (1, 0)
+_SUFFIX: Final = ".npy"
+_NPY_MAGIC: Final = b"\x93NUMPY"
+# What NumPy writes. Of the others zipfile decompresses more than it was asked for.
+_COMPRESSIONS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+class ArrayArchive:
+    """The arrays of an npz file, read when asked for; all together up to the limit of a cloud."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        """Takes an open archive. What else than arrays is in it is ignored."""
+        self._archive = archive
+        self._left = MAX_BYTES
+        entries = (entry for entry in archive.namelist() if entry.endswith(_SUFFIX))
+        self.names = [entry.removesuffix(_SUFFIX) for entry in entries]
+
+    def header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+        """Returns shape and type of an array without reading its values."""
+        with self._open(name) as stream:
+            return _array_header(stream)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """Returns an array.
+
+        Raises:
+            ValueError: There is none of that name, or it is damaged or too large.
+        """
+        if name not in self.names:
+            raise ValueError(f"has no array {name!r}; it has {', '.join(self.names) or 'none'}")
+        num_bytes = self._archive.getinfo(f"{name}{_SUFFIX}").file_size
+        self._left -= num_bytes
+        if self._left < 0:
+            raise SizeLimitError(
+                f"array {name!r} has {num_bytes} bytes, the limit of all arrays is {MAX_BYTES}"
+            )
+        with self._open(name) as stream:
+            return read_array(stream, num_bytes)
+
+    def _open(self, name: str) -> IO[bytes]:
+        entry = self._archive.getinfo(f"{name}{_SUFFIX}")
+        if entry.compress_type not in _COMPRESSIONS:
+            raise ValueError(f"array {name!r} is compressed in a way that NumPy does not write")
+        # zipfile gives out no more than the size that the archive claims.
+        return self._archive.open(entry)
+
+
+@contextmanager
+def open_archive(path: Path) -> Iterator[ArrayArchive]:
+    """Opens an npz file.
+
+    Raises:
+        ValueError: It holds a single array, as npy files do.
+    """
+    with path.open("rb") as file:
+        if file.read(len(_NPY_MAGIC)) == _NPY_MAGIC:
+            raise ValueError("is a single array, expected an npz archive")
+        with zipfile.ZipFile(file) as archive:
+            yield ArrayArchive(archive)
+
+
+def read_array(stream: IO[bytes], num_bytes: int) -> NDArray[Any]:
+    """Returns the array in a stream with so many bytes, if it can really hold all values.
+
+    A few damaged bytes of the header would otherwise ask for more memory than there is.
+
+    Raises:
+        ValueError: It cannot, or it is no array, or one of Python objects.
+    """
+    shape, dtype = _array_header(stream)
+    expected = dtype.itemsize
+    for number in shape:
+        expected *= number
+    if expected < 0 or expected > num_bytes:
+        raise ValueError(
+            f"is cut short or damaged: its array of {shape} {dtype} takes {expected} bytes, "
+            f"there are {num_bytes}"
+        )
+    check_size(expected, "the array")
+    stream.seek(0)
+    array: NDArray[Any] = np.lib.format.read_array(  # type: ignore[no-untyped-call]
+        stream, allow_pickle=False
+    )
+    return array
+
+
+def _array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+    read_header = (
+        np.lib.format.read_array_header_1_0
+        if version == _VERSION_1
+        else np.lib.format.read_array_header_2_0
+    )
+    shape, _, dtype = read_header(stream)  # type: ignore[no-untyped-call]
+    return shape, dtype
+
+
+def read_feather_columns(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Returns columns of a Feather file as (N,) arrays, texts as arrays of objects.
+
+    Raises:
+        ModuleNotFoundError: pyarrow is not installed.
+        ValueError: The file lacks a column.
+    """
+    table = read_feather_table(path)
+    missing = [name for name in names if name not in table.column_names]
+    if missing:
+        found = ", ".join(table.column_names)
+        raise ValueError(f"has no column {', '.join(missing)}; it has {found}")
+    return {name: table.column(name).to_numpy() for name in names}
+
+
+def read_feather_table(path: Path) -> Any:  # noqa: ANN401
+    """Returns the table of a Feather file; see `read_feather_columns`."""
+    from pyarrow import feather
+
+    # Without memory_map, since a damaged file could only be noticed later.
+    return feather.read_table(path, memory_map=False)
