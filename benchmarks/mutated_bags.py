@@ -42,6 +42,7 @@ from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     EvaluationTask,
     choose_topics,
+    evaluated_methods,
 )
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.task import run_task
@@ -101,7 +102,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
     is_warned = bool(inspection.damages) or None in (recording.truth, recording.odometry)
     options = EvaluationOptions(preset("paper"), num_points=100)
     rows = {}
-    for method in METHODS:
+    for method in evaluated_methods(METHODS, options):
         for event in run_task(EvaluationTask(recording, method), options):
             if isinstance(event, Findings):
                 is_warned = is_warned or bool(event.damages) or bool(event.warnings)
@@ -109,7 +110,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
             row = json.loads(to_json(event))
             is_warned = is_warned or bool(row["failure"])
             del row["time_ms"], row["stage_times_ms"]
-            rows[method, row["stamp_ns"]] = row
+            rows[method.name, row["stamp_ns"]] = row
     return rows, is_warned, inspection.has_checksums
 
 

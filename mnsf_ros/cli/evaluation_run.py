@@ -22,6 +22,7 @@ from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
     EvaluationOptions,
     choose_topics,
+    evaluated_methods,
 )
 from mnsf_ros.evaluation.recording_names import recording_names, short_name
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
@@ -31,8 +32,6 @@ from mnsf_ros.evaluation.runner import (
     run_evaluation,
     run_serially,
 )
-from mnsf_ros.evaluation.task import make_estimator
-from mnsf_ros.methods import method_names
 from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
 from mnsf_ros.recording.inspection import inspect_recording
 
@@ -55,9 +54,11 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
     check_folder(options.out, resume=options.resume)
-    methods = _split(options.methods or [DEFAULT_METHODS])
-    num_sweeps = _num_sweeps(methods, evaluation, is_remote=options.ray is not None)
-    evaluation = replace(evaluation, num_sweeps=_PAIR if options.pairs else num_sweeps)
+    names = _split(options.methods or [DEFAULT_METHODS])
+    methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
+    num_sweeps = max(evaluation.num_sweeps, *(method.traits.num_sweeps for method in methods))
+    num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
+    evaluation = replace(evaluation, num_sweeps=num_sweeps)
     execute = _executor(options, evaluation)
     recordings, unreadable = _inspected(options, console)
     folder = start_or_resume(
@@ -103,21 +104,6 @@ def _split(texts: Sequence[str]) -> list[str]:
     if not methods:
         raise SettingsError("methods: got none, expected at least one")
     return methods
-
-
-def _num_sweeps(methods: Sequence[str], evaluation: EvaluationOptions, *, is_remote: bool) -> int:
-    """Sweeps that the methods need. Makes each, so that a wrong name is found out now."""
-    needed = [evaluation.num_sweeps]
-    for method in methods:
-        try:
-            estimator = make_estimator(method, evaluation.method_settings)
-        except SettingsError:
-            # A device that is not here may be on the machines of the cluster.
-            if is_remote and method in method_names():
-                continue
-            raise
-        needed.append(estimator.traits.num_sweeps)
-    return min(max(needed), MAX_SWEEPS)
 
 
 def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Executor:

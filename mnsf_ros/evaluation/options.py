@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from mnsf_ros.core.scene_flow_estimator import MethodTraits
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.methods import make_method, method_names
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.inspection import Inspection
 from mnsf_ros.settings import Settings
 
 ALL_POINTS: Final = "all"
-# Methods, by name or how the name begins, that never look at what they did before.
-_STATELESS: Final = ("zero", "ego")
-_STATELESS_PREFIXES: Final = ("file:", "command:")
-_REGISTERING: Final = ("online", "ego-estimated")
-# Those that start each fit from scratch.
-_COLD: Final = ("fnsf", "nsfp", "mnsf-cycle")
 
 
 @dataclass(frozen=True)
@@ -47,21 +45,34 @@ class EvaluatedRecording:
 
 
 @dataclass(frozen=True)
+class EvaluatedMethod:
+    """A method with what it says of itself under the settings of the run.
+
+    Attributes:
+        name: Its name.
+        traits: What it says of itself.
+    """
+
+    name: str
+    traits: MethodTraits
+
+
+@dataclass(frozen=True)
 class EvaluationTask:
     """One method on one recording.
 
     Attributes:
         recording: The recording.
-        method: Name of the method.
+        method: The method.
     """
 
     recording: EvaluatedRecording
-    method: str
+    method: EvaluatedMethod
 
     @property
     def key(self) -> tuple[str, str]:
         """Name of the recording and of the method."""
-        return self.recording.name, self.method
+        return self.recording.name, self.method.name
 
 
 @dataclass(frozen=True)
@@ -134,18 +145,40 @@ class EvaluationOptions:
             values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
         return self.settings.changed(values)
 
-    def has_memory(self, method: str) -> bool:
-        """Whether a task must be done in one go: what it does depends on what it did before."""
-        plays = self.realtime_rate is not None or self.flow_folder is not None
-        return plays or self.goes_on(method)
+    def is_indivisible(self, method: EvaluatedMethod) -> bool:
+        """Whether a task must be done in one go, because rows depend on those before them."""
+        is_replay = self.realtime_rate is not None or self.flow_folder is not None
+        return is_replay or method.traits.carries_state
 
-    def goes_on(self, method: str) -> bool:
-        """Whether an estimate of a method depends on those before it."""
-        if method in _STATELESS or method.startswith(_STATELESS_PREFIXES):
-            return False
-        is_warm = self.settings.warm_start.enabled and not method.startswith(_COLD)
-        is_registering = method in _REGISTERING
-        return is_warm or self.settings.ego_motion.removed or is_registering
+
+def evaluated_methods(
+    names: Iterable[str], options: EvaluationOptions, *, is_remote: bool = False
+) -> list[EvaluatedMethod]:
+    """Asks each method what it says of itself, so that a wrong name is found before a run.
+
+    Args:
+        names: Names of methods.
+        options: How they will estimate.
+        is_remote: Whether they run on other machines: what they need need not be on this one.
+
+    Raises:
+        MnsfError: There is no such method, or the settings do not suit it.
+    """
+    return [EvaluatedMethod(name, _traits(name, options, is_remote)) for name in names]
+
+
+def _traits(name: str, options: EvaluationOptions, is_remote: bool) -> MethodTraits:
+    settings = options.method_settings
+    if is_remote:
+        # The device may be on the machines of the cluster only.
+        settings = settings.changed({"compute.device": "cpu"})
+    try:
+        return make_method(name, settings).traits
+    except SettingsError:
+        if is_remote and name in method_names():
+            # Nothing is known, so nothing is taken for granted.
+            return MethodTraits(num_sweeps=3, carries_state=True)
+        raise
 
 
 def num_sweeps_needed(wanted: int, there: int) -> int:

@@ -16,7 +16,7 @@ from typing import Final, Literal
 import torch
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.recording.fingerprint import fingerprint
 from mnsf_ros.settings import Settings, SettingValue
@@ -109,10 +109,10 @@ class MethodRecord:
     is_external: bool = False
 
     @classmethod
-    def of(cls, name: str) -> MethodRecord:
+    def of(cls, method: EvaluatedMethod) -> MethodRecord:
         """Returns the record of a method."""
-        is_external = name.startswith(("file:", "command:"))
-        return cls(name, is_reference=name in ("zero", "ego"), is_external=is_external)
+        traits = method.traits
+        return cls(method.name, traits.is_reference, traits.is_external)
 
 
 @dataclass(frozen=True)

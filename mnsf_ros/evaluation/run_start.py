@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_json import plain
 from mnsf_ros.evaluation.run_record import (
@@ -29,7 +29,7 @@ _MAX_TOLD = 5
 def start_or_resume(
     out: Path,
     recordings: Sequence[EvaluatedRecording],
-    methods: Sequence[str],
+    methods: Sequence[EvaluatedMethod],
     options: EvaluationOptions,
     *,
     resume: bool,
@@ -97,7 +97,7 @@ def _holds_something(out: Path) -> bool:
 
 def _new_record(
     recordings: Sequence[EvaluatedRecording],
-    methods: Sequence[str],
+    methods: Sequence[EvaluatedMethod],
     options: EvaluationOptions,
     arguments: Sequence[str],
 ) -> RunRecord:

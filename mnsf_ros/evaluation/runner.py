@@ -10,6 +10,7 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import (
+    EvaluatedMethod,
     EvaluatedRecording,
     EvaluationOptions,
     EvaluationTask,
@@ -35,8 +36,8 @@ class TaskRun:
 
     def again(self, done: frozenset[int], options: EvaluationOptions) -> TaskRun:
         """Returns the next attempt, which leaves out what is done, if that can be left out."""
-        has_memory = options.has_memory(self.task.method)
-        skipped = frozenset() if has_memory else self.skipped | done
+        is_indivisible = options.is_indivisible(self.task.method)
+        skipped = frozenset() if is_indivisible else self.skipped | done
         return replace(self, skipped=skipped, attempt=self.attempt + 1)
 
 
@@ -115,7 +116,7 @@ class RunOutcome:
 
 def plan_runs(
     recordings: Sequence[EvaluatedRecording],
-    methods: Sequence[str],
+    methods: Sequence[EvaluatedMethod],
     options: EvaluationOptions,
     folder: RunFolder,
 ) -> list[TaskRun]:
@@ -133,7 +134,9 @@ def plan_runs(
         numbers.setdefault((row.recording, row.method), set()).add(row.number)
     tasks = [EvaluationTask(recording, method) for recording in recordings for method in methods]
     left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
-    anew = [task.key for task in left if task.key in numbers and options.has_memory(task.method)]
+    anew = [
+        task.key for task in left if task.key in numbers and options.is_indivisible(task.method)
+    ]
     if anew:
         with folder.locked():
             folder.drop_rows_of(anew)
@@ -195,7 +198,7 @@ def _write(
         folder.append_finished(task.key, event, len(done))
     elif isinstance(event, TaskRestarted):
         outcome.restarted[task.key] = event.reason
-        if options.has_memory(task.method) and done:
+        if options.is_indivisible(task.method) and done:
             folder.drop_rows_of([task.key])
             done.clear()
     elif isinstance(event, TaskFailed):

@@ -21,7 +21,6 @@ from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     EvaluationTask,
 )
-from mnsf_ros.evaluation.prediction_files import PREFIX, PredictionFiles
 from mnsf_ros.evaluation.realtime import played_in_real_time
 from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
 from mnsf_ros.evaluation.scoring import (
@@ -57,7 +56,7 @@ def run_task(
     """
     findings = Findings()
     recording = task.recording
-    scorer = _Scorer(task.method, options)
+    scorer = _Scorer(task.method.name, options)
     with (
         recording.inspection.open() as reader,
         flow_recorder(options.flow_folder, *task.key) as recorder,
@@ -72,45 +71,30 @@ def run_task(
     yield findings
 
 
-def make_estimator(method: str, settings: Settings) -> SceneFlowEstimator:
-    """Makes the estimator of a method.
-
-    Raises:
-        MnsfError: There is no such method, or the settings do not suit it.
-    """
-    return (
-        PredictionFiles(method, settings)
-        if method.startswith(PREFIX)
-        else make_method(method, settings)
-    )
-
-
 class _Scorer:
     """Estimates and scores examples with one method."""
 
     def __init__(self, method: str, options: EvaluationOptions) -> None:
         self._method = method
         self._options = options
-        self._estimator = make_estimator(method, options.method_settings)
-        self._is_measured = not method.startswith(PREFIX)
-        if self._is_measured:
+        self._estimator = make_method(method, options.method_settings)
+        self._traits = self._estimator.traits
+        if not self._traits.is_external:
             warm_up(method, options.method_settings)
-        self._backward = (
-            make_estimator(method, options.method_settings)
-            if options.check_cycle and self._is_measured
-            else None
-        )
+        # Predictions that were read from files, whose time says nothing, have no way back.
+        self._has_way_back = options.check_cycle and self._traits.is_timed
+        self._backward: SceneFlowEstimator | None = None
 
     def rows(
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
     ) -> Iterator[ResultRow]:
         """Yields a row for each example of which is said that it is to be scored."""
-        options, rate = self._options, self._options.realtime_rate
+        rate = self._options.realtime_rate
         if rate is None:
             for example, is_scored in examples:
                 if is_scored:
                     yield self._row(example, *self._estimate(example), recorder)
-                elif options.goes_on(self._method):
+                elif self._traits.carries_state:
                     self._estimate(example)
             return
         all_of_them = (example for example, _ in examples)
@@ -132,7 +116,7 @@ class _Scorer:
     ) -> ResultRow:
         if isinstance(result, str):
             return failed_row(example, self._method, result)
-        if not self._is_measured:
+        if not self._traits.is_timed:
             time_ms = float("nan")
         elif result.times_ms:
             # A program that runs a network knows better what it took than who waits for its end.
@@ -144,9 +128,9 @@ class _Scorer:
         return self._with_cycle(row, example, result)
 
     def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
-        backward = self._way_back()
-        if backward is None:
+        if not self._has_way_back:
             return row
+        backward = self._way_back()
         triplet = example.triplet
         way_back = _attempted(lambda: backward.estimate(reversed_pair(triplet)))
         if isinstance(way_back, str):
@@ -156,10 +140,10 @@ class _Scorer:
         cycle = cycle_distance(triplet, result.flow, way_back.flow, looked_at)
         return replace(row, consistency={**row.consistency, **cycle})
 
-    def _way_back(self) -> SceneFlowEstimator | None:
-        """An estimator of its own: it must not disturb what the other carries on, nor go on."""
-        if self._backward is not None and self._options.goes_on(self._method):
-            return make_estimator(self._method, self._options.method_settings)
+    def _way_back(self) -> SceneFlowEstimator:
+        """An estimator of its own, which does not disturb the state of the other."""
+        if self._backward is None or self._traits.carries_state:
+            self._backward = make_method(self._method, self._options.method_settings)
         return self._backward
 
 
@@ -187,7 +171,7 @@ def warm_up(method: str, settings: Settings) -> None:
     """Lets a method estimate a small triplet once; nothing of it is kept.
 
     Args:
-        method: Name of the method. Other programs are left alone: they start for every example.
+        method: Name of the method.
         settings: How it will estimate.
 
     Raises:
@@ -203,7 +187,5 @@ def warm_up(method: str, settings: Settings) -> None:
         next_from_current=np.eye(4),
     )
     estimator = make_method(method, settings.changed(_FEW_STEPS))
-    if estimator.traits.is_external:
-        return
     with suppress(MnsfError):
         estimator.estimate(triplet)

@@ -21,6 +21,7 @@ from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.methods.mnsf_cycle import mnsf_cycle
 from mnsf_ros.methods.network_estimator import NetworkEstimator
 from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
+from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
     EstimatedEgoMotionEstimator,
@@ -81,6 +82,7 @@ _METHODS: Final[dict[str, MethodMaker]] = {
 # What follows the prefix says which files or programs they are.
 _PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
     "command:": CommandEstimator.from_text,
+    FILE_PREFIX: PredictionFiles,
 }
 
 _OLD_NAMES: Final = {"mnsf-objects": "online", "mnsf-network": "mnsf"}

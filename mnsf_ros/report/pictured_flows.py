@@ -31,7 +31,7 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.evaluation.task import make_estimator
+from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.point_cloud2 import decode_points
@@ -180,7 +180,7 @@ def estimated_examples(
 
 
 def _estimated(example: Example, method: str, options: EvaluationOptions) -> PicturedFlow:
-    estimator = make_estimator(method, options.method_settings)
+    estimator = make_method(method, options.method_settings)
     flow = estimator.estimate(example.triplet).flow[example.scored]
     return PicturedFlow(method, flow, _errors(example, flow), is_again=True)
 

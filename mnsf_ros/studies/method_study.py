@@ -12,7 +12,7 @@ from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationTask
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationTask, evaluated_methods
 from mnsf_ros.evaluation.protocol import protocol_text
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
@@ -93,7 +93,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     """
     check_folder(options.out, resume=options.resume)
     evaluation = options.evaluation(study.num_sweeps)
-    methods = list(study.variants.values())
+    methods = evaluated_methods(study.variants.values(), evaluation)
     # The evaluation has a folder of its own beside the simulated street.
     recordings = study_recordings(options, study.num_sweeps)
     if not any(recording.truth for recording in recordings):
@@ -116,7 +116,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     if not any(row.errors for row in results.rows):
         why = f": {results.notes[0]}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
-    summaries = summarize(results.rows, methods)
+    summaries = summarize(results.rows, list(study.variants.values()))
     texts = protocol_text(results.record, summaries)
     notes = [*map(str, results.notes), *kept]
     return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in notes)])
@@ -190,7 +190,7 @@ class _Watch:
         if isinstance(event, ResultRow):
             self._done += 1
             said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else str(event.failure)
-            where = f"{task.method}, {event.recording} sweep {event.number}"
+            where = f"{task.method.name}, {event.recording} sweep {event.number}"
             self._options.say(f"{self._done} of {self._total}: {where}: {said}")
 
 

@@ -6,10 +6,13 @@ import json
 
 import numpy as np
 
+from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.options import (
+    EvaluatedMethod,
     EvaluationOptions,
     EvaluationTask,
     choose_topics,
+    evaluated_methods,
 )
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.tracks import CloudRows
@@ -99,7 +102,15 @@ def recording_at(path, name="drive", **topics):
 
 
 def task_at(path, method="ego", name="drive"):
-    return EvaluationTask(recording_at(path, name), method)
+    (described,) = methods_of([method])
+    return EvaluationTask(recording_at(path, name), described)
+
+
+def methods_of(names, evaluation=None):
+    """Methods as a run has them; of one that does not exist nothing is known."""
+    known = [name for name in names if name not in ("nothing", "mnfs")]
+    found = {one.name: one for one in evaluated_methods(known, evaluation or options())}
+    return [found.get(name, EvaluatedMethod(name, MethodTraits())) for name in names]
 
 
 def options(changes=None, **values):

@@ -12,9 +12,9 @@ from box_street import pose
 from mnsf_ros.evaluation.examples import ExampleBuilder, read_examples
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.task import make_estimator
 from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
+from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.settings import Settings
 
@@ -271,7 +271,7 @@ def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     recording = small.recording_at(small.write_recording(tmp_path / "drive", 6))
     options = small.options({"ego_motion.source": "odometry"})
     told, found = (
-        make_estimator(method, options.method_settings) for method in ("ego", "ego-estimated")
+        make_method(method, options.method_settings) for method in ("ego", "ego-estimated")
     )
     with recording.inspection.open() as reader:
         examples = list(read_examples(reader, recording, options, Findings()))

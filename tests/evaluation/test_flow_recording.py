@@ -21,7 +21,7 @@ def bag(tmp_path_factory):
 
 
 def evaluate(out, bag, options, *, resume=False, execute=run_serially):
-    recordings, methods = [small.recording_at(bag)], ["zero", "ego"]
+    recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
     folder = start_or_resume(out, recordings, methods, options, resume=resume)
     runs = plan_runs(recordings, methods, options, folder)
     return run_evaluation(runs, options, folder, execute=execute), folder

@@ -92,9 +92,9 @@ def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatc
         if num_rows == 1 and isinstance(event, ResultRow):
             ray.kill(mailboxes[0])
         if isinstance(event, Findings):
-            finished.add(task.method)
+            finished.add(task.method.name)
         if isinstance(event, TaskFailed):
-            failed[task.method] = event.reason
+            failed[task.method.name] = event.reason
     assert num_rows >= 1
     # There is room for one task at a time: all the first one has posted may have come at once.
     assert finished <= {METHODS[0]}
@@ -107,7 +107,7 @@ def test_task_that_cannot_be_done_and_one_that_asks_for_too_much(ray, cluster, b
 
     runs = [TaskRun(small.task_at(bag, method)) for method in ("nothing", "zero")]
     events = list(RayCluster("auto")(runs, small.options()))
-    (failed,) = [(task.method, e) for task, e in events if isinstance(e, TaskFailed)]
+    (failed,) = [(task.method.name, e) for task, e in events if isinstance(e, TaskFailed)]
     assert failed[0] == "nothing"
     assert "unknown method" in failed[1].reason
     assert len(rows_by_task(events)["drive", "zero"]) == 4

@@ -211,7 +211,7 @@ def results(tmp_path_factory):
     place = tmp_path_factory.mktemp("run")
     recording = small.recording_at(small.write_recording(place / "drive", 5))
     options = small.options({"crop.max_range_m": 35.0}, num_points=20)
-    methods = ["zero", "ego", "mnsf"]
+    methods = small.methods_of(["zero", "ego", "mnsf"], options)
     folder = start_or_resume(place / "out", [recording], methods, options, resume=False)
     run_evaluation(plan_runs([recording], methods, options, folder), options, folder)
     found = read_results(folder)

@@ -173,9 +173,8 @@ def recording(tmp_path):
 
 
 def start(out, recording, options=None, *, resume=False, methods=("ego",)):
-    return start_or_resume(
-        out, [recording], methods, options or small.options(), resume=resume, arguments=["mnsf"]
-    )
+    options, methods = options or small.options(), small.methods_of(methods)
+    return start_or_resume(out, [recording], methods, options, resume=resume, arguments=["mnsf"])
 
 
 def test_run_tells_what_it_was(tmp_path, recording):

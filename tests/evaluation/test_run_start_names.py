@@ -117,7 +117,9 @@ def test_recording_that_is_not_there_is_itself(tmp_path):
 
 
 def resume(out, recording):
-    return start_or_resume(out, [recording], ["ego"], small.options(), resume=True)
+    return start_or_resume(
+        out, [recording], small.methods_of(["ego"]), small.options(), resume=True
+    )
 
 
 def test_other_odometry_is_another_recording(bags, tmp_path):

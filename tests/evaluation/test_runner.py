@@ -47,7 +47,7 @@ def rows_of(task, options, skipped=frozenset()):
 def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_serially, watch=None):
     """Runs what is left to do and returns the outcome and the folder."""
     options = options or small.options()
-    recordings = [small.recording_at(bag)]
+    recordings, methods = [small.recording_at(bag)], small.methods_of(methods, options)
     folder = start_or_resume(out, recordings, methods, options, resume=resume)
     runs = plan_runs(recordings, methods, options, folder)
     watched = watch or (lambda task, event: None)
@@ -213,7 +213,7 @@ def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
     recordings = [small.recording_at(bag)]
     folder.drop_rows_of([])
     (tmp_path / "out" / "tasks.jsonl").write_text("")
-    runs = plan_runs(recordings, [method, "fnsf"], options, folder)
+    runs = plan_runs(recordings, small.methods_of([method, "fnsf"]), options, folder)
     assert [len(run.skipped) for run in runs] == [0, 2]
     assert [run.again(frozenset({1}), options).skipped != frozenset() for run in runs] == [
         False,
@@ -272,24 +272,6 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
     assert [item.number for item in folder.read_rows()] == [1]
     assert outcome.failed == {("drive", method): "lost again"}
     assert folder.read_finished() == {}
-
-
-@pytest.mark.parametrize(
-    ("changes", "methods"),
-    [
-        ({}, {"online", "ego-estimated"}),
-        (WARM, {"online", "ego-estimated", "mnsf", "mnsf-mean", "other"}),
-        (
-            {"ego_motion.removed": True},
-            {"online", "ego-estimated", "mnsf", "mnsf-mean", "other", "fnsf", "mnsf-cycle"},
-        ),
-    ],
-)
-def test_methods_that_go_on_from_their_last_estimate(changes, methods):
-    """`other` is a plug-in, of which nobody knows."""
-    alone = {"zero", "ego", "file:here", "command:true", "fnsf", "mnsf-cycle", "mnsf", "mnsf-mean"}
-    options = small.options(changes)
-    assert {name for name in alone | methods | {"other"} if options.goes_on(name)} == methods
 
 
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
@@ -404,7 +386,7 @@ def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estima
         estimator.estimate = counting
         return estimator
 
-    monkeypatch.setattr(task_module, "make_estimator", counted)
+    monkeypatch.setattr(task_module, "make_method", counted)
     monkeypatch.setattr(task_module, "warm_up", lambda method, settings: None)
     task = small.task_at(path, method)
     rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]

@@ -12,7 +12,7 @@ import pytest
 
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics, evaluated_methods
 from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
@@ -40,6 +40,7 @@ def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
     folder = out / "flow" if write_flow else None
     options = EvaluationOptions(settings, num_points=80, seed=3, flow_folder=folder)
     recording = choose_topics(inspect_recording(street), "street")
+    methods = evaluated_methods(methods, options)
     run_folder = start_or_resume(out, [recording], methods, options, resume=False)
     run_evaluation(plan_runs([recording], methods, options, run_folder), options, run_folder)
     return out

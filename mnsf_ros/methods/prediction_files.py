@@ -18,21 +18,36 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.tracks import CloudRows
+from mnsf_ros.errors import MethodError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-PREFIX: Final = "file:"
+FILE_PREFIX: Final = "file:"
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
 _NO_PYARROW: Final = "reading .feather files needs pyarrow: pip install pyarrow"
+
+
+class CloudRows(Protocol):
+    """Where the points of a sweep were in the recorded cloud: the `source` of its sweep."""
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """(N,) row of each point."""
+
+    @property
+    def num_points(self) -> int:
+        """Points of the cloud."""
+
+    @property
+    def recording(self) -> str:
+        """Name of the recording."""
 
 
 class PredictionFiles:
@@ -40,25 +55,25 @@ class PredictionFiles:
 
     traits = MethodTraits(is_external=True, is_timed=False)
 
-    def __init__(self, method: str, settings: Settings) -> None:
+    def __init__(self, folders: str, settings: Settings) -> None:
         """Names the folder.
 
         Args:
-            method: `file:FOLDER` or `file:FOLDER::MASKS`.
+            folders: `FOLDER` or `FOLDER::MASKS`.
             settings: Not used.
 
         Raises:
-            EvaluationError: There is no such folder.
+            MethodError: There is no such folder.
         """
-        self._method = method
+        self._folders = folders
         self.settings = settings
-        folder, _, masks = method.removeprefix(PREFIX).partition("::")
+        folder, _, masks = folders.partition("::")
         self._folder = _existing(folder)
         self._masks = _existing(masks) if masks else None
 
     def with_settings(self, settings: Settings) -> PredictionFiles:
         """Returns the same with other settings."""
-        return PredictionFiles(self._method, settings)
+        return PredictionFiles(self._folders, settings)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
@@ -66,10 +81,12 @@ class PredictionFiles:
         """Returns the predicted flow of the current sweep, which must be a recorded one.
 
         Raises:
-            EvaluationError: There is no prediction, or it does not fit the sweep.
+            MethodError: There is no prediction, or it does not fit the sweep.
         """
         current = triplet.current
-        cloud: CloudRows = current.source
+        cloud: CloudRows | None = current.source
+        if cloud is None or not hasattr(cloud, "rows"):
+            raise MethodError("predictions from files are of recorded sweeps only")
         file = _file_of(self._folder, current)
         flow = _read_npz(file) if file.suffix == ".npz" else _read_feather(file, _COLUMNS)
         if self._masks is None:
@@ -97,7 +114,7 @@ def _asked(sweep: Sweep) -> NDArray[np.bool_]:
 def _existing(folder: str) -> Path:
     path = Path(folder)
     if not folder or not path.is_dir():
-        raise EvaluationError(f"{PREFIX}{folder}: there is no such folder of predictions")
+        raise MethodError(f"{FILE_PREFIX}{folder}: there is no such folder of predictions")
     return path
 
 
@@ -111,7 +128,7 @@ def _file_of(folder: Path, sweep: Sweep) -> Path:
     ]
     found = next((place for place in places if place.is_file()), None)
     if found is None:
-        raise EvaluationError(
+        raise MethodError(
             f"{folder}: no prediction for stamp {sweep.stamp_ns}; expected for example {places[0]}"
         )
     return found
@@ -122,14 +139,14 @@ def _read_npz(file: Path) -> NDArray[np.float32]:
         # Opened here, because NumPy leaves a file open that is no archive.
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             if "flow" not in arrays:
-                raise EvaluationError(
+                raise MethodError(
                     f"{file}: has no array 'flow'; it has {', '.join(arrays) or 'none'}"
                 )
             flow = arrays["flow"]
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, EvaluationError):
+        if isinstance(error, MethodError):
             raise
-        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+        raise MethodError(f"{file}: cannot be read: {error}") from error
     return _checked(file, flow)
 
 
@@ -137,24 +154,24 @@ def _read_feather(file: Path, columns: tuple[str, ...]) -> NDArray[np.float32]:
     try:
         from pyarrow import ArrowException, feather
     except ModuleNotFoundError as error:
-        raise EvaluationError(_NO_PYARROW) from error
+        raise MethodError(_NO_PYARROW) from error
     try:
         table = feather.read_table(file)
         missing = [name for name in columns if name not in table.column_names]
         if missing:
-            raise EvaluationError(
+            raise MethodError(
                 f"{file}: has no column {', '.join(missing)}; it has "
                 f"{', '.join(table.column_names)}"
             )
         arrays = [np.asarray(table[name].to_numpy()) for name in columns]
     except (OSError, ArrowException) as error:
-        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+        raise MethodError(f"{file}: cannot be read: {error}") from error
     return np.stack(arrays, axis=1).astype(np.float32)
 
 
 def _checked(file: Path, flow: NDArray[Any]) -> NDArray[np.float32]:
     if flow.ndim != 2 or flow.shape[1] != 3 or flow.dtype.kind not in "fiu":
-        raise EvaluationError(
+        raise MethodError(
             f"{file}: flow has shape {flow.shape} of {flow.dtype}, expected (N, 3) numbers"
         )
     with np.errstate(over="ignore"):
@@ -163,4 +180,4 @@ def _checked(file: Path, flow: NDArray[Any]) -> NDArray[np.float32]:
 
 def _check_rows(file: Path, rows: NDArray[Any], expected: int) -> None:
     if len(rows) != expected:
-        raise EvaluationError(f"{file}: has {len(rows)} rows, its cloud has {expected} points")
+        raise MethodError(f"{file}: has {len(rows)} rows, its cloud has {expected} points")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.prediction_files import PredictionFiles
+from mnsf_ros.errors import MethodError
 from mnsf_ros.evaluation.tracks import CloudRows
+from mnsf_ros.methods.prediction_files import PredictionFiles
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -25,7 +25,7 @@ def triplet():
 
 
 def estimate(folder, triplet):
-    return PredictionFiles(f"file:{folder}", Settings()).estimate(triplet)
+    return PredictionFiles(str(folder), Settings()).estimate(triplet)
 
 
 def write_feather(path, columns):
@@ -82,15 +82,15 @@ def test_argoverse_2_submission_with_masks(tmp_path, triplet):
 
 
 def assert_refused(tmp_path, triplet, text):
-    with pytest.raises(EvaluationError, match=text) as caught:
+    with pytest.raises(MethodError, match=text) as caught:
         estimate(tmp_path, triplet)
     assert "\n" not in str(caught.value)
 
 
 def test_no_such_folder(tmp_path, triplet):
     assert_refused(tmp_path / "nowhere", triplet, "there is no such folder of predictions")
-    with pytest.raises(EvaluationError, match="no such folder"):
-        PredictionFiles("file:", Settings())
+    with pytest.raises(MethodError, match="no such folder"):
+        PredictionFiles("", Settings())
 
 
 def test_no_prediction_for_the_sweep(tmp_path, triplet):

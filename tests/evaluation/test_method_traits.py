@@ -1,0 +1,99 @@
+"""A method is treated by what it says of itself, not by how it is called."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.runner import TaskRun, plan_runs, run_evaluation
+from mnsf_ros.evaluation.task import run_task
+from mnsf_ros.methods import registry
+
+# Stamps of the sweeps that were estimated.
+SEEN_NS = []
+
+
+class Counting:
+    """The flow says how many triplets the estimator has seen, if it carries that on."""
+
+    def __init__(self, settings, traits):
+        self.settings, self.traits = settings, traits
+        self._count = 0
+
+    def with_settings(self, settings):
+        return Counting(settings, self.traits)
+
+    def estimate(self, triplet, cancelled=never):
+        if triplet.current.stamp_ns >= small.FIRST_NS:
+            SEEN_NS.append(triplet.current.stamp_ns)
+            self._count += self.traits.carries_state
+        flow = np.full_like(triplet.current.xyz, self._count)
+        return FlowEstimate(flow, np.ones(len(flow), bool))
+
+
+@pytest.fixture(params=[True, False], ids=["stateful", "stateless"])
+def carries_state(request, monkeypatch):
+    traits = MethodTraits(num_sweeps=2, carries_state=request.param)
+    make = lambda settings: Counting(settings, traits)  # noqa: E731
+    monkeypatch.setitem(registry._METHODS, "toy", make)
+    SEEN_NS.clear()
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 8)
+
+
+def rows_of(task, options, skipped=frozenset()):
+    return [row for row in run_task(task, options, skipped) if isinstance(row, ResultRow)]
+
+
+def plain(rows):
+    return [small.without_times(row) for row in rows]
+
+
+def test_sampling_skips_examples_only_where_nothing_is_carried_on(bag, carries_state):
+    task = small.task_at(bag, "toy")
+    whole = rows_of(task, small.options())
+    SEEN_NS.clear()
+    sampled = rows_of(task, small.options(every=3))
+    assert plain(sampled) == plain(whole)[::3]
+    assert len(SEEN_NS) == (6 if carries_state else 2)
+
+
+def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carries_state):
+    options, recordings = small.options(), [small.recording_at(bag)]
+    methods = small.methods_of(["toy"])
+
+    def stop_after_three(task, event):
+        if event.number == 3:
+            raise KeyboardInterrupt
+
+    whole = plain(rows_of(small.task_at(bag, "toy"), options))
+    folder = start_or_resume(tmp_path / "out", recordings, methods, options, resume=False)
+    runs = plan_runs(recordings, methods, options, folder)
+    with pytest.raises(KeyboardInterrupt):
+        run_evaluation(runs, options, folder, watch=stop_after_three)
+    (run,) = plan_runs(recordings, methods, options, folder)
+    assert run.skipped == (frozenset() if carries_state else {1, 2, 3})
+    run_evaluation([run], options, folder)
+    assert plain(folder.rows()) == whole
+
+
+def test_retry_of_a_lost_task(bag, carries_state):
+    run = TaskRun(small.task_at(bag, "toy"), frozenset({1})).again(frozenset({2}), small.options())
+    assert run.attempt == 1
+    assert run.skipped == (frozenset() if carries_state else {1, 2})
+
+
+def test_replay_and_written_flow_are_done_in_one_go(bag, tmp_path, carries_state):
+    (method,) = small.methods_of(["toy"])
+    assert small.options().is_indivisible(method) == carries_state
+    assert small.options(realtime_rate=1.0).is_indivisible(method)
+    assert small.options(flow_folder=tmp_path).is_indivisible(method)
