@@ -59,3 +59,27 @@ def preset(name: str) -> Settings:
     if name not in _PRESETS:
         raise SettingsError(f"unknown preset {name!r}, expected one of {', '.join(_PRESETS)}")
     return Settings().changed(_PRESETS[name])
+
+
+def settings_for(method: str, settings: Settings) -> Settings:
+    """Returns the settings that a method gets when it is asked for by name.
+
+    A method that has a preset of its own name, which `online` has, does not take the values of
+    another method's preset: they mean its networks. It takes its own preset, and of the settings
+    given those that no preset has set. So `mnsf evaluate --preset paper` runs `online` as the
+    robot does, while `--set` still holds for it.
+
+    Args:
+        method: Name of the method.
+        settings: A preset, possibly with changes. `method.name` says for which method it is.
+    """
+    if method not in _PRESETS or settings.method.name == method:
+        return settings
+    own = preset(method)
+    of_presets = {
+        name
+        for values in _PRESETS.values()
+        for name, value in values.items()
+        if settings.value_of(name) == value
+    }
+    return settings.changed({name: own.value_of(name) for name in of_presets})

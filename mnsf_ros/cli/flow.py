@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile
     from mnsf_ros.sweeps_io.write_flow import FlowToWrite
 
-_EGO = "ego"
 _EPILOG = """\
 Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .feather (Argoverse 2),
 .bin (KITTI: rows of x, y, z, intensity), .pcd.bin (nuScenes: and ring).
@@ -39,7 +38,9 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="files in the order of time")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT")
     parser.add_argument(
-        "--method", default="mnsf", metavar="NAME", help="default mnsf; see docs/evaluation.md"
+        "--method",
+        metavar="NAME",
+        help="see docs/evaluation.md (default: that of the preset, mnsf or online)",
     )
     parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
     parser.add_argument(
@@ -67,18 +68,19 @@ def _run(options: argparse.Namespace) -> None:
     if len(options.sweeps) < 2:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
     check_target(options.out, overwrite=options.force)
-    estimator = make_method(options.method, settings)
+    method = options.method or settings.method.name
+    estimator = make_method(method, settings)
     sweeps = [read_sweep(name) for name in options.sweeps]
     triplet = triplet_of_files(sweeps)
-    if options.method == _EGO and triplet.next_from_current is None:
+    if estimator.traits.needs_poses and triplet.next_from_current is None:
         raise SweepFileError(
-            f"{_EGO} needs to know how the sensor moved: give CURRENT and NEXT as .npz with a "
-            "pose; ego-estimated does without"
+            f"method {method!r} needs the poses of the sensor: give CURRENT and NEXT as .npz with "
+            "a pose, or use ego-estimated, which estimates them"
         )
     estimate = estimator.estimate(triplet)
-    flow = _in_rows_of_file(sweeps[-2], estimate, options.method, settings)
+    flow = _in_rows_of_file(sweeps[-2], estimate, method, estimator.settings)
     write_flow(options.out, flow, overwrite=options.force)
-    print(_summary(options.out, options.method, flow, estimate))
+    print(_summary(options.out, method, flow, estimate))
 
 
 def _in_rows_of_file(

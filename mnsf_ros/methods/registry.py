@@ -28,6 +28,7 @@ from mnsf_ros.methods.without_optimization import (
     ZeroEstimator,
 )
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings, SettingValue
 
 GROUP: Final = "mnsf_ros.methods"
@@ -107,13 +108,14 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
 
     Args:
         name: One of `method_names`, or `command:` and a command line.
-        settings: How to estimate. Each method adds what makes it that method.
+        settings: How to estimate. Each method adds what makes it that method, and `online` takes
+            its own preset instead of `paper` or `authors`, see `settings_for`.
 
     Raises:
         SettingsError: If there is no such method, it cannot be made, or the settings ask for a
             device that is not there.
     """
-    return _maker(name)(settings)
+    return _maker(name)(settings_for(name, settings))
 
 
 def _maker(name: str) -> MethodMaker:

@@ -93,7 +93,7 @@ def test_names_are_those_of_the_paper_and_unique():
 
 
 def test_document_names_every_method():
-    document = (Path(__file__).parents[2] / "docs" / "methods.md").read_text()
+    document = (Path(__file__).parents[2] / "docs" / "evaluation.md").read_text()
     for name in method_names():
         series = re.fullmatch(r"(mnsf-(?:depth|frames))([3-7])", name)
         text = f"`{series[1]}2`.*`{series[2]}`" if series else f"`{name}`"
@@ -133,8 +133,26 @@ def test_every_method_describes_itself(name, monkeypatch):
     # What makes the variant stays with it, whatever else changes.
     changed = settings.changed({"compute.seed": 3, "fusion.kind": "weighted_sum"})
     again = estimator.with_settings(changed)
-    assert again.settings == make_method(name, changed).settings
+    if name != "online":
+        assert again.settings == make_method(name, changed).settings
     assert again.traits == traits
+
+
+@pytest.mark.parametrize("preset_name", ["online", "paper", "authors"])
+def test_online_is_what_the_robot_runs_under_any_preset(preset_name):
+    settings = make_method("online", preset(preset_name)).settings
+    assert settings == preset("online")
+    # What was set by hand still holds.
+    values = {"objects.cell_size_m": 0.3, "warm_start.max_gap_s": 1.0, "crop.max_range_m": 35.0}
+    changed = make_method("online", preset(preset_name).changed(values)).settings
+    assert changed == preset("online").changed(values)
+
+
+def test_a_preset_of_its_own_is_taken_as_it_is():
+    values = {"warm_start.enabled": False, "crop.min_range_m": 0.0}
+    settings = preset("online").changed(values)
+    assert make_method("online", settings).settings == settings
+    assert make_method("mnsf", settings).settings == settings
 
 
 def test_without_warm_start_networks_carry_nothing():

@@ -104,7 +104,7 @@ def test_ego_motion_from_poses(run, tmp_path):
 
 
 def test_ego_motion_without_poses(run, files, tmp_path):
-    with pytest.raises(SweepFileError, match=r"^ego needs to know how the sensor moved: .* a pose"):
+    with pytest.raises(SweepFileError, match=r"'ego' needs the poses .* a pose"):
         run(*files[1:], "-o", tmp_path / "out.npy", "--method", "ego")
 
 
