@@ -27,12 +27,12 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "source",
         type=Path,
         metavar="SOURCE",
-        help="file or folder of the data set; what it is for each format is told below",
+        help="file or folder of the data set; see the list of formats below",
     )
     parser.add_argument(
         "out", type=Path, metavar="OUT", help="folder to write, or a single file OUT.mcap"
     )
-    parser.add_argument("--force", action="store_true", help="replace a recording that is there")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing recording")
     parser.add_argument("--compress", action="store_true", help="compress the recording (zstd)")
     parser.add_argument(
         "--sequence", metavar="NAME", help="scene (nuscenes) or segment (waymo), if several"
@@ -49,12 +49,12 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         type=float,
         default=_DEFAULTS.box_margin_m,
         metavar="M",
-        help="by how much boxes grow in length, width and height (default %(default)s m)",
+        help="enlarge boxes by M metres in each dimension (default %(default)s)",
     )
     parser.add_argument(
         "--unlabelled-static",
         action="store_true",
-        help="points where no labels reach stand still, instead of not being valid",
+        help="treat unlabelled points as static instead of as unknown",
     )
     parser.set_defaults(run=_run)
 

@@ -18,17 +18,17 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "simulate", help="write a recording of a simulated street with its true flow"
     )
     parser.add_argument("out", type=Path, help="folder to write (rosbag2, mcap)")
-    parser.add_argument("--force", action="store_true", help="replace a recording that is there")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing recording")
     for name, kind, unit, text in (
         ("seed", int, "N", "chooses street, traffic and noise"),
-        ("duration_s", float, "S", "length in seconds"),
+        ("duration_s", float, "S", "duration in seconds"),
         ("rate_hz", float, "HZ", "sweeps per second"),
         ("num_beams", int, "N", f"lasers: {', '.join(map(str, BEAM_CHOICES))}"),
         ("num_columns", int, "N", "azimuth steps of a sweep"),
         ("range_noise_m", float, "M", "standard deviation of the range"),
-        ("dropout", float, "SHARE", "share of returns that are lost"),
+        ("dropout", float, "SHARE", "share of returns that are dropped"),
         ("ego_speed_m_s", float, "M/S", "speed of the vehicle with the lidar"),
-        ("max_range_m", float, "M", "returns from farther away are lost"),
+        ("max_range_m", float, "M", "maximum range of the lidar"),
     ):
         default = getattr(_DEFAULTS, name)
         parser.add_argument(

@@ -39,7 +39,7 @@ class CameraView:
     height: float
 
     def sees(self, xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (N,) bool for (N, 3) points in the lidar frame, in meters."""
+        """Returns (N,) bool for (N, 3) points in the lidar frame, in metres."""
         with np.errstate(invalid="ignore"):
             u, v, depth = apply(self.image_from_lidar, xyz.astype(np.float64)).T
         # Not divided by the depth, which may be zero.

@@ -23,7 +23,7 @@ class Box:
 
     Attributes:
         pose: (4, 4) float64 `sweep_from_box`; the origin of the box is its middle, x its length.
-        size_m: (3,) length, width and height in meters.
+        size_m: (3,) length, width and height in metres.
         class_id: Kind of surface, see `docs/recordings.md`.
         track_id: What the same object is called in other sweeps; None if its motion is unknown.
         hidden: Whether none of it was seen, so that points in it belong to something else.
@@ -56,7 +56,7 @@ class GivenFlow:
     """Flow that a data set brings itself, row i for point i of its sweep.
 
     Attributes:
-        flow: (N, 3) meters to the next sweep, in the next sweep's frame.
+        flow: (N, 3) metres to the next sweep, in the next sweep's frame.
         valid: (N,) bool, the flow is known.
         dynamic: (N,) bool, the surface itself moves; None: find out from the flow.
         class_id: (N,) uint8 kind of surface; None: ask the boxes.
@@ -77,7 +77,7 @@ class LabelledSweep:
 
     Attributes:
         stamp_ns: Time in nanoseconds.
-        xyz: (N, 3) float32 meters.
+        xyz: (N, 3) float32 metres.
         columns: More to write for each point: name -> (N,).
         pose: (4, 4) float64 `world_from_sweep`; None if the data set has none.
         boxes: Tracked objects; None if this sweep was not annotated.

@@ -63,7 +63,7 @@ def json_rows(path: Path) -> Iterator[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
-    """A box at one instant: (4, 4) pose, (3,) length, width, height in meters, and surface."""
+    """A box at one instant: (4, 4) pose, (3,) length, width, height in metres, and surface."""
 
     world_from_box: FloatArray
     size_m: NDArray[np.float64]

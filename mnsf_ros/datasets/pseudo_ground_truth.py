@@ -30,9 +30,9 @@ def box_of_points(
     the one that it is deepest inside.
 
     Args:
-        xyz: (N, 3) meters. A row that is not finite belongs to no box.
+        xyz: (N, 3) metres. A row that is not finite belongs to no box.
         boxes: Boxes in the frame of the points; hidden ones own no points.
-        margin_m: By how much the length, the width and the height of a box grow, in meters:
+        margin_m: By how much the length, the width and the height of a box grow, in metres:
             half of it on either side.
         ground: (N,) bool, points that belong to a box only if inside it as labelled.
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 def cloud_message(
     cloud: EncodedCloud, stamp_ns: int, frame_id: str, *, is_dense: bool
 ) -> sensor_msgs__msg__PointCloud2:
-    """Return a sensor_msgs/PointCloud2.
+    """Returns a sensor_msgs/PointCloud2.
 
     Args:
         cloud: Layout and data.
@@ -64,7 +64,7 @@ def cloud_message(
 def odometry_message(
     pose: NDArray[np.floating[Any]], stamp_ns: int, frame_id: str, child_frame_id: str
 ) -> nav_msgs__msg__Odometry:
-    """Return a nav_msgs/Odometry without velocity or covariance.
+    """Returns a nav_msgs/Odometry without velocity or covariance.
 
     Args:
         pose: (4, 4) pose of the child frame in the other frame.

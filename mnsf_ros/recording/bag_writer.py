@@ -109,7 +109,9 @@ class BagWriter:
         if self._writer is None:
             raise RecordingError(f"{self.path}: is not open for writing")
         if not 0 <= stamp_ns <= _LATEST_NS:
-            raise RecordingError(f"{self.path}: stamp {stamp_ns} ns is no time, cannot write it")
+            raise RecordingError(
+                f"{self.path}: cannot write stamp {stamp_ns} ns, expected 0 to {_LATEST_NS}"
+            )
         with self._guarded():
             written = self._topic(self._writer, topic, msgtype)
             self._writer.add_message(written.channel, stamp_ns, bytes(raw), stamp_ns)
@@ -178,7 +180,7 @@ class BagWriter:
                 f"{self.path}: topic {name!r} holds {known.msgtype}, cannot add {msgtype}"
             )
         if msgtype not in self._typestore.types:
-            raise RecordingError(f"{self.path}: {msgtype!r} is no type of ROS 2 Jazzy")
+            raise RecordingError(f"{self.path}: {msgtype!r} is not a message type of ROS 2 Jazzy")
         definition, _ = self._typestore.generate_msgdef(msgtype, ros_version=2)
         schema = writer.register_schema(msgtype, "ros2msg", definition.encode())
         channel = writer.register_channel(name, "cdr", schema, {"offered_qos_profiles": ""})

@@ -67,7 +67,7 @@ class FlowTruth:
 
     Attributes:
         stamp_ns: Header stamp of the sweep in nanoseconds.
-        flow: (N, 3) float32 meters from a point to where its piece of surface is in the next
+        flow: (N, 3) float32 metres from a point to where its piece of surface is in the next
             sweep, in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
         valid: (N,) bool, the flow of the point is known.
         dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
@@ -83,19 +83,19 @@ class FlowTruth:
     class_id: NDArray[np.uint8]
 
     def __len__(self) -> int:
-        """Return the number of points."""
+        """Returns the number of points."""
         return len(self.flow)
 
     def of_points(self, rows: NDArray[np.int64]) -> FlowTruth:
-        """Return the truth of some of the points, in the order of their rows."""
+        """Returns the truth of some of the points, in the order of their rows."""
         names = ("flow", "valid", "dynamic", "ground", "class_id")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
-        """Return the cloud for a recording.
+        """Returns the cloud for a recording.
 
         Args:
-            xyz: (N, 3) points of the sweep in meters, so that viewers can show the cloud.
+            xyz: (N, 3) points of the sweep in metres, so that viewers can show the cloud.
 
         Raises:
             RecordingError: The numbers of points differ.
@@ -112,7 +112,7 @@ class FlowTruth:
 
     @classmethod
     def decode(cls, message: StampedCloud) -> FlowTruth:
-        """Return the truth in a sensor_msgs/PointCloud2.
+        """Returns the truth in a sensor_msgs/PointCloud2.
 
         Raises:
             RecordingError: The cloud is damaged, lacks a field, or has a valid row without flow or

@@ -60,9 +60,9 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         RecordingError: Something is there already that may not be replaced.
     """
     if not path.name:
-        raise RecordingError(f"{str(path)!r}: names no folder to write a recording to")
+        raise RecordingError(f"{str(path)!r}: is not the name of a folder, expected one to write")
     if path.suffix in SUFFIXES:
-        raise RecordingError(f"{path}: a recording is a folder, leave out {path.suffix!r}")
+        raise RecordingError(f"{path}: a recording is a folder: leave out {path.suffix!r}")
     if not path.exists() and not path.is_symlink():
         return
     if not overwrite:
@@ -70,7 +70,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     # A wrong path must not cost anybody their other files.
     others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
     if others:
-        raise RecordingError(f"{path}: is not replaced, it is no recording or holds {others[0]!r}")
+        raise RecordingError(f"{path}: is not replaced: not a recording, or it holds {others[0]!r}")
 
 
 def _other_files(folder: Path) -> list[str]:

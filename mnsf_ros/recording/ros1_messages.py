@@ -17,7 +17,7 @@ def _jazzy() -> Typestore:
 
 
 def cdr_from_ros1(raw: bytes, msgtype: str, ros1: Typestore) -> bytes:
-    """Return a ROS 1 message as CDR bytes.
+    """Returns a ROS 1 message as CDR bytes.
 
     Args:
         raw: The message as it is in the bag.
@@ -46,7 +46,7 @@ def _same_fields(msgtype: str, ros1: Typestore) -> bool:
 
 
 def _names(field: object) -> list[str]:
-    """Return the message type that a field (or the elements of an array field) consists of."""
+    """Returns the message type that a field (or the elements of an array field) consists of."""
     while isinstance(field, tuple):
         _, detail = field
         if isinstance(detail, str):

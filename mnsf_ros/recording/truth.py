@@ -38,7 +38,7 @@ class FlowTruthIndex(Mapping[int, FlowTruth]):
         self._received_ns = received_ns
 
     def __getitem__(self, stamp_ns: int) -> FlowTruth:
-        """Return the truth of the sweep with this stamp; KeyError if there is none."""
+        """Returns the truth of the sweep with this stamp; KeyError if there is none."""
         received = self._received_ns[stamp_ns]
         where = f"{self._reader.path}: {self._topic!r} at stamp {stamp_ns}"
         for message in self._reader.messages(self._topic, start_ns=received, stop_ns=received + 1):
@@ -50,15 +50,15 @@ class FlowTruthIndex(Mapping[int, FlowTruth]):
         raise RecordingError(f"{where}: is not found at its receive time again")
 
     def __iter__(self) -> Iterator[int]:
-        """Yield the stamps from first to last."""
+        """Yields the stamps from first to last."""
         return iter(self._received_ns)
 
     def __len__(self) -> int:
-        """Return the number of sweeps with truth."""
+        """Returns the number of sweeps with truth."""
         return len(self._received_ns)
 
     def of_sweep(self, stamp_ns: int, num_points: int) -> FlowTruth:
-        """Return the truth of a sweep.
+        """Returns the truth of a sweep.
 
         Args:
             stamp_ns: Header stamp of the sweep.
@@ -100,7 +100,7 @@ def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> FlowTruthInd
 def read_sensor_poses(
     reader: BagReader, topic: str | None = None
 ) -> dict[int, NDArray[np.float64]]:
-    """Return stamp (nanoseconds) -> (4, 4) `world_from_sensor`, from first to last stamp.
+    """Returns stamp (nanoseconds) -> (4, 4) `world_from_sensor`, from first to last stamp.
 
     Args:
         reader: An open recording.

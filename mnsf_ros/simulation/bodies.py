@@ -38,7 +38,7 @@ class Shape:
 
     Attributes:
         kind: Which solid.
-        half_extents: Half sizes along the shape's own x, y and z in meters. A cylinder stands
+        half_extents: Half sizes along the shape's own x, y and z in metres. A cylinder stands
             along z with radius `half_extents[0]`; a sphere has radius `half_extents[0]`.
         body_from_shape: (4, 4) pose of the shape on its body.
     """
@@ -51,31 +51,31 @@ class Shape:
 def box(
     x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], yaw: float = 0.0
 ) -> Shape:
-    """Return a box that spans the three intervals (meters), turned by `yaw` about its center."""
+    """Returns a box that spans the three intervals (metres), turned by `yaw` about its center."""
     center = [(low + high) / 2 for low, high in (x, y, z)]
     half = ((x[1] - x[0]) / 2, (y[1] - y[0]) / 2, (z[1] - z[0]) / 2)
     return Shape(ShapeKind.BOX, half, planar_pose(center[0], center[1], yaw, center[2]))
 
 
 def cylinder(x: float, y: float, radius: float, z: tuple[float, float]) -> Shape:
-    """Return an upright cylinder around (x, y) from height `z[0]` to `z[1]` (meters)."""
+    """Returns an upright cylinder around (x, y) from height `z[0]` to `z[1]` (metres)."""
     half = (radius, radius, (z[1] - z[0]) / 2)
     return Shape(ShapeKind.CYLINDER, half, planar_pose(x, y, 0.0, (z[0] + z[1]) / 2))
 
 
 def sphere(x: float, y: float, z: float, radius: float) -> Shape:
-    """Return a sphere around (x, y, z) (meters)."""
+    """Returns a sphere around (x, y, z) (metres)."""
     return Shape(ShapeKind.SPHERE, (radius, radius, radius), planar_pose(x, y, 0.0, z))
 
 
 def entry_ranges(
     kind: ShapeKind, half_extents: FloatArray, origin: FloatArray, directions: Directions
 ) -> FloatArray:
-    """Return how far each ray travels until it enters the shape.
+    """Returns how far each ray travels until it enters the shape.
 
     Args:
         kind: Which solid.
-        half_extents: (3,) half sizes in meters, see `Shape`.
+        half_extents: (3,) half sizes in metres, see `Shape`.
         origin: (3,) start of all rays in the shape's frame.
         directions: Three equally shaped arrays: x, y and z of each ray's direction.
 
@@ -97,7 +97,7 @@ def entry_ranges(
 
 
 def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where rays enter and leave the layer between -half and +half of one axis."""
+    """Returns where rays enter and leave the layer between -half and +half of one axis."""
     inverse = 1.0 / np.where(direction == 0.0, _PARALLEL, direction)
     middle = -start * inverse
     reach = half * np.abs(inverse)
@@ -115,7 +115,7 @@ def _clip(
 def _round_interval(
     radius: float, origin: FloatArray, directions: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where rays enter and leave a circle (2 axes) or sphere (3 axes); NaN if never."""
+    """Returns where rays enter and leave a circle (2 axes) or sphere (3 axes); NaN if never."""
     squared = np.maximum(sum(direction * direction for direction in directions), _PARALLEL)
     along = sum(start * direction for start, direction in zip(origin, directions, strict=True))
     outside = float(origin @ origin) - radius * radius
@@ -155,7 +155,7 @@ class Body:
         return self.placement if isinstance(self.placement, Trip) else None
 
     def world_from_body(self, time_s: float) -> FloatArray:
-        """Return the (4, 4) pose at a time in seconds."""
+        """Returns the (4, 4) pose at a time in seconds."""
         if isinstance(self.placement, Trip):
             return self.placement.pose(time_s)
         return self.placement

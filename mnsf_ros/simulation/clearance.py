@@ -18,7 +18,7 @@ class _Track:
     """Discs that cover a footprint over time.
 
     Attributes:
-        centers: (T, K, 2) disc centers in world meters.
+        centers: (T, K, 2) disc centers in world metres.
         radius_m: Radius of the discs.
         low: (2,) smallest x and y ever covered.
         high: (2,) largest x and y ever covered.

@@ -24,12 +24,12 @@ def ground_hits(
 
     Args:
         street: The ground plan.
-        origin: (3,) start of all rays in world meters, above the sidewalks.
+        origin: (3,) start of all rays in world metres, above the sidewalks.
         directions: (N, 3) unit directions in the world frame.
         max_range_m: Longer rays count as misses.
 
     Returns:
-        (N,) ranges in meters, `inf` for misses, and (N,) surface classes, 0 for misses.
+        (N,) ranges in metres, `inf` for misses, and (N,) surface classes, 0 for misses.
     """
     ranges = np.full(len(directions), np.inf)
     classes = np.zeros(len(directions), dtype=np.uint8)
@@ -65,7 +65,7 @@ def _curb_ranges(
     before: FloatArray,
     behind: FloatArray,
 ) -> FloatArray:
-    """Return where rays cross the curb between a range over asphalt and one under a sidewalk."""
+    """Returns where rays cross the curb between a range over asphalt and one under a sidewalk."""
     for _ in range(_BISECTIONS):
         middle = (before + behind) / 2
         raised = _raised(street, origin, directions, middle)
@@ -84,11 +84,11 @@ def intensities(
     reflectivity: FloatArray,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Return (N,) intensities from 0 to 255.
+    """Returns (N,) intensities from 0 to 255.
 
     Args:
         street: The ground plan, for the painted lines.
-        world: (N, 3) points in world meters.
+        world: (N, 3) points in world metres.
         class_id: (N,) surface class of each point.
         reflectivity: (N,) mean intensity of the body each point is on; ignored on the ground.
         rng: Source of the speckle.
@@ -103,7 +103,7 @@ def intensities(
 
 
 def _is_painted(street: Street, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-    """Tell which places on the asphalt belong to a center dash, a parking line or a zebra."""
+    """Tells which places on the asphalt belong to a center dash, a parking line or a zebra."""
     lateral = street.centerline.lateral(x, y)
     dashes = (np.abs(lateral) < 0.08) & (x % 9.0 < 4.0)
     parking = np.abs(np.abs(lateral) - (PARKING_LATERAL_M - 1.15)) < 0.06

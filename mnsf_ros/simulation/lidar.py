@@ -35,7 +35,7 @@ class Rays:
 
     @classmethod
     def revolution(cls, num_columns: int, num_beams: int, phase: float) -> Rays:
-        """Return evenly spaced columns, the first `phase` (0 to 1) of a step behind -pi.
+        """Returns evenly spaced columns, the first `phase` (0 to 1) of a step behind -pi.
 
         As in a common 64-beam sensor the upper half of the beams is packed more densely.
         """
@@ -48,7 +48,7 @@ class Rays:
         return cls(np.cos(azimuth), np.sin(azimuth), elevations)
 
     def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
-        """Return x, y and z of the unit directions of a window's rays in another frame.
+        """Returns x, y and z of the unit directions of a window's rays in another frame.
 
         Args:
             frame_from_lidar: (3, 3) rotation.
@@ -72,7 +72,7 @@ class ShapeTable:
     """All shapes of a scene, ready to be cast together.
 
     Attributes:
-        half_extents: (K, 3) half sizes in meters.
+        half_extents: (K, 3) half sizes in metres.
         body_of_shape: (K,) which body each shape belongs to.
     """
 
@@ -94,7 +94,7 @@ class ShapeTable:
             max_range_m: Shapes entirely beyond are skipped.
 
         Returns:
-            (C, B) ranges in meters, `inf` where nothing is met, and (C, B) body numbers, -1 there.
+            (C, B) ranges in metres, `inf` where nothing is met, and (C, B) body numbers, -1 there.
         """
         num_columns, num_beams = len(rays.cos_azimuth), len(rays.elevations)
         ranges = np.full((num_columns, num_beams), np.inf)
@@ -115,14 +115,14 @@ class ShapeTable:
         return ranges, bodies
 
     def _nearest(self, poses: FloatArray) -> FloatArray:
-        """Return (K,) distances from the lidar to the nearest point of each bounding box."""
+        """Returns (K,) distances from the lidar to the nearest point of each bounding box."""
         local = np.einsum("kji,kj->ki", poses[:, :3, :3], -poses[:, :3, 3])
         outside = np.maximum(np.abs(local) - self.half_extents, 0.0)
         nearest: FloatArray = np.linalg.norm(outside, axis=1)
         return nearest
 
     def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
-        """Return where the window's rays enter shape k, in meters; `inf` for those that miss."""
+        """Returns where the window's rays enter shape k, in metres; `inf` for those that miss."""
         shape_from_lidar = pose[:3, :3].T
         origin = shape_from_lidar @ -pose[:3, 3]
         directions = rays.directions(shape_from_lidar, window)
@@ -133,7 +133,7 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 
 def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -> list[Window]:
-    """Return the columns and beams that can meet a bounding box; two windows if it straddles pi."""
+    """Returns the columns and beams that can meet a bounding box; two windows across pi."""
     corners = (_CORNERS * half) @ pose[:3, :3].T + pose[:3, 3]
     beams = _beams(corners, rays, nearest_m)
     center = math.atan2(pose[1, 3], pose[0, 3])
@@ -156,7 +156,7 @@ def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -
 
 
 def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:
-    """Return the beams between the lowest and the highest possible sight of a bounding box."""
+    """Returns the beams between the lowest and the highest possible sight of a bounding box."""
     bottom, top = float(corners[:, 2].min()), float(corners[:, 2].max())
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     # The nearest point may lie below or above: its horizontal distance can be shorter still.

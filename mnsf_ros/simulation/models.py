@@ -14,7 +14,7 @@ HOUSE_WALL_Y_M = (_PORCH_M - HOUSE_DEPTH_M) / 2
 
 
 def car(rng: np.random.Generator) -> Model:
-    """Return a passenger car: a body and a cabin."""
+    """Returns a passenger car: a body and a cabin."""
     length, width = rng.uniform(4.1, 4.7), rng.uniform(1.72, 1.86)
     waist, roof = rng.uniform(0.82, 0.95), rng.uniform(1.42, 1.6)
     half, side = length / 2, width / 2
@@ -26,7 +26,7 @@ def car(rng: np.random.Generator) -> Model:
 
 
 def van(rng: np.random.Generator) -> Model:
-    """Return a delivery van: a tall cargo box behind a short cabin."""
+    """Returns a delivery van: a tall cargo box behind a short cabin."""
     length, width, roof = rng.uniform(5.2, 5.8), rng.uniform(1.9, 2.0), rng.uniform(2.0, 2.4)
     half, side = length / 2, width / 2
     shapes = (
@@ -37,7 +37,7 @@ def van(rng: np.random.Generator) -> Model:
 
 
 def pedestrian(rng: np.random.Generator) -> Model:
-    """Return a person: legs, trunk and head, in one rigid pose."""
+    """Returns a person: legs, trunk and head, in one rigid pose."""
     height = rng.uniform(1.58, 1.86)
     hips, shoulders = 0.48 * height, 0.84 * height
     shapes = (
@@ -50,7 +50,7 @@ def pedestrian(rng: np.random.Generator) -> Model:
 
 
 def cyclist(rng: np.random.Generator) -> Model:
-    """Return a person on a bicycle."""
+    """Returns a person on a bicycle."""
     height = rng.uniform(1.66, 1.78)
     shapes = (
         box((-0.85, 0.85), (-0.04, 0.04), (0.04, 0.62)),
@@ -62,7 +62,7 @@ def cyclist(rng: np.random.Generator) -> Model:
 
 
 def tree(rng: np.random.Generator) -> Model:
-    """Return a street tree whose crown leaves headroom for walking."""
+    """Returns a street tree whose crown leaves headroom for walking."""
     radius = rng.uniform(0.12, 0.24)
     blobs: list[Shape] = []
     for _ in range(int(rng.integers(3, 6))):
@@ -75,7 +75,7 @@ def tree(rng: np.random.Generator) -> Model:
 
 
 def lamp_post(rng: np.random.Generator) -> Model:
-    """Return a street lamp whose arm points along +x."""
+    """Returns a street lamp whose arm points along +x."""
     radius, height = rng.uniform(0.07, 0.11), rng.uniform(5.5, 7.0)
     shapes = (
         cylinder(0.0, 0.0, radius, (0.0, height)),
@@ -85,7 +85,7 @@ def lamp_post(rng: np.random.Generator) -> Model:
 
 
 def sign(rng: np.random.Generator) -> Model:
-    """Return a traffic sign that faces along x; its plate shines back."""
+    """Returns a traffic sign that faces along x; its plate shines back."""
     top = rng.uniform(2.3, 2.7)
     shapes = (
         cylinder(0.0, 0.0, 0.04, (0.0, top)),
@@ -95,21 +95,21 @@ def sign(rng: np.random.Generator) -> Model:
 
 
 def litter_bin(rng: np.random.Generator) -> Model:
-    """Return a litter bin."""
+    """Returns a litter bin."""
     radius = rng.uniform(0.2, 0.28)
     shapes = (cylinder(0.0, 0.0, radius, (0.0, rng.uniform(0.8, 1.05))),)
     return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * radius, 2 * radius, 40.0)
 
 
 def cabinet(rng: np.random.Generator) -> Model:
-    """Return a switch cabinet of the kind found beside sidewalks."""
+    """Returns a switch cabinet of the kind found beside sidewalks."""
     length, height = rng.uniform(0.6, 1.2), rng.uniform(0.9, 1.4)
     shapes = (box((-length / 2, length / 2), (-0.18, 0.18), (0.0, height)),)
     return Model(SurfaceClass.STREET_FURNITURE, shapes, length, 0.36, 85.0)
 
 
 def bench(rng: np.random.Generator) -> Model:
-    """Return a bench; its back is on the +y side."""
+    """Returns a bench; its back is on the +y side."""
     half = rng.uniform(0.75, 1.0)
     shapes = (
         box((-half, half), (-0.22, 0.18), (0.38, 0.46)),
@@ -121,7 +121,7 @@ def bench(rng: np.random.Generator) -> Model:
 
 
 def shelter(rng: np.random.Generator) -> Model:
-    """Return a bus shelter that opens toward -y."""
+    """Returns a bus shelter that opens toward -y."""
     half = rng.uniform(1.6, 2.2)
     shapes = (
         box((-half, half), (0.45, 0.5), (0.1, 2.2)),
@@ -133,7 +133,7 @@ def shelter(rng: np.random.Generator) -> Model:
 
 
 def house(rng: np.random.Generator, width_m: float) -> Model:
-    """Return a town house of `HOUSE_DEPTH_M` whose front faces -y; see `HOUSE_WALL_Y_M`.
+    """Returns a town house of `HOUSE_DEPTH_M` whose front faces -y; see `HOUSE_WALL_Y_M`.
 
     Pillars, a bay and a step stand up to `_PORCH_M` in front of the wall.
     """

@@ -30,7 +30,7 @@ _SIDES = (1.0, -1.0)
 
 
 def roadside_bodies(street: Street, rng: np.random.Generator) -> list[Body]:
-    """Return all things at rest; equal generators give equal streets."""
+    """Returns all things at rest; equal generators give equal streets."""
     return [
         *_main_houses(street, rng),
         *_side_houses(street, rng),
@@ -41,12 +41,12 @@ def roadside_bodies(street: Street, rng: np.random.Generator) -> list[Body]:
 
 
 def _away_from_street(side: float) -> float:
-    """Return the turn that points a model's +y away from the street on the given side."""
+    """Returns the turn that points a model's +y away from the street on the given side."""
     return 0.0 if side > 0 else math.pi
 
 
 def _row(start: float, end: float, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
-    """Yield center and width of houses that fill the interval from start to end."""
+    """Yields center and width of houses that fill the interval from start to end."""
     count = max(1, round((end - start) / _HOUSE_WIDTH_M))
     weights = rng.uniform(0.7, 1.3, count)
     edges = start + (end - start) * np.concatenate([[0.0], np.cumsum(weights) / weights.sum()])
@@ -69,7 +69,7 @@ def _main_houses(street: Street, rng: np.random.Generator) -> Iterator[Body]:
 
 
 def _side_houses(street: Street, rng: np.random.Generator) -> Iterator[Body]:
-    # Behind the corner houses of the main street, which close the first meters of the side.
+    # Behind the corner houses of the main street, which close the first metres of the side.
     begin = FACADE_LATERAL_M + models.HOUSE_DEPTH_M + 1.0
     for crossing in street.crossings:
         for side in _SIDES:

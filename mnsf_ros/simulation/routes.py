@@ -15,7 +15,7 @@ class Route:
     """A curve in the plane, known by closely spaced points.
 
     Attributes:
-        points: (M, 2) points in world meters, M at least 2.
+        points: (M, 2) points in world metres, M at least 2.
         arc_m: (M,) distance along the curve from the first point, increasing.
         yaw: (M,) direction of travel in radians, without jumps.
     """
@@ -26,7 +26,7 @@ class Route:
 
     @classmethod
     def through(cls, points: FloatArray) -> Route:
-        """Return the route that visits the (M, 2) points, given in meters, in order."""
+        """Returns the route that visits the (M, 2) points, given in metres, in order."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         arc_m = np.concatenate([[0.0], np.cumsum(steps)])
         tangent = np.gradient(points, arc_m, axis=0)
@@ -34,15 +34,15 @@ class Route:
 
     @property
     def length_m(self) -> float:
-        """Length of the curve in meters."""
+        """Length of the curve in metres."""
         return float(self.arc_m[-1])
 
     def arc_nearest(self, x: float, y: float) -> float:
-        """Return the arc length in meters of the route point nearest to (x, y)."""
+        """Returns the arc length in metres of the route point nearest to (x, y)."""
         return float(self.arc_m[np.argmin(np.hypot(*(self.points - (x, y)).T))])
 
     def poses(self, arc_m: FloatArray) -> FloatArray:
-        """Return (T, 3) x, y and yaw at (T,) arc lengths; beyond its ends the route is straight."""
+        """Returns (T, 3) x, y and yaw at (T,) arc lengths; routes end in straight lines."""
         inside = np.clip(arc_m, 0.0, self.length_m)
         yaw = np.interp(inside, self.arc_m, self.yaw)
         beyond = arc_m - inside
@@ -65,11 +65,11 @@ class SpeedProfile:
 
     @classmethod
     def steady(cls, speed_m_s: float) -> SpeedProfile:
-        """Return a profile of constant speed."""
+        """Returns a profile of constant speed."""
         return cls(np.array([0.0]), np.array([speed_m_s]))
 
     def distances(self, times_s: FloatArray) -> FloatArray:
-        """Return (T,) meters traveled since the first breakpoint, negative before it."""
+        """Returns (T,) metres traveled since the first breakpoint, negative before it."""
         speed = self.speeds_m_s
         spans = np.diff(self.times_s)
         marks = np.concatenate([[0.0], np.cumsum(spans * (speed[:-1] + speed[1:]) / 2)])
@@ -88,7 +88,7 @@ class Trip:
     Attributes:
         route: The curve that is followed.
         profile: How fast.
-        start_arc_m: Arc length at the profile's first breakpoint, in meters.
+        start_arc_m: Arc length at the profile's first breakpoint, in metres.
         delay_s: The whole trip happens this much later.
     """
 
@@ -98,12 +98,12 @@ class Trip:
     delay_s: float = 0.0
 
     def planar(self, times_s: FloatArray) -> FloatArray:
-        """Return (T, 3) world x, y (meters) and yaw (radians) at (T,) times in seconds."""
+        """Returns (T, 3) world x, y (metres) and yaw (radians) at (T,) times in seconds."""
         traveled = self.profile.distances(times_s - self.delay_s)
         return self.route.poses(self.start_arc_m + traveled)
 
     def pose(self, time_s: float) -> FloatArray:
-        """Return the (4, 4) pose `world_from_body` at a time in seconds."""
+        """Returns the (4, 4) pose `world_from_body` at a time in seconds."""
         x, y, yaw = self.planar(np.array([time_s]))[0]
         return planar_pose(x, y, yaw)
 
@@ -136,7 +136,7 @@ class EgoMotion:
     sway: FloatArray
 
     def world_from_sensor(self, time_s: float) -> FloatArray:
-        """Return the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
+        """Returns the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
         amplitude, frequency, phase = self.sway.T
         pitch, roll, heave = amplitude * np.sin(2 * math.pi * frequency * time_s + phase)
         x, y, yaw = self.trip.planar(np.array([time_s]))[0]
@@ -144,13 +144,13 @@ class EgoMotion:
 
 
 def draw_sway(rng: np.random.Generator) -> FloatArray:
-    """Return the sway of a car on its springs, see `EgoMotion`."""
+    """Returns the sway of a car on its springs, see `EgoMotion`."""
     amplitudes = np.array([0.0020, 0.0015, 0.010])
     return np.stack([amplitudes, rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)], 1)
 
 
 def braking_distance(speed_m_s: float) -> float:
-    """Return the meters needed to brake from a speed to a halt."""
+    """Returns the metres needed to brake from a speed to a halt."""
     return speed_m_s**2 / (2 * BRAKING_M_S2)
 
 

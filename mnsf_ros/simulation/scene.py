@@ -38,7 +38,7 @@ class Scene:
 
 
 def build_scene(settings: SimulationSettings) -> Scene:
-    """Return the scene of a recording; equal settings give equal scenes."""
+    """Returns the scene of a recording; equal settings give equal scenes."""
     # A generator of its own for each part: more cars do not change the houses.
     ground, statics, movers = np.random.default_rng([settings.seed, 0]).spawn(3)
     speed = settings.ego_speed_m_s

@@ -20,7 +20,7 @@ class SimulationSettings:
         rate_hz: Sweeps per second, 1 to 50.
         num_beams: Lasers of the lidar: 16, 32, 64 or 128, over the same vertical angles.
         num_columns: Azimuth steps of one revolution, 36 to 8192.
-        range_noise_m: Standard deviation of the measured range in meters, 0 to 1.
+        range_noise_m: Standard deviation of the measured range in metres, 0 to 1.
         dropout: Share of returns that are lost, at least 0 and below 1.
         ego_speed_m_s: Cruising speed of the vehicle that carries the lidar, 0 to 20 m/s.
         max_range_m: Returns from farther away are lost, 5 to 300 m.

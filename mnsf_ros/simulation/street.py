@@ -1,7 +1,7 @@
 """The ground plan: a gently winding street, the side streets that cross it, and their lanes.
 
 World frame: z = 0 is the asphalt, the street runs roughly along +x, traffic keeps to the right.
-`lateral` is the distance to the left of the center line in meters.
+`lateral` is the distance to the left of the center line in metres.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ class Centerline:
         return 2 * math.pi / self.wavelength_m
 
     def offset(self, x: FloatArray) -> FloatArray:
-        """Return y of the center line at x (any shape, meters)."""
+        """Returns y of the center line at x (any shape, metres)."""
         offset: FloatArray = self.amplitude_m * np.sin(self._wave_number * x + self.phase)
         return offset
 
     def heading(self, x: FloatArray) -> FloatArray:
-        """Return the direction of the center line at x (any shape, meters) in radians."""
+        """Returns the direction of the center line at x (any shape, metres) in radians."""
         slope = self.amplitude_m * self._wave_number * np.cos(self._wave_number * x + self.phase)
         heading: FloatArray = np.arctan(slope)
         return heading
 
     def lateral(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return how far (x, y) lies to the left of the center line, good to a few centimeters."""
+        """Returns how far (x, y) lies to the left of the center line, good to a few centimeters."""
         lateral: FloatArray = (y - self.offset(x)) * np.cos(self.heading(x))
         return lateral
 
     def place(self, x: FloatArray, lateral: FloatArray | float) -> FloatArray:
-        """Return (T, 2) points `lateral` (one or (T,) meters) left of the center line at (T,) x."""
+        """Returns (T, 2) points `lateral` (one or (T,), metres) left of the center line at x."""
         heading = self.heading(x)
         left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
         sideways: FloatArray = np.reshape(lateral, (-1, 1)) * left
@@ -78,8 +78,8 @@ class Crossing:
     """A side street that crosses the main street at a right angle.
 
     Attributes:
-        x: World x of the crossing point in meters.
-        y: World y of the crossing point in meters.
+        x: World x of the crossing point in metres.
+        y: World y of the crossing point in metres.
         heading: Direction of the main street there, in radians.
     """
 
@@ -88,13 +88,13 @@ class Crossing:
     heading: float
 
     def along(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return how far (x, y) lies from the side street's axis, measured along the main one."""
+        """Returns how far (x, y) lies from the side street's axis, measured along the main one."""
         return (x - self.x) * math.cos(self.heading) + (y - self.y) * math.sin(self.heading)
 
 
 @dataclass(frozen=True)
 class Street:
-    """Center line, extent along x in meters, and crossings from small to large x."""
+    """Center line, extent along x in metres, and crossings from small to large x."""
 
     centerline: Centerline
     start_x: float
@@ -102,28 +102,28 @@ class Street:
     crossings: tuple[Crossing, ...]
 
     def lane(self, lateral: float, *, forward: bool) -> Route:
-        """Return the route at a lateral offset, toward +x if `forward`, otherwise toward -x."""
+        """Returns the route at a lateral offset, toward +x if `forward`, otherwise toward -x."""
         x = np.arange(self.start_x, self.end_x + _ROUTE_STEP_M, _ROUTE_STEP_M)
         points = self.centerline.place(x, lateral)
         return Route.through(points if forward else points[::-1])
 
     def route(self, x: FloatArray, lateral: FloatArray) -> Route:
-        """Return the route through (T,) world x at (T,) laterals, both in meters."""
+        """Returns the route through (T,) world x at (T,) laterals, both in metres."""
         return Route.through(self.centerline.place(x, lateral))
 
     def pose(self, x: float, lateral: float, turn: float = 0.0) -> FloatArray:
-        """Return the (4, 4) pose at x and lateral (meters), turned by `turn` from the street."""
+        """Returns the (4, 4) pose at x and lateral (metres), turned by `turn` from the street."""
         at = np.array([x])
         place = self.centerline.place(at, lateral)[0]
         return planar_pose(place[0], place[1], float(self.centerline.heading(at)[0]) + turn)
 
     def is_raised(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-        """Tell which (x, y) of any shape belong to the sidewalk rather than the asphalt."""
+        """Tells which (x, y) of any shape belong to the sidewalk rather than the asphalt."""
         raised = np.abs(self.centerline.lateral(x, y)) > ROAD_HALF_WIDTH_M
         for crossing in self.crossings:
             raised &= np.abs(crossing.along(x, y)) > SIDE_ROAD_HALF_WIDTH_M
         return raised
 
     def clear_of_crossings(self, x: float, margin_m: float) -> bool:
-        """Tell whether x is at least `margin_m` away from the axis of every side street."""
+        """Tells whether x is at least `margin_m` away from the axis of every side street."""
         return all(abs(x - crossing.x) >= margin_m for crossing in self.crossings)

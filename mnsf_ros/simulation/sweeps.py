@@ -35,10 +35,10 @@ class SimulatedSweep:
     (x forward, y left, z up), except that the flow leads into the next sweep's lidar frame.
 
     Attributes:
-        xyz: (N, 3) float32 measured points in meters.
+        xyz: (N, 3) float32 measured points in metres.
         intensity: (N,) float32 from 0 to 255.
         ring: (N,) uint16 beam number, 0 is the lowest.
-        flow: (N, 3) float32 meters: xyz + flow is where that piece of surface is in the next
+        flow: (N, 3) float32 metres: xyz + flow is where that piece of surface is in the next
             sweep, in the next sweep's lidar frame. Ego motion is part of it.
         dynamic: (N,) bool, the surface itself moves faster than `DYNAMIC_SPEED_M_S`.
         ground: (N,) bool, asphalt, sidewalk or curb.
@@ -59,7 +59,7 @@ class SimulatedSweep:
 
 
 def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
-    """Yield the sweeps of a recording in the order of their stamps.
+    """Yields the sweeps of a recording in the order of their stamps.
 
     Every sweep has flow, also the last one: its truth leads to the sweep that would follow.
     """
@@ -85,7 +85,7 @@ class SweepSimulator:
         self._reflectivity = np.array([b.model.reflectivity for b in bodies] + [0.0])
 
     def sweep(self, index: int) -> SimulatedSweep:
-        """Return the sweep with the given number, counted from 0."""
+        """Returns the sweep with the given number, counted from 0."""
         settings = self.settings
         time_s = index * settings.interval_s
         rng = np.random.default_rng([settings.seed, 1, index])
@@ -118,7 +118,7 @@ class SweepSimulator:
     def _first_hits(
         self, rays: Rays, time_s: float, world_from_sensor: FloatArray
     ) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
-        """Return true range, body number (-1: ground or nothing) and class of every ray, flat."""
+        """Returns true range, body number (-1: ground or nothing) and class of every ray, flat."""
         for number in self._movers:
             self._poses[number] = self.scene.bodies[number].world_from_body(time_s)
         max_range_m = self.settings.max_range_m
@@ -137,7 +137,7 @@ class SweepSimulator:
     def _truth(
         self, points: FloatArray, body: NDArray[np.int32], time_s: float
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return (N, 3) flow and (N,) dynamic of points in the lidar frame at a time."""
+        """Returns (N, 3) flow and (N,) dynamic of points in the lidar frame at a time."""
         interval_s = self.settings.interval_s
         now, then = time_s, time_s + interval_s
         ego = self.scene.ego

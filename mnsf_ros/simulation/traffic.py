@@ -30,7 +30,7 @@ _STRIDE_S = 0.4
 def straight_over(
     street: Street, crossing: Crossing, at_s: float, speed_m_s: float, *, toward_left: bool
 ) -> Trip:
-    """Return a drive along the side street that passes the main street's middle at `at_s`."""
+    """Returns a drive along the side street that passes the main street's middle at `at_s`."""
     sign = 1.0 if toward_left else -1.0
     lateral = sign * np.arange(-_SIDE_REACH_M, _SIDE_REACH_M + _STEP_M, _STEP_M)
     x = np.full(len(lateral), crossing.x + sign * LANE_LATERAL_M)
@@ -41,7 +41,7 @@ def straight_over(
 def right_turn(
     street: Street, crossing: Crossing, at_s: float, main_speed_m_s: float, *, leaving: bool
 ) -> Trip:
-    """Return a right turn of an oncoming car whose middle is at `at_s`.
+    """Returns a right turn of an oncoming car whose middle is at `at_s`.
 
     Args:
         street: The main street.
@@ -71,7 +71,7 @@ def right_turn(
 
 
 def zebra_walks(street: Street, crossing: Crossing, stop: Stop) -> Iterator[Trip]:
-    """Yield walks over the main street, from right to left, in front of the waiting ego vehicle.
+    """Yields walks over the main street, from right to left, in front of the waiting ego vehicle.
 
     The person stands on the sidewalk before and after.
     """
@@ -85,7 +85,7 @@ def zebra_walks(street: Street, crossing: Crossing, stop: Stop) -> Iterator[Trip
 
 
 def _walk(begin_s: float, speed_m_s: float, route: Route) -> SpeedProfile:
-    """Return the speeds of a walk along the whole route from rest to rest."""
+    """Returns the speeds of a walk along the whole route from rest to rest."""
     end = begin_s + route.length_m / speed_m_s
     times: FloatArray = np.array([begin_s, begin_s + _STRIDE_S, end, end + _STRIDE_S])
     return SpeedProfile(times, speed_m_s * np.array([0.0, 1.0, 1.0, 0.0]))
@@ -153,7 +153,7 @@ class Traffic:
             self._first_free(models.car(self._rng), trips)
 
     def add_cyclists(self, reach_x: float) -> None:
-        """Add cyclists on both sides between the start and `reach_x` (meters)."""
+        """Add cyclists on both sides between the start and `reach_x` (metres)."""
         rng = self._rng
         for forward, first_x in ((True, 9.0), (False, 26.0)):
             lateral = -BICYCLE_LATERAL_M if forward else BICYCLE_LATERAL_M
@@ -178,7 +178,7 @@ class Traffic:
             )
 
     def add_walkers(self, reach_x: float) -> None:
-        """Add people on both sidewalks from behind the start to beyond `reach_x` (meters)."""
+        """Add people on both sidewalks from behind the start to beyond `reach_x` (metres)."""
         rng = self._rng
         for side in (1.0, -1.0):
             routes = [
@@ -202,7 +202,7 @@ class Traffic:
 
 
 def _steady_trip(route: Route, x: float, speed_m_s: float) -> Trip:
-    """Return a trip of constant speed that is at world x (meters) at time 0."""
+    """Returns a trip of constant speed that is at world x (metres) at time 0."""
     index = int(np.argmin(np.abs(route.points[:, 0] - x)))
     ahead = (x - float(route.points[index, 0])) * math.copysign(1.0, math.cos(route.yaw[index]))
     return Trip(route, SpeedProfile.steady(speed_m_s), float(route.arc_m[index]) + ahead)

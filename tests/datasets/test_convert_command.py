@@ -17,7 +17,7 @@ from mnsf_ros.cli import convert
 from mnsf_ros.datasets.formats import FORMATS, open_source
 from mnsf_ros.errors import DatasetError, RecordingError
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "datasets.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "recordings.md"
 
 
 def run(*arguments):

@@ -151,7 +151,7 @@ def test_path_of_a_file_is_refused(tmp_path, name, text):
 
 
 def test_path_without_name_is_refused():
-    with pytest.raises(RecordingError, match="names no folder"):
+    with pytest.raises(RecordingError, match="not the name of a folder"):
         write_one("/")
 
 
@@ -175,8 +175,13 @@ def test_full_disk(tmp_path, monkeypatch):
     ("topic", "msgtype", "stamp_ns", "text"),
     [
         ("/points", ODOMETRY_TYPE, 0, f"'/points' holds {CLOUD_TYPE}, cannot add {ODOMETRY_TYPE}"),
-        ("/other", "my_msgs/msg/Unknown", 0, "'my_msgs/msg/Unknown' is no type of ROS 2 Jazzy"),
-        ("/points", CLOUD_TYPE, -1, "stamp -1 ns is no time"),
+        (
+            "/other",
+            "my_msgs/msg/Unknown",
+            0,
+            "'my_msgs/msg/Unknown' is not a message type",
+        ),
+        ("/points", CLOUD_TYPE, -1, "stamp -1 ns"),
     ],
 )
 def test_wrong_message_is_explained(tmp_path, topic, msgtype, stamp_ns, text):
