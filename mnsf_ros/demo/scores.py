@@ -50,7 +50,7 @@ def score_and_draw(
     """
     # Ground is scored as well, apart from the rest.
     settings = settings.changed({"ground.remove": False})
-    options = EvaluationOptions(settings, realtime_rate=1.0)
+    options = EvaluationOptions(settings)
     evaluated = choose_topics(inspect_recording(recording), recording.name, topic)
     rows: list[ResultRow] = []
     last: tuple[Example, NDArray[np.float32]] | None = None
