@@ -11,8 +11,8 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
-from mnsf_ros.evaluation.results_tables import main_tables, work_table
 from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.tables import main_tables, work_table
 
 _PICTURES_LIMIT_S: Final = 60.0
 

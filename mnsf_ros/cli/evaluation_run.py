@@ -24,8 +24,13 @@ from mnsf_ros.evaluation.options import (
     choose_topics,
     evaluated_methods,
 )
-from mnsf_ros.evaluation.recording_names import recording_names, short_name
-from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
+from mnsf_ros.evaluation.run_start import (
+    check_folder,
+    known_recordings,
+    recording_names,
+    short_name,
+    start_or_resume,
+)
 from mnsf_ros.evaluation.runner import (
     Executor,
     plan_runs,

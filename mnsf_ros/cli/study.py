@@ -13,12 +13,12 @@ from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import preset
 
 _NAMES = {
-    "ablation": "FNSF and the parts (a) to (d) of the method",
-    "fusion": "mean, weighted sum, or a network",
-    "depth": "2, 3, 5 or 7 layers of the fusion network",
-    "frames": "2, 3, 4 or 5 sweeps",
-    "landscape": "the loss around the optimum, FNSF against MNSF",
-    "stability": "one point replaced: does the change fall with 1/N?",
+    "ablation": "FNSF, and MNSF without single parts: (a) to (d) of the paper",
+    "fusion": "fusion by mean, by weighted sum and by a network",
+    "depth": "fusion network with 2, 3, 5 and 7 layers",
+    "frames": "2, 3, 4 and 5 sweeps",
+    "landscape": "loss around the optimum, FNSF and MNSF",
+    "stability": "effect of replacing one point of N, expected to fall with 1/N",
 }
 _EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, text in _NAMES.items())
 
@@ -27,14 +27,14 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     """Adds the subcommand."""
     parser = subparsers.add_parser(
         "study",
-        help="make a table or a case study of the paper",
+        help="reproduce a table or case study of the paper",
         description="Writes NAME.md, NAME.csv and NAME.png into a folder.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("name", choices=_NAMES, metavar="NAME", help="which study, see below")
+    parser.add_argument("name", choices=_NAMES, metavar="NAME", help="study, see below")
     parser.add_argument(
-        "bags", nargs="*", type=Path, metavar="BAG", help="recordings; none: simulate a street"
+        "bags", nargs="*", type=Path, metavar="BAG", help="recordings (default: a simulated street)"
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for results (default: study_NAME)"
@@ -42,24 +42,24 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with what is in DIR: the whole command once more, and this",
+        help="continue an interrupted run: repeat the command and add --resume",
     )
     add_setting_arguments(parser)
     parser.add_argument(
         "--num-points",
         default="",
         metavar="N",
-        help="random points of a sweep, or all (default 2048; stability: all)",
+        help="use N random points of each sweep, or all (default: 2048; stability: all)",
     )
     parser.add_argument(
         "--max-examples",
         type=int,
         metavar="N",
-        help="only the first N examples of each recording (default: all; 4 if a street is "
-        "simulated); landscape and stability look at the first one",
+        help="use the first N examples of each recording (default: all; 4 of a simulated street); "
+        "landscape and stability use the first one",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="seed of all that is random (default 0)"
+        "--seed", type=int, default=0, metavar="S", help="seed of everything random (default: 0)"
     )
     _add_case_study_arguments(parser)
     parser.set_defaults(run=_run)
@@ -72,42 +72,42 @@ def _add_case_study_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.5,
         metavar="R",
-        help="how far the picture reaches from the optimum to each side; 1 is a step as long as "
-        "the weights themselves (default 0.5)",
+        help="half width of the picture around the optimum, in lengths of the weight vector "
+        "(default: 0.5)",
     )
     group.add_argument(
         "--steps",
         type=int,
         default=21,
         metavar="N",
-        help="places along each side of the picture, an odd number (default 21)",
+        help="grid points along each side of the picture, odd (default: 21)",
     )
     group.add_argument(
         "--directions",
         type=int,
         default=10,
         metavar="N",
-        help="random directions along which the table of sharpness is measured (default 10)",
+        help="random directions in which sharpness is measured (default: 10)",
     )
     group = parser.add_argument_group("stability")
     group.add_argument(
         "--sizes",
         default="128,256,512,1024,2048",
         metavar="N,...",
-        help="numbers of points, three or more (default %(default)s)",
+        help="numbers of points, at least three values (default: %(default)s)",
     )
     group.add_argument(
         "--repeats",
         type=int,
         default=5,
         metavar="N",
-        help="draws of points for each size (default 5)",
+        help="random draws for each number of points (default: 5)",
     )
     group.add_argument(
         "--methods",
         default="nsfp,fnsf,mnsf",
         metavar="NAME,...",
-        help="methods (default %(default)s)",
+        help="methods to compare (default: %(default)s)",
     )
 
 

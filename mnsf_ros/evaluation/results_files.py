@@ -11,16 +11,15 @@ from functools import cached_property
 from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.nearest_preset import nearest_preset
 from mnsf_ros.evaluation.notes import Note, notes_of
 from mnsf_ros.evaluation.options import ALL_POINTS
-from mnsf_ros.evaluation.protocol import protocol_text
+from mnsf_ros.evaluation.protocol import nearest_preset, protocol_text
 from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
-from mnsf_ros.evaluation.results_tables import further_tables, main_tables
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.tables import further_tables, main_tables
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")

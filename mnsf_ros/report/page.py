@@ -19,10 +19,15 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, mean
 from mnsf_ros.evaluation.results_files import RunResults
-from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, group_tables
 from mnsf_ros.evaluation.run_folder import replace_file
 from mnsf_ros.evaluation.run_record import RecordingRecord, RunIdentity, RunRecord
-from mnsf_ros.evaluation.tables import TextTable, format_percent
+from mnsf_ros.evaluation.tables import (
+    TextTable,
+    consistency_table,
+    format_percent,
+    further_tables,
+    group_tables,
+)
 from mnsf_ros.report.worst import focus_method, worst_cards, worst_table
 from mnsf_ros.settings import declared_settings
 

@@ -14,8 +14,8 @@ from mnsf_ros.evaluation.options import (
     EvaluationTask,
     choose_topics,
 )
-from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.run_start import recording_names
 from mnsf_ros.evaluation.runner import Executor, TaskEvent, TaskRun, run_serially, task_events
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording

@@ -163,7 +163,7 @@ def test_recording_without_truth(
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("fusion", "no example could be scored: No example: street has nowhere 3 sweeps in a row"),
+        ("fusion", "no example could be scored: No example: street contains no 3 "),
         ("landscape", "the recordings hold no three sweeps in a row"),
     ],
 )

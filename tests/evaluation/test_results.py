@@ -14,10 +14,9 @@ import small_evaluations as small
 import mnsf_ros
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.nearest_preset import nearest_preset
 from mnsf_ros.evaluation.notes import NoteKind, notes_of
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.protocol import protocol_text
+from mnsf_ros.evaluation.protocol import nearest_preset, protocol_text
 from mnsf_ros.evaluation.result_row import (
     DROPPED,
     Failure,
@@ -32,11 +31,11 @@ from mnsf_ros.evaluation.results_files import (
     results_markdown,
     write_results,
 )
-from mnsf_ros.evaluation.results_tables import consistency_table, further_tables, main_tables
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import RunIdentity, git_commit
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.tables import consistency_table, further_tables, main_tables
 from mnsf_ros.presets import preset
 
 NAN = math.nan
@@ -129,7 +128,7 @@ def test_tables_have_the_columns_of_the_paper():
 def test_tables_without_content_are_left_out():
     titles = [table.title for table in main_tables(summarize([row(1, 0.1)]))]
     assert len(titles) == 2
-    assert not any("move by themselves" in title for title in titles)
+    assert not any("Dynamic" in title for title in titles)
     no_truth = replace(row(1, 0.1), errors={}, consistency={"nearest_m": 0.1})
     (only,) = main_tables(summarize([no_truth]))
     assert "needs no truth" in only.title
@@ -236,9 +235,9 @@ def test_markdown_says_what_the_figures_are_of(results):
     text = results_markdown(found)
     for part in (
         "mean over 3 examples from 1 recording",
-        "20 random ones of each sweep, the same for all methods",
-        "without ground (by the truth's own flag",
-        "preset paper, but crop.max_range_m = 35.0",
+        "20 random points of each sweep, the same for all methods",
+        "without ground (flag in the truth",
+        "preset paper with crop.max_range_m = 35.0",
         "Warm start: off",
         "on cpu with 1 thread",
         "git commit",
@@ -256,9 +255,9 @@ def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
     ]
     text = " ".join(protocol_text(found.record, summaries))
     assert "over 2 to 3 examples" in text
-    assert "Examples without a flow are in no mean: 1" in text
+    assert "Examples without a flow, not in any mean: 1" in text
     assert "Methods differ in the number of examples" in text
-    assert "4 optimizations were ended by their time budget" in text
+    assert "4 optimizations reached their time budget" in text
 
 
 def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
@@ -389,10 +388,10 @@ def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
 @pytest.mark.parametrize(
     ("ground", "truths", "said"),
     [
-        ("truth", ["/t", "/t"], "without ground (by the truth's own flag);"),
-        ("truth", ["/t", None], "own flag, a height map where there is no truth);"),
-        ("truth", [None], "without ground (by a height map);"),
-        ("settings", ["/t"], "without ground (by a height map);"),
+        ("truth", ["/t", "/t"], "without ground (flag in the truth);"),
+        ("truth", ["/t", None], "flag in the truth, height map where there is no truth);"),
+        ("truth", [None], "without ground (height map);"),
+        ("settings", ["/t"], "without ground (height map);"),
     ],
 )
 def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said):

@@ -10,9 +10,8 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.run_record import RecordingRecord
-from mnsf_ros.evaluation.run_start import known_recordings, start_or_resume
+from mnsf_ros.evaluation.run_start import known_recordings, recording_names, start_or_resume
 from mnsf_ros.recording.fingerprint import fingerprint, storage_files
 
 

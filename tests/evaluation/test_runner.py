@@ -12,9 +12,8 @@ from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.recording_names import recording_names
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_start import recording_names, start_or_resume
 from mnsf_ros.evaluation.runner import (
     TaskFailed,
     TaskRestarted,
