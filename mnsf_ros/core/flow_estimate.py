@@ -40,6 +40,10 @@ class OverGround:
             sensor frame of the first sweep.
         next_from_current: (4, 4) float64, motion of what stands still.
         source: What the sensor's motion was taken from.
+        pose_covariance: (6, 6) float64 of `world_from_sensor`, in the axes of the world: x, y, z
+            in metres, then rotations about them in radians. None if nobody knows.
+        motion_covariance: (6, 6) float64, the same of the sensor's motion until the next sweep, in
+            the axes of the sensor.
     """
 
     motion: NDArray[np.float32]
@@ -48,6 +52,8 @@ class OverGround:
     world_from_sensor: NDArray[np.float64]
     next_from_current: NDArray[np.float64]
     source: str
+    pose_covariance: NDArray[np.float64] | None = None
+    motion_covariance: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)

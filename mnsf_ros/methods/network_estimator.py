@@ -186,4 +186,6 @@ def _over_ground(
         world_from_sensor=current.world_from_sensor,
         next_from_current=np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor,
         source=following.source.value,
+        pose_covariance=current.covariance,
+        motion_covariance=following.step_covariance,
     )

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
+from mnsf_ros.geometry.pose_messages import pose_quaternion
 from mnsf_ros.node.cloud_messages import CloudSource, flow_message, part_message
-from mnsf_ros.node.pose_messages import ego_motion_message
 from mnsf_ros.sweeps.sweep import SweepTriplet
+
+WORLD_FRAME: Final = "scene_flow_odom"
+_UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
 
 
 class FlowOutputs:
@@ -58,3 +65,38 @@ class FlowOutputs:
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
+
+
+def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> Odometry:
+    """Returns where the sensor was at a sweep, and how it moves.
+
+    Args:
+        header: Of the sweep's cloud.
+        known: What its estimate says of the sensor's motion.
+        interval_s: Seconds to the next sweep; the twist is 0 and unknown where it is not positive.
+
+    Returns:
+        Pose of the sensor in `scene_flow_odom`, which is the sensor frame of the first sweep;
+        twist in the sensor's own frame.
+    """
+    message = Odometry(child_frame_id=header.frame_id)
+    message.header.stamp = header.stamp
+    message.header.frame_id = WORLD_FRAME
+    position, turn = message.pose.pose.position, message.pose.pose.orientation
+    position.x, position.y, position.z = known.world_from_sensor[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = pose_quaternion(known.world_from_sensor)
+    pose_covariance = twist_covariance = _UNKNOWN_COVARIANCE
+    if known.pose_covariance is not None:
+        pose_covariance = known.pose_covariance
+    if interval_s > 0:
+        # The sensor moves against what stands still.
+        current_from_next = np.linalg.inv(known.next_from_current)
+        linear, angular = message.twist.twist.linear, message.twist.twist.angular
+        linear.x, linear.y, linear.z = (current_from_next[:3, 3] / interval_s).tolist()
+        rotation = Rotation.from_matrix(current_from_next[:3, :3]).as_rotvec()
+        angular.x, angular.y, angular.z = (rotation / interval_s).tolist()
+        if known.motion_covariance is not None:
+            twist_covariance = known.motion_covariance / interval_s**2
+    message.pose.covariance = pose_covariance.ravel()
+    message.twist.covariance = twist_covariance.ravel()
+    return message

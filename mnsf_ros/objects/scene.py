@@ -104,6 +104,8 @@ class Scene:
             world_from_sensor=current.pose.world_from_sensor,
             next_from_current=self.targets.near[0].from_current,
             source=pose.source.value,
+            pose_covariance=current.pose.covariance,
+            motion_covariance=pose.step_covariance,
         )
 
     def flow(self, over_ground: OverGround) -> NDArray[np.float32]:

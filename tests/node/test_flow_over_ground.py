@@ -175,6 +175,27 @@ def test_ego_motion_is_the_pose_and_the_twist_of_the_sensor(street_peer, hear, n
     assert twist.angular.z == pytest.approx(np.radians(10 * TURN_DEG), abs=0.02)
 
 
+def test_covariance_of_the_ego_motion_grows_with_the_way(street_peer, hear, numbers):
+    ego_motion, number = hear(Odometry, "ego_motion"), next(numbers)
+    clouds = [street_message(index, number) for index in range(7)]
+    street_peer.send(*clouds[:3])
+    street_peer.flow_of(clouds[1])
+    early = ego_motion.of(clouds[1])
+    for index in range(3, 7):
+        street_peer.send(clouds[index])
+        street_peer.flow_of(clouds[index - 1])
+    late = ego_motion.of(clouds[5])
+    for message in (early, late):
+        twist = np.reshape(message.twist.covariance, (6, 6))
+        # 0.6 m in 0.1 s, within 6 mm + 1 %.
+        assert 0.05 < np.sqrt(twist[0, 0]) < 0.2
+        assert 0.001 < np.sqrt(twist[5, 5]) < 0.05
+    before, after = (np.reshape(each.pose.covariance, (6, 6)) for each in (early, late))
+    assert (np.linalg.eigvalsh(before) > 0).all()
+    assert (np.diag(after) > 2 * np.diag(before)).all()
+    assert 0.01 < np.sqrt(after[0, 0]) < 0.1
+
+
 def test_source_is_latched(street_peer, hear, numbers):
     number = next(numbers)
     clouds = [street_message(index, number) for index in range(4)]

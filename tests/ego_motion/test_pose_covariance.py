@@ -1,0 +1,53 @@
+"""Covariances of chained poses, compared with what many noisy drives do."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from box_street import BoxStreet, pose
+from scipy.spatial.transform import Rotation
+
+from mnsf_ros.ego_motion.ego_motion import EgoMotion
+from mnsf_ros.ego_motion.pose_covariance import StepNoise, chained_covariance, step_covariance
+from mnsf_ros.settings import EgoMotionSettings
+
+NOISE = StepNoise(0.01, 0.01, 0.002, 0.01)
+
+
+def test_noise_of_a_step_grows_with_way_and_turn():
+    covariance = step_covariance(pose(3, 4, yaw_deg=90), NOISE)
+    expected = [0.06] * 3 + [0.002 + 0.01 * np.pi / 2] * 3
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), expected)
+    assert (covariance == np.diag(np.diag(covariance))).all()
+
+
+def test_chain_has_the_spread_of_many_noisy_drives():
+    rng, motion = np.random.default_rng(0), pose(2, 0.1, yaw_deg=3, pitch_deg=1)
+    step, num_steps, num_drives = step_covariance(motion, NOISE), 20, 4000
+    covariance, true = np.zeros((6, 6)), np.eye(4)
+    shifts, turns = np.zeros((num_drives, 3)), Rotation.identity(num_drives)
+    for _ in range(num_steps):
+        covariance = chained_covariance(covariance, true, motion, step)
+        true = true @ motion
+        noise = rng.multivariate_normal(np.zeros(6), step, num_drives)
+        shifts = shifts + turns.apply(motion[:3, 3] + noise[:, :3])
+        turns = turns * Rotation.from_rotvec(noise[:, 3:])
+        turns = turns * Rotation.from_matrix(motion[:3, :3])
+    errors = np.hstack(
+        [shifts - true[:3, 3], (turns * Rotation.from_matrix(true[:3, :3]).inv()).as_rotvec()]
+    )
+    found = np.sqrt(np.diag(np.cov(errors.T)))
+    expected = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(found, expected, rtol=0.06)
+
+
+def test_poses_say_how_uncertain_they_are():
+    street, ego_motion = BoxStreet(), EgoMotion(EgoMotionSettings())
+    found = [ego_motion.pose_of(street.sweep(pose(0.5 * index), index)) for index in range(4)]
+    spreads = [np.sqrt(np.diag(item.covariance)) for item in found]
+    assert (spreads[0] <= 0.001).all()
+    assert (spreads[0] > 0).all()
+    assert all((after > before).all() for before, after in itertools.pairwise(spreads))
+    lost = ego_motion.pose_of(street.sweep(pose(2000.0), 4))
+    assert np.sqrt(lost.step_covariance[0, 0]) > 0.1
