@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from mnsf_ros.core.chamfer import ChamferDistance
+from mnsf_ros.core.nearest_neighbor import NearestNeighborDistance
 from mnsf_ros.core.optimization import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
@@ -58,3 +58,29 @@ def _flow(bench: Workbench, schedules: Schedules, make_field: FieldMaker) -> tor
     schedule = schedule_for(there, schedule, bench)
     bench.fit("forward", both, loss_of, schedule, keep_best=True)
     return bench.flow("forward", there)
+
+
+class ChamferDistance:
+    """Chamfer distance of moved points to a target sweep (section 2 of the paper, after NSFP).
+
+    The mean over the moved points of the squared distance to the nearest target point, plus the
+    mean over the target points of that to the nearest moved point. Pairs that are too far apart
+    count as zero, but still as one of those whose mean is taken.
+    """
+
+    def __init__(self, points: torch.Tensor, truncation_m: float) -> None:
+        """Prepares the search among the target points, (N, 3) metres."""
+        self._points = points
+        self._target = NearestNeighborDistance(points)
+        self._largest = truncation_m**2
+
+    def __call__(self, moved: torch.Tensor) -> torch.Tensor:
+        """(M, 3) metres to a scalar in square metres, differentiable."""
+        # One moved point may be the nearest of many: the gradient pulls it to all of them.
+        nearest_moved = moved[NearestNeighborDistance(moved.detach()).nearest_indices(self._points)]
+        nearest_target = self._points[self._target.nearest_indices(moved.detach())]
+        return self._mean(moved - nearest_target) + self._mean(self._points - nearest_moved)
+
+    def _mean(self, differences: torch.Tensor) -> torch.Tensor:
+        squared = differences.square().sum(dim=1)
+        return torch.where(squared > self._largest, 0.0, squared).mean()

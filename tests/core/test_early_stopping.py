@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mnsf_ros.core.early_stopping import EarlyStopping
+from mnsf_ros.core.optimization import EarlyStopping
 
 
 def stops_at(losses, patience, min_delta_m=0.0):

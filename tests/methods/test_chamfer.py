@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mnsf_ros.core.chamfer import ChamferDistance
+from mnsf_ros.methods.nsfp import ChamferDistance
 
 
 def slow_chamfer(moved, points, truncation_m):
