@@ -81,18 +81,18 @@ class EvaluationOptions:
 
     Attributes:
         settings: How to estimate.
-        num_points: So many random points of each sweep; None for all.
+        num_points: Number of random points of each sweep that are scored; None for all.
         seed: Of the random points and of the methods.
-        use_true_ground: Take the truth's own ground flag where there is truth.
-        realtime_rate: Play time at this rate and drop triplets as the live node does; None to
-            estimate all of them.
-        check_cycle: Estimate the way back, too, and compare: twice the work.
-        flow_folder: Where recordings of the flow are written; None for nowhere.
-        num_sweeps: Sweeps that an example has at least: what the method with the largest appetite
-            needs, so that all methods get the same examples. Of a recording that is shorter, all
-            there are: two sweeps are an example for methods that make do with two.
-        every: Score so many-th example only, the first of a recording included. Methods that go on
-            from the last example estimate those between, too.
+        use_true_ground: Use the ground flag of the truth where there is truth.
+        realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
+            to estimate all of them.
+        check_cycle: Estimate the backward flow, too, and compare: twice the work.
+        flow_folder: Folder for recordings of the flow; None for no recordings.
+        num_sweeps: Minimum number of sweeps of an example. It is what the method that looks at
+            most sweeps needs, so that all methods get the same examples. For a recording that is
+            shorter, it is the length of the recording.
+        every: Score every N-th example only, beginning with the first of a recording. Methods that
+            carry state estimate the examples in between, too.
     """
 
     settings: Settings
@@ -119,12 +119,12 @@ class EvaluationOptions:
             raise EvaluationError(f"every: got {self.every}, expected 1 or more")
         rate = self.realtime_rate
         if self.every > 1 and rate is not None:
-            raise EvaluationError("every: in real time all examples are played, expected 1")
+            raise EvaluationError("--every cannot be combined with --realtime")
         if rate is not None and not 0 < rate < math.inf:
-            raise EvaluationError(f"realtime rate: got {rate}, expected a number above 0")
+            raise EvaluationError(f"realtime rate: got {rate}, must be above 0")
 
     def num_sweeps_in(self, recording: EvaluatedRecording) -> int:
-        """Sweeps that an example of a recording has at least."""
+        """Returns the minimum number of sweeps of an example of a recording."""
         return num_sweeps_needed(self.num_sweeps, recording.num_sweeps)
 
     def is_scored(self, place: int) -> bool:
@@ -182,7 +182,7 @@ def _traits(name: str, options: EvaluationOptions, is_remote: bool) -> MethodTra
 
 
 def num_sweeps_needed(wanted: int, there: int) -> int:
-    """Sweeps that an example has at least: what is wanted, or all if a recording has fewer."""
+    """Returns the minimum number of sweeps of an example; all if a recording has fewer."""
     return max(2, min(wanted, there))
 
 

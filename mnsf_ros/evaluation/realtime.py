@@ -1,8 +1,8 @@
-"""What a robot would have got: the node's dropping policy on a clock that need not be waited for.
+"""Which triplets the live node would have dropped, simulated from measured run times.
 
 In the live node a triplet waits in a single slot while another is being estimated, and a newer
-one takes its place. Here sweeps arrive by their stamps, and an estimate takes as long as was
-measured; the rest is arithmetic, so equal times give equal drops.
+one takes its place. Here sweeps arrive by their stamps and estimates take the measured time.
+Nothing actually waits, so equal run times give equal drops.
 """
 
 from __future__ import annotations

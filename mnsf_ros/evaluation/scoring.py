@@ -38,7 +38,7 @@ _MIN_SPREAD_M = 1.0
 
 
 def empty_row(example: Example, method: str) -> ResultRow:
-    """Returns a row that says nothing but what it is about."""
+    """Returns the row of an example without any result."""
     num_points = int(np.count_nonzero(example.scored))
     stamp_ns = example.triplet.current.stamp_ns
     return ResultRow(example.recording, example.number, stamp_ns, method, num_points)

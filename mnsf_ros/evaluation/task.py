@@ -88,7 +88,7 @@ class _Scorer:
     def rows(
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
     ) -> Iterator[ResultRow]:
-        """Yields a row for each example of which is said that it is to be scored."""
+        """Yields a row for each example that is marked to be scored."""
         rate = self._options.realtime_rate
         if rate is None:
             for example, is_scored in examples:
@@ -106,7 +106,7 @@ class _Scorer:
             yield replace(row, latency_ms=outcome.latency_ms)
 
     def _estimate(self, example: Example) -> tuple[FlowEstimate | str, float]:
-        """The estimate, or why there is none, and how long that took, milliseconds."""
+        """Returns the estimate, or why there is none, and the run time in milliseconds."""
         start = time.perf_counter()
         result = _attempted(lambda: self._estimator.estimate(example.triplet))
         return result, (time.perf_counter() - start) * 1e3
@@ -119,7 +119,7 @@ class _Scorer:
         if not self._traits.is_timed:
             time_ms = float("nan")
         elif result.times_ms:
-            # A program that runs a network knows better what it took than who waits for its end.
+            # A program that runs a network reports its own time, without its start.
             time_ms = result.time_ms
         row = _attempted(lambda: scored_row(example, self._method, result, time_ms))
         if isinstance(row, str):

@@ -160,7 +160,7 @@ def test_without_warm_start_networks_carry_nothing():
     assert make_method("online", PAPER).traits.carries_state
 
 
-@pytest.mark.parametrize("name", ["", "MNSF", "mnsf-depth4", "fnfs", "file:x"])
+@pytest.mark.parametrize("name", ["", "MNSF", "mnsf-depth4", "fnfs", "files:x"])
 def test_unknown_name(name):
     with pytest.raises(
         SettingsError,

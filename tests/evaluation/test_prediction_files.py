@@ -73,7 +73,7 @@ def test_argoverse_2_submission_with_masks(tmp_path, triplet):
     name = f"logs/drive/{small.stamp(1)}.feather"
     write_feather(tmp_path / "out" / name, submission(FLOW[mask]))
     write_feather(tmp_path / "masks" / name, {"mask": mask})
-    method = f"file:{tmp_path / 'out'}::{tmp_path / 'masks'}"
+    method = f"{tmp_path / 'out'}::{tmp_path / 'masks'}"
     found = PredictionFiles(method, Settings()).estimate(triplet)
     # Of the rows 2, 3 and 5 the second is not in the mask.
     assert found.kept.tolist() == [True, False, True]
