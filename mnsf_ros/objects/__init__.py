@@ -1,1 +1,1 @@
-"""The online method: one motion for each object, on top of the sensor's own motion."""
+"""The online method: ego motion, plus one motion per object."""

@@ -1,4 +1,4 @@
-"""How likely a flow is less than 0.1 m off: fitted to recordings with ground truth."""
+"""The probability that a flow is less than 0.1 m off, fitted to recordings with ground truth."""
 
 from __future__ import annotations
 
@@ -11,47 +11,47 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 
 # Logistic regressions; `python benchmarks/confidence.py` prints the numbers and how well they hold.
-# Objects that move: constant, per metre of disagreement, per metre unexplained, per 10 m of range.
+# Dynamic objects: constant, per metre of disagreement, per metre of residual, per 10 m of range.
 _MOVING: Final = (5.13, -0.42, -0.56, -0.94)
-# Suspects that no motion explains either: constant, per metre unexplained, per 10 m of range.
+# Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (3.39, -11.06, -0.02)
-# What stands still without a doubt: constant, per 10 m of range.
+# Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (5.73, -0.18)
 # Beyond this the confidence is 0 or 1, and the exponential would overflow.
 _MAX_SCORE: Final = np.float32(80)
 
 
 def moving_confidence(objects: ObjectPoints, moving: JudgedMotions) -> NDArray[np.float32]:
-    """(K,) the confidence in the flow of K moving objects."""
+    """Returns (K,) the confidence in the flow of K dynamic objects."""
     return _logistic(moving_features(objects, moving), _MOVING)
 
 
 def doubtful_confidence(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float32]:
-    """(K,) the confidence in the flow of K objects of which no motion was found."""
+    """Returns (K,) the confidence in the flow of K suspects without an accepted motion."""
     return _logistic(doubtful_features(objects, standing), _DOUBTFUL)
 
 
 def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N,) the confidence in the flow of points (N, 3), metres, that stand still."""
+    """Returns (N,) the confidence in the flow of static points (N, 3), metres."""
     constant, per_10_m = _STANDING
-    with np.errstate(over="ignore"):  # infinite is far away, too
+    with np.errstate(over="ignore"):  # a range may be infinite
         ranges = np.hypot(xyz[:, 0], xyz[:, 1])
     return _probability(np.float32(constant) + np.float32(per_10_m / 10) * ranges)
 
 
 def moving_features(objects: ObjectPoints, moving: JudgedMotions) -> NDArray[np.float64]:
-    """(K, 4) what tells how well the motion of K objects is known."""
+    """Returns (K, 4) the features of K dynamic objects."""
     columns = (moving.disagreement, moving.cost, _tens_of_metres(objects.centers))
     return _with_constant(*columns)
 
 
 def doubtful_features(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float64]:
-    """(K, 3) the same for objects of which no motion was found."""
+    """Returns (K, 3) the features of K suspects without an accepted motion."""
     return _with_constant(standing.cost, _tens_of_metres(objects.centers))
 
 
 def standing_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:
-    """(N, 2) the same for points (N, 3), metres, that stand still."""
+    """Returns (N, 2) the features of static points (N, 3), metres."""
     return _with_constant(_tens_of_metres(xyz))
 
 
@@ -70,7 +70,7 @@ def _logistic(features: NDArray[np.float64], weights: tuple[float, ...]) -> NDAr
 
 
 def _probability(score: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N,) the logistic function of scores (N,)."""
+    """Returns (N,) the logistic function of scores (N,)."""
     bounded = np.clip(score, -_MAX_SCORE, _MAX_SCORE)
     probability: NDArray[np.float32] = (1 / (1 + np.exp(-bounded))).astype(np.float32, copy=False)
     return probability

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
-# How far points look for the target: at first as far as a vote may be off, then less.
+# Search radius around a point: at first the possible error of a vote, then less.
 _FIRST_REACH_M: Final = 0.6
 _REACH_M: Final = 0.4
 _NUM_FIRST: Final = 2
-# Nearest points slide along surfaces and pull too little: a longer step gets there sooner.
+# Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
 
 

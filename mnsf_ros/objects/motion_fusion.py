@@ -1,4 +1,4 @@
-"""Fusion: of forward flow, inverted backward flow and their mean, what explains all sweeps best."""
+"""Fusion: the best of forward flow, inverted backward flow and their mean for all sweeps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mnsf_ros.objects.motion_field import MotionField
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
-# A candidate must be better by this to replace one before it, for the noise not to choose.
+# A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
 
 
@@ -36,18 +36,18 @@ class JudgedMotions:
 
     @property
     def cost(self) -> NDArray[np.float64]:
-        """(K,) metres, what next and previous sweep leave unexplained on the average."""
+        """Returns (K,) metres, the mean residual in the next and the previous sweep."""
         cost: NDArray[np.float64] = self.near.mean(axis=1)
         return cost
 
     def only(self, wanted: NDArray[np.bool_]) -> JudgedMotions:
-        """The objects of the (K,) mask."""
+        """Returns the objects of the (K,) mask."""
         return JudgedMotions(
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
     def better(self, other: JudgedMotions) -> JudgedMotions:
-        """Of each object the motion with the lower cost, in doubt our own."""
+        """Returns for each object its own motion, or the other one if that is clearly better."""
         wins = other.cost < self.cost - _MIN_BETTER_M
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
@@ -76,7 +76,7 @@ def judge(
     motions: NDArray[np.float32],
     disagreement: NDArray[np.float32] | None = None,
 ) -> JudgedMotions:
-    """Measures motions (K, 3) on all targets."""
+    """Returns motions (K, 3) with their residuals on all targets."""
     if disagreement is None:
         disagreement = np.zeros(len(objects), np.float32)
     near, past = (
@@ -89,7 +89,7 @@ def judge(
 
 
 def best_of(candidates: Iterable[JudgedMotions]) -> JudgedMotions:
-    """Of each object the best motion of several, in doubt the first."""
+    """Returns for each object the best of several motions, the first if in doubt."""
     first, *others = candidates
     for other in others:
         first = first.better(other)

@@ -1,4 +1,4 @@
-"""What one triplet hands to the next: sweeps made ready, and how objects moved."""
+"""What one triplet keeps for the next: prepared sweeps, and the motions of objects."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class MotionMemory:
             if sweep not in self._sweeps:
                 self._add(sweep)
         if any(sweep not in self._sweeps for sweep in sweeps):
-            # A new world began on the way: nobody knows where its sensor is in the last one.
+            # The map was restarted in between: poses before and after cannot be related.
             raise SweepError(
                 f"sweep {sweeps[-2].stamp_ns}: the sweeps of its triplet do not follow each other, "
                 f"expected one frame_id, rising stamps and no gap above ego_motion.max_gap_s, "
@@ -127,7 +127,7 @@ class MotionMemory:
             if age > 0:
                 ages[sweep] = age
             if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
-                # Nobody knows where it was taken beside those before it.
+                # Its pose relative to the earlier sweeps is not known.
                 break
         near = {
             abs(age - _PAST_S): sweep
@@ -186,7 +186,7 @@ class MotionMemory:
         if pose is None:
             pose = self._ego_motion.pose_of(sweep)
             if pose.source is EgoSource.START:
-                # Another world: what is known was seen in the last one.
+                # The map was restarted: earlier poses no longer hold.
                 self._poses.clear()
                 self._sweeps.clear()
                 self._known = None

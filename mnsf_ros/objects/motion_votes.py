@@ -1,4 +1,4 @@
-"""A first guess of each object's motion: the shift under which both neighbors agree with it."""
+"""A first guess of each object's motion: the shift on which both neighbouring sweeps agree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.voting_grid import VotingGrid
 
 _POINTS_PER_OBJECT: Final = 24
-# Among shifts that explain an object as well the short one is the likely one: votes per metre.
+# Of shifts that fit an object equally well, the shorter is more likely: votes per metre.
 _COST_PER_M: Final = 0.02
 # Points times shifts tried at once, 13 bytes each: after a long interval there are many shifts.
 _MAX_TRIES: Final = 4_000_000

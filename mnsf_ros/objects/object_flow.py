@@ -48,7 +48,7 @@ class ObjectFlowEstimator:
         Raises:
             SettingsError: If the settings ask for a device that is not there.
         """
-        # It runs on the CPU. A device that is not there is an error all the same.
+        # It runs on the CPU, but a device that is not available is an error here too.
         compute_device(settings.compute)
         self.settings = settings
         self._memory = MotionMemory(settings)
@@ -87,7 +87,7 @@ class ObjectFlowEstimator:
         with clock.stage("gate"):
             is_moving = moves(standing, moving, self.settings.objects)
             movers, moving = objects.only(is_moving), moving.only(is_moving)
-            # Those that there was no room to look at are no less doubtful.
+            # Objects beyond the limits of the work are as uncertain as suspects.
             is_doubtful = np.ones(len(suspected), dtype=bool)
             is_doubtful[nearest] = ~is_moving
             doubtful, standing = suspected.only(is_doubtful), all_standing.only(is_doubtful)
@@ -114,7 +114,7 @@ class ObjectFlowEstimator:
         guesses = [voted_motions(objects, scene.targets.near, reach_m)]
         expected = self._memory.expected(scene.current, objects, scene.interval_s)
         guesses += [] if expected is None else [expected]
-        # Guesses are rough, so that half the points and the neighbors will do.
+        # A rough guess needs only half the points, and only the neighbouring sweeps.
         some, near = objects.thinner(_POINTS_TO_GUESS), Targets(scene.targets.near, past=())
         judged = (judge(some, near, guess) for guess in (standing.motions, *guesses))
         return best_of(judged).motions

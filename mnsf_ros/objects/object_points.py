@@ -1,4 +1,4 @@
-"""The points that stand for each object, and sums over them."""
+"""The points that represent each object, and sums over them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ObjectPoints:
         numbers: (K,) int, the objects' numbers in their sweep.
         positions: (P, 3) float32, metres, frame of the current sweep.
         owners: (P,) int from 0 to K - 1, rising.
-        spacing: (P,) float32, metres: a nearest point this far off is no sign of motion.
+        spacing: (P,) float32, metres; a nearest point within it is not evidence of motion.
     """
 
     numbers: NDArray[np.int64]
@@ -58,7 +58,7 @@ class ObjectPoints:
         return len(self.numbers)
 
     def only(self, wanted: NDArray[np.bool_]) -> ObjectPoints:
-        """The objects of the (K,) mask."""
+        """Returns the objects of the (K,) mask."""
         is_chosen = wanted[self.owners]
         owners = (np.cumsum(wanted) - 1)[self.owners[is_chosen]]
         return ObjectPoints(
@@ -66,7 +66,7 @@ class ObjectPoints:
         )
 
     def are_nearest(self, number: int) -> NDArray[np.bool_]:
-        """(K,) mask of so many objects at most, those nearest to the sensor."""
+        """Returns a (K,) mask of the objects nearest to the sensor, up to a number."""
         nearest = np.ones(len(self), dtype=bool)
         if len(self) > number:
             ranges = (self.centers**2).sum(axis=1)
@@ -74,7 +74,7 @@ class ObjectPoints:
         return nearest
 
     def thinner(self, points_per_object: int) -> ObjectPoints:
-        """The same objects with fewer points each."""
+        """Returns the same objects with fewer points each."""
         step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]
         is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
         return ObjectPoints(

@@ -1,4 +1,4 @@
-"""A sweep made ready: what stands on the ground, as objects, with a tree to measure against."""
+"""A prepared sweep: its objects above the ground, and a tree of its points."""
 
 from __future__ import annotations
 

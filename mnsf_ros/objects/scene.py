@@ -55,7 +55,7 @@ class Scene:
             start = Start.COLD_GAP
         near = [Target.of(next_, current, 1.0)]
         if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
-            # Else nobody knows where the current sweep was taken beside the one before it.
+            # Otherwise the current sweep cannot be related to the previous one.
             near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
         interval_s = max(0.0, triplet.interval_s)
         past = memory.past(current, interval_s)
@@ -63,7 +63,7 @@ class Scene:
 
     @property
     def usual_interval_s(self) -> float:
-        """Time to the next sweep, or what it usually is."""
+        """The time to the next sweep in seconds, or its usual value if that is not known."""
         return self.interval_s or USUAL_INTERVAL_S
 
     def over_ground(
@@ -78,8 +78,8 @@ class Scene:
         Args:
             movers: Objects that move.
             moving: Their motions.
-            doubtful: Objects of which neither motion nor standing still explains enough, or that
-                nobody looked at.
+            doubtful: Objects that neither motion nor being static explains well enough, or that
+                were left out.
             standing: How these stand.
         """
         current, sweep = self.current, self.current.sweep
@@ -95,7 +95,7 @@ class Scene:
         confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
         pose = self.targets.near[0].sweep.pose
         if pose.source is EgoSource.CONSTANT_VELOCITY:
-            # Nobody knows how the sensor moved, so nobody knows the flow of anything.
+            # Without the ego motion, no flow is known.
             confidence[:] = 0
         return OverGround(
             motion=motion,

@@ -14,7 +14,7 @@ _TOUCHING: Final = np.ones((3, 3), dtype=bool)
 
 
 class Segmentation:
-    """The objects of one sweep, numbered from 1; 0 is no object.
+    """The objects of one sweep, numbered from 1; 0 means none.
 
     Attributes:
         num_objects: How many there are, number 0 included.
@@ -38,7 +38,7 @@ class Segmentation:
         self.num_objects = int(num_labels) + 1
 
     def objects_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
-        """(N,) the object of each of the points (N, 3), or of their neighbors' means."""
+        """Returns (N,) the object of each of the points (N, 3)."""
         rows, columns = self._cells(points)
         height, width = self._labels.shape
         cells = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)

@@ -11,28 +11,28 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.settings import ObjectSettings
 
-# An object that fits into both neighbors, and into the past, without moving is not looked at.
+# An object that fits both neighbouring sweeps, and the past, without motion is not a suspect.
 _MIN_EACH_M: Final = 0.015
 _MIN_MEAN_M: Final = 0.025
 _MIN_PAST_M: Final = 0.08
-# A motion must be worth it ...
+# A motion is accepted if it improves the fit and is long enough,
 _MIN_GAIN_M: Final = 0.01
 _MIN_MOTION_M: Final = 0.05
-# ... explain the object indeed ...
+# if it explains the object well,
 _MAX_COST_M: Final = 0.175
-# ... in the past as well ...
+# also in the past,
 _MAX_PAST_SHARE: Final = 0.6
-# ... and stay on the road.
+# and if it is nearly horizontal.
 _MAX_CLIMB_M: Final = 0.25
 
 
 def suspects(objects: ObjectPoints, targets: Targets) -> tuple[ObjectPoints, JudgedMotions]:
-    """The objects that no other sweep explains without motion, and how they stand.
+    """Returns the objects that no other sweep supports as static, with their residuals.
 
-    A surface that one neighbor does not show may just be hidden there; one that neither shows,
+    A surface that one neighbouring sweep does not show may be hidden; one that neither shows,
     nor the past, was not there.
     """
-    # The past first: it tells best, and leaves little to measure on the others.
+    # The past first: it decides most objects, and few remain for the other sweeps.
     unexplained: list[NDArray[np.float64]] = []
     for target in (*targets.past, *targets.near):
         least_m = _MIN_EACH_M if target in targets.near else _MIN_PAST_M
@@ -53,7 +53,7 @@ def suspects(objects: ObjectPoints, targets: Targets) -> tuple[ObjectPoints, Jud
 def moves(
     standing: JudgedMotions, moving: JudgedMotions, settings: ObjectSettings
 ) -> NDArray[np.bool_]:
-    """(K,) whether motion explains an object clearly better than standing still."""
+    """Returns (K,) whether motion explains an object clearly better than being static does."""
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     is_clear = moving.cost < settings.max_unexplained * standing.cost
     is_clear &= standing.cost - moving.cost > _MIN_GAIN_M

@@ -12,7 +12,7 @@ from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 
-# Farther than this a point is simply unexplained.
+# The residual of a point is limited to this.
 _TRUNCATION_M: Final = 0.5
 
 
@@ -22,7 +22,7 @@ class Target:
 
     Attributes:
         sweep: The sweep.
-        from_current: (4, 4), target_from_current of what stands still.
+        from_current: (4, 4), target_from_current of static points.
         steps: How often an object has made its motion to the next sweep by then: 1 for the next
             sweep, -1 for the previous one, if the intervals are equal.
     """
@@ -33,7 +33,7 @@ class Target:
 
     @classmethod
     def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> Target:
-        """Another sweep as a target for the current one."""
+        """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
         return cls(sweep, from_current, steps)
