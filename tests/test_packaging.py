@@ -39,6 +39,17 @@ def test_executables_go_where_ros2_run_looks() -> None:
     assert (ROOT / "resource" / "mnsf_ros").exists()
 
 
+def test_recipe_for_ros_installs_every_requirement(package: Distribution) -> None:
+    """By rosdep from package.xml, or by pip; rosbags brings backports.zstd."""
+    (line,) = re.findall(r"^pip install 'numpy<2' (.+)$", (ROOT / "README.md").read_text(), re.M)
+    keys = re.findall(
+        r"<exec_depend>python3-(\w+)</exec_depend>", (ROOT / "package.xml").read_text()
+    )
+    installed = {canonicalize_name(name) for name in (*line.split(), *keys)}
+    wanted = {canonicalize_name(Requirement(text).name) for text in package.install_requires}
+    assert wanted - installed == {"setuptools", "backports-zstd"}
+
+
 def test_ros_wheels_are_no_hard_requirement() -> None:
     """Beside an installed ROS they would shadow it."""
     text = (ROOT / "setup.py").read_text()
