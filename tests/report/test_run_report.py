@@ -89,7 +89,7 @@ def test_options_come_back_from_the_record(street, tmp_path):
     options = RunFolder(folder).read_record().identity.options()
     assert options.method_settings.crop.max_range_m == 30.0
     assert options.settings.ground.remove
-    assert not options.method_settings.ground.remove
+    assert options.method_settings.ground.remove
     assert dataclasses.astuple(options.selection)[3:5] == (80, 3)
 
 
