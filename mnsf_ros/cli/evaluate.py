@@ -107,8 +107,9 @@ def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--ground",
         choices=("truth", "settings"),
+        default="truth",
         help="find ground points by the flags in the truth, where there is truth, or by the "
-        "ground settings, as the live node does (default: truth; with --realtime: settings)",
+        "ground settings, as the live node does (default: truth)",
     )
     group.add_argument(
         "--check-cycle",
@@ -181,13 +182,12 @@ def _run(options: argparse.Namespace) -> int:
         options.out = new_folder(options.bags)
         console.print(f"Results folder: {options.out}", markup=False, highlight=False)
     settings = preset(options.preset).changed(parse_assignments(options.assignments))
-    ground = options.ground or ("truth" if options.realtime is None else "settings")
     evaluation = EvaluationOptions(
         settings=settings,
         num_points=options.num_points,
         every=options.every,
         seed=options.seed,
-        use_true_ground=ground == "truth",
+        use_true_ground=options.ground == "truth",
         realtime_rate=options.realtime,
         check_cycle=options.check_cycle,
         flow_folder=options.out / "flow" if options.write_flow else None,
