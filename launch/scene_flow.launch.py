@@ -24,7 +24,7 @@ ARGUMENTS = {
     ),
     "namespace": ("", "namespace of the node"),
     "use_sim_time": ("false", "take the time from /clock"),
-    "rviz": ("false", "open RViz, too"),
+    "rviz": ("false", "also open RViz"),
 }
 
 

@@ -132,37 +132,37 @@ class MethodSettings:
 
 @dataclass(frozen=True)
 class CropSettings:
-    """Which points the fields are fitted to. Points outside get their flow all the same."""
+    """Which points are used to estimate motion. Points outside get a flow too."""
 
     min_range_m: float = _setting(
-        0.5, "Leave out points nearer than this, for example the robot itself", "m", 0, 1000
+        0.5, "Ignore points nearer than this, for example the robot itself", "m", 0, 1000
     )
     max_range_m: float = _setting(
-        80.0, "Leave out points farther than this, measured in the horizontal plane", "m", 1, 1000
+        80.0, "Ignore points farther than this in the horizontal plane", "m", 1, 1000
     )
     min_height_m: float = _setting(
-        -20.0, "Leave out points below this height in the sensor frame", "m", -1000, 1000
+        -20.0, "Ignore points below this height in the sensor frame", "m", -1000, 1000
     )
     max_height_m: float = _setting(
-        4.0, "Leave out points above this height in the sensor frame", "m", -1000, 1000
+        4.0, "Ignore points above this height in the sensor frame", "m", -1000, 1000
     )
 
 
 @dataclass(frozen=True)
 class GroundSettings:
-    """How ground is told from objects (it tells the fields nothing about motion)."""
+    """How ground is separated from objects. Ground says nothing about motion."""
 
     remove: bool = _setting(
         True,
-        "Fit without ground points; false only where clouds have none: the kind objects cannot "
-        "tell apart what stands on ground that it sees",
+        "Estimate motion without ground points. Disable only for clouds without ground; otherwise "
+        "objects merge and dynamic objects are missed",
     )
     cell_size_m: float = _setting(0.5, "Cell of the ground height map", "m", 0.1, 10)
     window_m: float = _setting(
-        8.0, "Things narrower than this stand on the ground, wider ones are terrain", "m", 1, 50
+        8.0, "Objects are narrower than this; what is wider is terrain", "m", 1, 50
     )
     max_slope: float = _setting(
-        0.25, "Steepest ground, as rise over run, followed by the height map", "", 0, 1
+        0.25, "Steepest ground that the height map follows, as rise over run", "", 0, 1
     )
     margin_m: float = _setting(
         0.2, "A point less than this above the height map is ground", "m", 0.01, 2
@@ -171,27 +171,33 @@ class GroundSettings:
 
 @dataclass(frozen=True)
 class EgoMotionSettings:
-    """How the sensor's own motion is found, and for networks whether it is."""
+    """How the ego motion is estimated, and whether networks use it."""
 
     removed: bool = _setting(
         False,
-        "Networks explain only what the sensor's own motion does not: all sweeps are moved into "
-        "the current one's frame (the kind objects always does so)",
+        "Remove the ego motion before networks are fitted: all sweeps are moved into the frame of "
+        "the current one (the method online always does so)",
     )
     source: str = _setting(
         "registration",
-        "registration: of each sweep with a map of the last ones; odometry: of the robot, "
-        "registration only where it is missing",
+        "registration: of each sweep with a map of the last sweeps; odometry: that of the robot, "
+        "and registration where it is missing",
         choices=("registration", "odometry"),
     )
-    max_range_m: float = _setting(80.0, "Register with points nearer than this", "m", 1, 1000)
-    max_points: int = _setting(
-        65_000, "Register with so many points of a sweep at most", "", 1000, 10_000_000
+    max_range_m: float = _setting(
+        80.0, "Maximum range of points used for registration", "m", 1, 1000
     )
-    thinning_m: float = _setting(0.5, "Register with one point per cell of this size", "m", 0.05, 5)
+    max_points: int = _setting(
+        65_000, "Maximum number of points used for registration", "", 1000, 10_000_000
+    )
+    thinning_m: float = _setting(
+        0.5, "Registration uses one point per cell of this size", "m", 0.05, 5
+    )
     map_cell_m: float = _setting(1.0, "Cell of the local map", "m", 0.1, 10)
-    map_sweeps: int = _setting(30, "Forget cells not seen for so many sweeps", "", 1, 10_000)
-    max_gap_s: float = _setting(2.0, "After a longer gap the map starts anew", "s", 0.01, 60)
+    map_sweeps: int = _setting(
+        30, "Number of sweeps after which unseen map cells are dropped", "", 1, 10_000
+    )
+    max_gap_s: float = _setting(2.0, "After a longer gap the map is restarted", "s", 0.01, 60)
     sensor_x_m: float = _setting(
         0.0, "Position of the lidar in the odometry's moving frame, x", "m", -100, 100
     )
@@ -214,29 +220,35 @@ class EgoMotionSettings:
 
 @dataclass(frozen=True)
 class ObjectSettings:
-    """How objects are told apart, and which of them move. Only for the method `online`."""
+    """How objects are separated, and which of them are dynamic. Only for the method `online`."""
 
     cell_size_m: float = _setting(
         0.25, "Points in touching cells of this size, seen from above, are one object", "m", 0.05, 5
     )
-    thinning_m: float = _setting(0.1, "Measure with one point per cell of this size", "m", 0.02, 1)
+    thinning_m: float = _setting(
+        0.1, "Objects are measured with one point per cell of this size", "m", 0.02, 1
+    )
     max_points: int = _setting(
-        60_000, "Measure with so many points of a sweep at most", "", 1000, 10_000_000
+        60_000, "Maximum number of points used to measure objects", "", 1000, 10_000_000
     )
-    min_points: int = _setting(6, "Fewer thinned points than this are no object", "", 3, 1000)
+    min_points: int = _setting(6, "Objects with fewer thinned points are static", "", 3, 1000)
     max_size_m: float = _setting(
-        12.0, "What is longer than this stands still (walls, hedges, terrain)", "m", 1, 100
+        12.0, "Longer objects are static (walls, hedges, terrain)", "m", 1, 100
     )
-    points_per_object: int = _setting(48, "Points that stand for an object", "", 8, 1000)
+    points_per_object: int = _setting(48, "Number of points that represent an object", "", 8, 1000)
     max_suspects: int = _setting(
-        300, "Look for the motion of so many objects at most, the nearest first", "", 1, 100_000
+        300,
+        "Maximum number of objects whose motion is estimated, the nearest first",
+        "",
+        1,
+        100_000,
     )
-    max_speed_m_s: float = _setting(36.0, "Fastest object over ground", "m/s", 1, 100)
-    max_iterations: int = _setting(4, "Steps of the fit of a motion", "", 1, 100)
+    max_speed_m_s: float = _setting(36.0, "Maximum speed of an object over ground", "m/s", 1, 100)
+    max_iterations: int = _setting(4, "Steps to fit the motion of an object", "", 1, 100)
     max_unexplained: float = _setting(
         0.65,
-        "An object moves only if its motion leaves less than this share of what standing still "
-        "leaves unexplained",
+        "An object is dynamic only if its motion leaves less than this share of the distance to "
+        "the neighbouring sweeps; lower: fewer false positives, more missed movers",
         "",
         0.05,
         1,
@@ -245,13 +257,13 @@ class ObjectSettings:
 
 @dataclass(frozen=True)
 class BufferSettings:
-    """Which sweeps may stand beside each other in a triplet."""
+    """Which sweeps may be neighbours in a triplet."""
 
     min_interval_s: float = _setting(
         0.001, "A sweep less than this after the last one is a duplicate", "s", 0.000001, 1
     )
     max_interval_s: float = _setting(
-        0.5, "After a longer gap the buffer starts anew, with a cold start", "s", 0.01, 60
+        0.5, "After a longer gap the buffer is restarted, with a cold start", "s", 0.01, 60
     )
 
 
@@ -261,7 +273,7 @@ class DistanceSettings:
 
     kind: str = _setting(
         "tree",
-        "grid: distance transform as in the paper; tree: exact nearest neighbor, cheaper on a CPU "
+        "grid: distance transform as in the paper; tree: exact nearest neighbour, cheaper on a CPU "
         "for few points",
         choices=("grid", "tree"),
     )
@@ -274,7 +286,7 @@ class DistanceSettings:
         2_000_000_000,
     )
     truncation_m: float = _setting(
-        2.0, "Distances beyond this count as this and pull no more; 0: never", "m", 0, 1000
+        2.0, "Distances beyond this count as this and have no gradient; 0: never", "m", 0, 1000
     )
 
 
@@ -299,7 +311,7 @@ class NsfpSettings:
     )
     min_delta_m2: float = _setting(
         0.001,
-        "A smaller fall of the loss is no improvement (the authors' code: 0.0001)",
+        "Smaller decreases of the loss do not count as improvement (the authors' code: 0.0001)",
         "m²",
         0,
         10,
@@ -312,7 +324,7 @@ class MnsfCycleSettings:
 
     weight: float = _setting(
         0.1,
-        "Weight of the cycle term beside the distance (the paper does not tell; NSFP's is 1)",
+        "Weight of the cycle term beside the distance (not given in the paper; NSFP has 1)",
         "",
         0,
         1000,
@@ -349,7 +361,7 @@ class OptimizationSettings:
     decay: bool = _setting(True, "Let the step size fall to zero along a cosine")
     joint: bool = _setting(
         False,
-        "Fit forward and backward field together, from the same start weights, as long as the "
+        "Fit forward and backward field together, from the same start weights, while the "
         "forward loss falls (the authors' code), instead of each by itself (the paper)",
     )
     max_iterations: int = _setting(150, "Steps of a cold start, per field", "", 1, 100_000)
@@ -375,7 +387,9 @@ class EarlyStoppingSettings:
     patience: int = _setting(
         0, "Stop a field after this many steps without improvement; 0: never", "", 0, 100_000
     )
-    min_delta_m: float = _setting(0.001, "A smaller fall of the loss is no improvement", "m", 0, 10)
+    min_delta_m: float = _setting(
+        0.001, "Smaller decreases of the loss do not count as improvement", "m", 0, 10
+    )
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def conclude(
         recordings: The recordings of the run.
         num_pictured: So many of the worst examples get pictures.
         console: Where to print.
-        estimate_again: Whether to estimate these once more, for a minute at most, where the run
+        estimate_again: Whether to estimate these again, for a minute at most, where the run
             wrote no flow.
 
     Returns:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CameraView:
-    """What the left color camera sees of the points of the lidar.
+    """What the left colour camera sees of the points of the lidar.
 
     Attributes:
         image_from_lidar: (3, 4) projection to pixels, homogeneous.

@@ -54,7 +54,7 @@ class BandChart:
 
 
 def band_chart(chart: BandChart) -> str:
-    """Returns the chart as inline SVG, one line for each series; color is never its only mark."""
+    """Returns the chart as inline SVG, one line for each series; colour is never its only mark."""
     with chart_style():
         columns = _legend_columns(chart.values, _BAND_WIDTH)
         height = _BAND_HEIGHT + _LEGEND_ROW * math.ceil(len(chart.values) / columns)

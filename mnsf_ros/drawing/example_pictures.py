@@ -163,7 +163,7 @@ class ExamplePainter:
 
 
 def error_colors(errors_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the color of each error: (N,) metres to (N, 3) RGB, dim grey where unknown."""
+    """Returns the colour of each error: (N,) metres to (N, 3) RGB, dim grey where unknown."""
     shares = np.clip(np.nan_to_num(errors_m, nan=0.0), 0.0, FULL_ERROR_M) / FULL_ERROR_M
     colors = np.asarray(_ERROR_COLORS(shares), dtype=np.float64)[:, :3]
     colors[np.isnan(errors_m)] = MISSING
@@ -171,7 +171,7 @@ def error_colors(errors_m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _draw_errors(axes: Axes, xy: NDArray[np.float64], errors_m: NDArray[np.float64]) -> None:
-    """Draws points in the colors of their errors, the largest errors on top."""
+    """Draws points in the colours of their errors, the largest errors on top."""
     order = np.argsort(np.nan_to_num(errors_m, nan=-1.0), kind="stable")[-MAX_POINTS:]
     xy, errors_m = xy[order], errors_m[order]
     areas = 2.0 + 6.0 * np.clip(np.nan_to_num(errors_m), 0.0, FULL_ERROR_M) / FULL_ERROR_M

@@ -111,7 +111,7 @@ def chart_figure(width: float, height: float) -> Figure:
 
 
 def inline_svg(figure: Figure, label: str, titles: Mapping[str, str]) -> str:
-    """Returns a chart as an SVG element for an HTML page, its colors as CSS variables.
+    """Returns a chart as an SVG element for an HTML page, its colours as CSS variables.
 
     Args:
         figure: Made within `chart_style`.

@@ -1,4 +1,4 @@
-"""One panel of the top view: points from above in the colors of their flow, and arrows."""
+"""One panel of the top view: points from above in the colours of their flow, and arrows."""
 
 from __future__ import annotations
 

@@ -17,10 +17,10 @@ _WHEEL_PIXELS: Final = 161
 def flow_colors(
     flow: NDArray[Any], full_speed_m: float, *, neutral: Color = WHITE
 ) -> NDArray[np.float64]:
-    """Returns the color of each flow vector.
+    """Returns the colour of each flow vector.
 
     Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
-    Opposite directions have opposite hues. The color fades to neutral as the vector shortens.
+    Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
 
     Args:
         flow: (N, 2) or wider, metres; only x and y are looked at.
@@ -45,7 +45,7 @@ def flow_colors(
 
 
 def wheel_image(num_pixels: int = _WHEEL_PIXELS, *, neutral: Color = WHITE) -> NDArray[np.float64]:
-    """Returns the wheel itself, x to the right and y up, full color on its rim.
+    """Returns the wheel itself, x to the right and y up, full colour on its rim.
 
     Args:
         num_pixels: Width and height P of the picture.

@@ -141,9 +141,9 @@ def estimated_examples(
     budget: TimeBudget | None = None,
     recordings: Iterable[EvaluatedRecording] | None = None,
 ) -> list[PicturedExample]:
-    """Estimates examples once more, each from its sweeps alone.
+    """Estimates examples again, each from its sweeps alone.
 
-    That gives the flow of the run once more, unless something was carried over there from one
+    That gives the flow of the run again, unless something was carried over there from one
     example to the next.
 
     Args:

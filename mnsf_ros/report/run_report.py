@@ -46,7 +46,7 @@ def report_run(
         results: All that the run gave, finished or not.
         folder: Folder of the run.
         num_pictured: So many of the worst examples get pictures.
-        estimate_again: Whether to estimate these once more where the run wrote no flow.
+        estimate_again: Whether to estimate these again where the run wrote no flow.
         limit_s: Seconds that this may take. If there is a limit, examples far into a recording
             are left alone.
         recordings: Those to estimate, as they were in the run; None to find out what is in all.
@@ -128,7 +128,7 @@ def _estimated(
         return []
     seconds = min(budget.limit_s, len(wanted) * sum(map(budget.needs_s, methods)))
     examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
-    say(f"estimating {examples} once more for pictures, about {seconds:.0f} s")
+    say(f"estimating {examples} again for pictures, about {seconds:.0f} s")
     try:
         found = estimated_examples(record, wanted, methods, budget=budget, recordings=recordings)
     except MnsfError as error:

@@ -63,7 +63,7 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
 def test_other_flows_are_estimated_once_more(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     text, said = report_of(folder, num_pictured=2)
-    assert said == ["estimating 2 examples once more for pictures, about 0 s"]
+    assert said == ["estimating 2 examples again for pictures, about 0 s"]
     assert text.count("Estimated again for the picture</figcaption>") == 2
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
     assert "The picture shows another flow" not in text
@@ -107,7 +107,7 @@ def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
 ):
     folder = evaluate(street, tmp_path / "run", warm=True, methods=[method])
     text, said = report_of(folder, num_pictured=3)
-    assert said[-1].startswith("estimating 3 examples once more")
+    assert said[-1].startswith("estimating 3 examples again")
     assert text.count("data:image/png") == 3 * (1 + 1)
     assert len(re.findall("<figcaption>[^<]*Estimated again for the picture", text)) == 3
 
@@ -121,7 +121,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     assert said == ["no pictures: one flow takes 9 s; `mnsf report` on the folder waits for it"]
     assert "data:image/png" not in text
     text, said = report_of(folder, limit_s=8.0, focus="zero")
-    assert said == ["estimating 3 examples once more for pictures, about 8 s"]
+    assert said == ["estimating 3 examples again for pictures, about 8 s"]
     assert text.count("<figcaption>zero: EPE") == 3
     assert "<figcaption>ego: EPE" not in text
 
