@@ -19,32 +19,28 @@ from mnsf_ros.errors import SettingsError
 
 SettingValue = bool | int | float | str
 
+# End of a setting's name -> its unit.
+_UNITS = {"_m_s": "m/s", "_m2": "m²", "_m": "m", "_ms": "ms", "_s": "s", "_deg": "degrees"}
+_LARGE = 1_000_000
+
 
 @dataclass(frozen=True)
 class Setting:
-    """The declaration of one setting.
+    """The declaration of one setting."""
 
-    Attributes:
-        name: `group.field`.
-        kind: `bool`, `int`, `float` or `str`.
-        default: Value of the `online` preset.
-        text: One line for people.
-        unit: Unit of the value, empty where it has none.
-        minimum: Smallest value allowed, numbers only.
-        maximum: Largest value allowed, numbers only.
-        choices: The words allowed, strings only.
-        fixed: True if it cannot change while a node runs.
-    """
+    name: str  # `group.field`
+    kind: type  # bool, int, float or str
+    default: SettingValue  # of the `online` preset
+    text: str  # one line for people
+    minimum: float | None  # numbers only, as the maximum
+    maximum: float | None
+    choices: tuple[str, ...]  # the words allowed, strings only
+    fixed: bool  # it cannot change while a node runs
 
-    name: str
-    kind: type
-    default: SettingValue
-    text: str
-    unit: str = ""
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    fixed: bool = False
+    @property
+    def unit(self) -> str:
+        """Unit of the value, which the name ends with; empty where it has none."""
+        return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
 
     def checked(self, value: object) -> SettingValue:
         """Returns `value` in this setting's type.
@@ -93,29 +89,16 @@ def _plain(number: float) -> str:
     return f"{number:g}" if abs(number) < _LARGE else f"{number:.0f}"
 
 
-_LARGE = 1_000_000
-
-
 def _setting(
     default: SettingValue,
     text: str,
-    unit: str = "",
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     fixed: bool = False,
 ) -> Any:  # noqa: ANN401 - dataclasses.field is typed like this, too
-    return field(
-        default=default,
-        metadata={
-            "text": text,
-            "unit": unit,
-            "minimum": minimum,
-            "maximum": maximum,
-            "choices": choices,
-            "fixed": fixed,
-        },
-    )
+    metadata = {"text": text, "minimum": minimum, "maximum": maximum}
+    return field(default=default, metadata=metadata | {"choices": choices, "fixed": fixed})
 
 
 @dataclass(frozen=True)
@@ -124,132 +107,116 @@ class MethodSettings:
 
     name: str = _setting(
         "online",
-        "Method that estimates the flow. online: ego motion and one motion for each object, in "
-        "a tenth of a second on a CPU; mnsf: the networks of the paper; or any other method of "
-        "docs/evaluation.md or of an installed package",
+        "Method that estimates the flow. online: ego motion plus one rigid motion per object, in "
+        "about 0.1 s on a CPU; mnsf: the networks of the paper; or any other method listed in "
+        "docs/evaluation.md or provided by an installed package",
     )
 
 
 @dataclass(frozen=True)
 class CropSettings:
-    """Which points are used to estimate motion. Points outside get a flow too."""
+    """Which points methods are fitted to. Points outside still get a flow."""
 
     min_range_m: float = _setting(
-        0.5, "Ignore points nearer than this, for example the robot itself", "m", 0, 1000
+        0.5, "Exclude points nearer than this, for example on the robot itself", 0, 1000
     )
     max_range_m: float = _setting(
-        80.0, "Ignore points farther than this in the horizontal plane", "m", 1, 1000
+        80.0, "Exclude points farther than this, measured in the horizontal plane", 1, 1000
     )
     min_height_m: float = _setting(
-        -20.0, "Ignore points below this height in the sensor frame", "m", -1000, 1000
+        -20.0, "Exclude points below this height in the sensor frame", -1000, 1000
     )
     max_height_m: float = _setting(
-        4.0, "Ignore points above this height in the sensor frame", "m", -1000, 1000
+        4.0, "Exclude points above this height in the sensor frame", -1000, 1000
     )
 
 
 @dataclass(frozen=True)
 class GroundSettings:
-    """How ground is separated from objects. Ground says nothing about motion."""
+    """How ground points are found. They carry no information about the motion of objects."""
 
     remove: bool = _setting(
         True,
-        "Estimate motion without ground points. Disable only for clouds without ground; otherwise "
-        "objects merge and dynamic objects are missed",
+        "Exclude ground points. Disable only for clouds without ground; otherwise objects merge "
+        "and movers are missed",
     )
-    cell_size_m: float = _setting(0.5, "Cell of the ground height map", "m", 0.1, 10)
+    cell_size_m: float = _setting(0.5, "Cell size of the ground height map", 0.1, 10)
     window_m: float = _setting(
-        8.0, "Objects are narrower than this; what is wider is terrain", "m", 1, 50
+        8.0, "Largest width of objects on the ground; wider structures count as terrain", 1, 50
     )
-    max_slope: float = _setting(
-        0.25, "Steepest ground that the height map follows, as rise over run", "", 0, 1
-    )
+    max_slope: float = _setting(0.25, "Steepest slope of the ground, rise over run", 0, 1)
     margin_m: float = _setting(
-        0.2, "A point less than this above the height map is ground", "m", 0.01, 2
+        0.2, "Points lower than this above the height map are ground", 0.01, 2
     )
 
 
 @dataclass(frozen=True)
 class EgoMotionSettings:
-    """How the ego motion is estimated, and whether networks use it."""
+    """How the ego motion is estimated, and whether networks see it removed."""
 
     removed: bool = _setting(
         False,
-        "Remove the ego motion before networks are fitted: all sweeps are moved into the frame of "
-        "the current one (the method online always does so)",
+        "Remove the ego motion before networks are fitted: all sweeps are transformed into the "
+        "frame of the current one. The method online always does so",
     )
     source: str = _setting(
         "registration",
-        "registration: of each sweep with a map of the last sweeps; odometry: that of the robot, "
-        "and registration where it is missing",
+        "registration: align each sweep with a local map of recent sweeps; odometry: use the "
+        "robot's odometry, and registration where it is missing",
         choices=("registration", "odometry"),
     )
-    max_range_m: float = _setting(
-        80.0, "Maximum range of points used for registration", "m", 1, 1000
-    )
+    max_range_m: float = _setting(80.0, "Maximum range of points used for registration", 1, 1000)
     max_points: int = _setting(
-        65_000, "Maximum number of points used for registration", "", 1000, 10_000_000
+        65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000
     )
     thinning_m: float = _setting(
-        0.5, "Registration uses one point per cell of this size", "m", 0.05, 5
+        0.5, "Cell size for thinning before registration: one point per cell is kept", 0.05, 5
     )
-    map_cell_m: float = _setting(1.0, "Cell of the local map", "m", 0.1, 10)
+    map_cell_m: float = _setting(1.0, "Cell size of the local map", 0.1, 10)
     map_sweeps: int = _setting(
-        30, "Number of sweeps after which unseen map cells are dropped", "", 1, 10_000
+        30, "Map cells are deleted when not seen for this many sweeps", 1, 10_000
     )
-    max_gap_s: float = _setting(2.0, "After a longer gap the map is restarted", "s", 0.01, 60)
-    sensor_x_m: float = _setting(
-        0.0, "Position of the lidar in the odometry's moving frame, x", "m", -100, 100
-    )
-    sensor_y_m: float = _setting(
-        0.0, "Position of the lidar in the odometry's moving frame, y", "m", -100, 100
-    )
-    sensor_z_m: float = _setting(
-        0.0, "Position of the lidar in the odometry's moving frame, z", "m", -100, 100
-    )
-    sensor_roll_deg: float = _setting(
-        0.0, "Roll of the lidar in the odometry's moving frame", "degrees", -360, 360
-    )
-    sensor_pitch_deg: float = _setting(
-        0.0, "Pitch of the lidar in the odometry's moving frame", "degrees", -360, 360
-    )
-    sensor_yaw_deg: float = _setting(
-        0.0, "Yaw of the lidar in the odometry's moving frame", "degrees", -360, 360
-    )
+    max_gap_s: float = _setting(2.0, "The map is reset after a longer gap between sweeps", 0.01, 60)
+    sensor_x_m: float = _setting(0.0, "Lidar position in the odometry's child frame, x", -100, 100)
+    sensor_y_m: float = _setting(0.0, "Lidar position in the odometry's child frame, y", -100, 100)
+    sensor_z_m: float = _setting(0.0, "Lidar position in the odometry's child frame, z", -100, 100)
+    sensor_roll_deg: float = _setting(0.0, "Lidar roll in the odometry's child frame", -360, 360)
+    sensor_pitch_deg: float = _setting(0.0, "Lidar pitch in the odometry's child frame", -360, 360)
+    sensor_yaw_deg: float = _setting(0.0, "Lidar yaw in the odometry's child frame", -360, 360)
 
 
 @dataclass(frozen=True)
 class ObjectSettings:
-    """How objects are separated, and which of them are dynamic. Only for the method `online`."""
+    """How points are grouped into objects, and which objects are dynamic (method `online`)."""
 
     cell_size_m: float = _setting(
-        0.25, "Points in touching cells of this size, seen from above, are one object", "m", 0.05, 5
+        0.25,
+        "Cell size for grouping: points in touching cells of the horizontal plane form one object",
+        0.05,
+        5,
     )
     thinning_m: float = _setting(
-        0.1, "Objects are measured with one point per cell of this size", "m", 0.02, 1
+        0.1, "Cell size for thinning before objects are compared: one point per cell", 0.02, 1
     )
     max_points: int = _setting(
-        60_000, "Maximum number of points used to measure objects", "", 1000, 10_000_000
+        60_000, "Maximum number of points of a sweep that are compared", 1000, 10_000_000
     )
-    min_points: int = _setting(6, "Objects with fewer thinned points are static", "", 3, 1000)
+    min_points: int = _setting(6, "Objects with fewer thinned points count as static", 3, 1000)
     max_size_m: float = _setting(
-        12.0, "Longer objects are static (walls, hedges, terrain)", "m", 1, 100
+        12.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100
     )
-    points_per_object: int = _setting(48, "Number of points that represent an object", "", 8, 1000)
+    points_per_object: int = _setting(
+        48, "Maximum number of points of an object used to fit its motion", 8, 1000
+    )
     max_suspects: int = _setting(
-        300,
-        "Maximum number of objects whose motion is estimated, the nearest first",
-        "",
-        1,
-        100_000,
+        300, "Maximum number of objects whose motion is searched for, nearest first", 1, 100_000
     )
-    max_speed_m_s: float = _setting(36.0, "Maximum speed of an object over ground", "m/s", 1, 100)
-    max_iterations: int = _setting(4, "Steps to fit the motion of an object", "", 1, 100)
+    max_speed_m_s: float = _setting(36.0, "Maximum speed of objects over ground", 1, 100)
+    max_iterations: int = _setting(4, "Iterations when the motion of an object is fitted", 1, 100)
     max_unexplained: float = _setting(
         0.65,
-        "An object is dynamic only if its motion leaves less than this share of the distance to "
-        "the neighbouring sweeps; lower: fewer false positives, more missed movers",
-        "",
+        "An object is dynamic only if its motion leaves less than this share of the residual that "
+        "it would have as a static object. Lower: fewer false positives, more missed movers",
         0.05,
         1,
     )
@@ -257,62 +224,57 @@ class ObjectSettings:
 
 @dataclass(frozen=True)
 class BufferSettings:
-    """Which sweeps may be neighbours in a triplet."""
+    """Which sweeps form a triplet."""
 
     min_interval_s: float = _setting(
-        0.001, "A sweep less than this after the last one is a duplicate", "s", 0.000001, 1
+        0.001, "A sweep sooner than this after the last one is a duplicate", 0.000001, 1
     )
     max_interval_s: float = _setting(
-        0.5, "After a longer gap the buffer is restarted, with a cold start", "s", 0.01, 60
+        0.5, "After a longer gap, the buffer is cleared and the next estimate starts cold", 0.01, 60
     )
 
 
 @dataclass(frozen=True)
 class DistanceSettings:
-    """How far a moved point is from the target sweep: D in the paper."""
+    """The distance from a moved point to the target sweep: D in the paper."""
 
     kind: str = _setting(
         "tree",
-        "grid: distance transform as in the paper; tree: exact nearest neighbour, cheaper on a CPU "
+        "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a CPU "
         "for few points",
         choices=("grid", "tree"),
     )
-    cell_size_m: float = _setting(0.1, "Cell of the distance transform", "m", 0.01, 10)
+    cell_size_m: float = _setting(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = _setting(
         250_000_000,
-        "A sweep whose grid would have more cells (4 bytes each) uses the tree instead",
-        "",
+        "Maximum number of grid cells (4 bytes each); larger sweeps use the tree instead",
         1000,
         2_000_000_000,
     )
     truncation_m: float = _setting(
-        2.0, "Distances beyond this count as this and have no gradient; 0: never", "m", 0, 1000
+        2.0, "Distances are limited to this value, against outliers; 0: unlimited", 0, 1000
     )
 
 
 @dataclass(frozen=True)
 class NsfpSettings:
-    """What only the methods NSFP and NSFP (linear) of the evaluator need."""
+    """Only for the methods `nsfp` and `nsfp-linear`."""
 
     truncation_m: float = _setting(
         1.41421356,
-        "Pairs of points farther apart do not count in the Chamfer distance; NSFP's code compares "
+        "Point pairs farther apart are ignored in the Chamfer distance; NSFP's code compares "
         "squared distances with 2",
-        "m",
         0.01,
         1000,
     )
-    learning_rate: float = _setting(0.008, "Step size of Adam", "", 1e-7, 1)
-    weight_decay: float = _setting(
-        0.0, "Pull of Adam on the weights toward zero (the authors' code: 0.0001)", "", 0, 1
-    )
+    learning_rate: float = _setting(0.008, "Learning rate of Adam", 1e-7, 1)
+    weight_decay: float = _setting(0.0, "Weight decay of Adam (the authors' code: 0.0001)", 0, 1)
     patience: int = _setting(
-        30, "Stop after this many steps without improvement; 0: never", "", 0, 100_000
+        30, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
     min_delta_m2: float = _setting(
         0.001,
-        "Smaller decreases of the loss do not count as improvement (the authors' code: 0.0001)",
-        "m²",
+        "Smallest decrease of the loss that counts as improvement (the authors' code: 0.0001)",
         0,
         10,
     )
@@ -320,160 +282,164 @@ class NsfpSettings:
 
 @dataclass(frozen=True)
 class MnsfCycleSettings:
-    """What only the method MNSF (cycle consistency) of the evaluator needs."""
+    """Only for the method `mnsf-cycle`."""
 
     weight: float = _setting(
-        0.1,
-        "Weight of the cycle term beside the distance (not given in the paper; NSFP has 1)",
-        "",
-        0,
-        1000,
+        0.1, "Weight of the cycle loss (not given in the paper; NSFP uses 1)", 0, 1000
     )
 
 
 @dataclass(frozen=True)
 class LinearSettings:
-    """The fields of the methods NSFP (linear) and FNSF (linear) of the evaluator."""
+    """Only for the methods `nsfp-linear` and `fnsf-linear`."""
 
-    node_spacing_m: float = _setting(2.0, "Distance between the nodes of the grid", "m", 0.1, 100)
-    sigma_m: float = _setting(5.0, "Width of the Gaussian codes along each axis", "m", 0.1, 100)
-    variation_weight: float = _setting(
-        0.5, "Weight of the total variation of the flow between nodes", "", 0, 1000
+    node_spacing_m: float = _setting(2.0, "Distance between the nodes of the grid", 0.1, 100)
+    sigma_m: float = _setting(
+        5.0, "Standard deviation of the Gaussian encoding along each axis", 0.1, 100
     )
-    learning_rate: float = _setting(0.03, "Step size of Adam", "", 1e-7, 1)
+    variation_weight: float = _setting(
+        0.5, "Weight of the total variation of the flow between nodes", 0, 1000
+    )
+    learning_rate: float = _setting(0.03, "Learning rate of Adam", 1e-7, 1)
 
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """What the forward and the backward field are made of."""
+    """The networks of the forward and the backward field."""
 
-    num_hidden_layers: int = _setting(
-        8, "Hidden layers, each followed by a ReLU; one output layer comes on top", "", 1, 64
-    )
-    hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
+    num_hidden_layers: int = _setting(8, "Number of hidden layers, each with a ReLU", 1, 64)
+    hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
 
 
 @dataclass(frozen=True)
 class OptimizationSettings:
-    """The Adam loop that fits a field to a pair of sweeps."""
+    """How a field is fitted to a pair of sweeps, by Adam."""
 
-    learning_rate: float = _setting(0.008, "Step size of Adam", "", 1e-7, 1)
-    decay: bool = _setting(True, "Let the step size fall to zero along a cosine")
+    learning_rate: float = _setting(0.008, "Learning rate of Adam after a cold start", 1e-7, 1)
+    decay: bool = _setting(True, "Let the learning rate decay to zero along a cosine")
     joint: bool = _setting(
         False,
-        "Fit forward and backward field together, from the same start weights, while the "
-        "forward loss falls (the authors' code), instead of each by itself (the paper)",
+        "Fit both fields together, from the same initial weights, until the forward loss stops "
+        "falling (the authors' code); false: fit each on its own (the paper)",
     )
-    max_iterations: int = _setting(150, "Steps of a cold start, per field", "", 1, 100_000)
+    max_iterations: int = _setting(
+        150, "Maximum number of iterations per field after a cold start", 1, 100_000
+    )
     max_points: int = _setting(
-        0, "Fit to this many random points of the cropped sweep; 0: to all", "", 0, 10_000_000
+        0, "Fit to this many random points of the cropped sweep; 0: all", 0, 10_000_000
     )
     batch_points: int = _setting(
-        1024,
-        "Points of a random batch, drawn anew for each step; 0: all in each",
-        "",
-        0,
-        10_000_000,
+        1024, "Random points per iteration; 0: all points in every iteration", 0, 10_000_000
     )
     time_budget_ms: float = _setting(
-        3000.0, "Stop optimizing a cold start after this time; 0: never", "ms", 0, 3_600_000
+        3000.0, "Time limit of the optimization after a cold start; 0: none", 0, 3_600_000
     )
 
 
 @dataclass(frozen=True)
 class EarlyStoppingSettings:
-    """When a fit counts as converged."""
+    """When a fit has converged."""
 
     patience: int = _setting(
-        0, "Stop a field after this many steps without improvement; 0: never", "", 0, 100_000
+        0, "Stop a field after this many iterations without improvement; 0: never", 0, 100_000
     )
     min_delta_m: float = _setting(
-        0.001, "Smaller decreases of the loss do not count as improvement", "m", 0, 10
+        0.001, "Smallest decrease of the loss that counts as improvement", 0, 10
     )
 
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How forward flow and inverted backward flow become one."""
+    """How forward flow f and inverted backward flow f' are fused."""
 
     kind: str = _setting(
         "mlp",
-        "mlp: a network, as the paper; weighted_sum: W f + (I - W) f'; mean: (f + f') / 2",
+        "mlp: a network, as in the paper; weighted_sum: W f + (I - W) f'; mean: (f + f') / 2",
         choices=("mlp", "weighted_sum", "mean"),
     )
     input: str = _setting(
         "concat",
-        "concat: mlp sees all flows side by side, as the paper; sum: their sum (the authors' code)",
+        "Input of the mlp. concat: the flows side by side, as in the paper; sum: their sum (the "
+        "authors' code)",
         choices=("concat", "sum"),
     )
     fields: str = _setting(
         "best",
-        "Weights of the fields whose flow is fused. best: of the lowest loss; last: of the last "
-        "step (the authors' code)",
+        "Weights of the fields whose flow is fused. best: those with the lowest loss; last: those "
+        "of the last iteration (the authors' code)",
         choices=("best", "last"),
     )
     inversion: bool = _setting(
-        True, "Turn the backward flow round before fusion; false only to see what that is worth"
+        True, "Invert the backward flow before fusion; false: only for the ablation of the paper"
     )
-    num_hidden_layers: int = _setting(3, "Hidden layers of the fusion network", "", 1, 64)
-    hidden_width: int = _setting(64, "Neurons of a hidden layer", "", 1, 4096)
-    max_iterations: int = _setting(100, "Steps of a cold start", "", 1, 100_000)
+    num_hidden_layers: int = _setting(3, "Number of hidden layers of the fusion network", 1, 64)
+    hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
+    max_iterations: int = _setting(
+        100, "Maximum number of iterations after a cold start", 1, 100_000
+    )
     patience: int = _setting(
-        0, "Stop after this many steps without improvement; 0: never", "", 0, 100_000
+        0, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
 
 
 @dataclass(frozen=True)
 class WarmStartSettings:
-    """What one triplet hands to the next: fields, fusion and the state of their optimizers."""
+    """What an estimate takes over from the last one: motions, networks and optimizer states."""
 
-    enabled: bool = _setting(True, "Start from the motions or the networks of the last triplet")
-    max_iterations: int = _setting(30, "Steps per network after a warm start", "", 1, 100_000)
-    learning_rate: float = _setting(0.002, "Step size of Adam after a warm start", "", 1e-7, 1)
+    enabled: bool = _setting(
+        True, "Start from the motions or networks of the last estimate; false: from scratch"
+    )
+    max_iterations: int = _setting(
+        30, "Maximum number of iterations per network after a warm start", 1, 100_000
+    )
+    learning_rate: float = _setting(0.002, "Learning rate of Adam after a warm start", 1e-7, 1)
     time_budget_ms: float = _setting(
-        800.0, "Stop optimizing a warm start after this time; 0: never", "ms", 0, 3_600_000
+        800.0, "Time limit of the optimization after a warm start; 0: none", 0, 3_600_000
     )
     max_gap_s: float = _setting(
-        10.0, "Start cold if the last triplet is older than this", "s", 0.01, 3600
+        10.0, "Start cold if the last estimate is older than this", 0.01, 3600
     )
     max_loss_ratio: float = _setting(
-        2.0, "Start cold if the loss of the carried field has grown by more than this", "", 1, 1000
+        2.0, "Start cold if the loss of a warm-started field has grown by more than this", 1, 1000
     )
 
 
 @dataclass(frozen=True)
 class ComputeSettings:
-    """Where and how reproducibly the work is done."""
+    """Device, threads and random seed."""
 
     device: str = _setting(
-        "auto", "auto takes CUDA where there is one", choices=("auto", "cpu", "cuda")
+        "auto",
+        "Device of the networks. auto: CUDA if available, else the CPU",
+        choices=("auto", "cpu", "cuda"),
     )
     num_threads: int = _setting(
         0,
-        "Threads of torch; 0: in the node one per core less one, elsewhere torch's own",
-        "",
+        "Number of CPU threads. 0: one less than cores in the node, 1 in mnsf evaluate, "
+        "elsewhere the default of PyTorch",
         0,
         512,
     )
-    seed: int = _setting(0, "Seed of start weights and random batches", "", 0, 2_147_483_647)
+    seed: int = _setting(0, "Seed of initial weights and random batches", 0, 2_147_483_647)
 
 
 @dataclass(frozen=True)
 class NodeSettings:
-    """What only the ROS node needs."""
+    """Only for the ROS node."""
 
-    always_estimate: bool = _setting(False, "Estimate even while nobody subscribes to any output")
+    always_estimate: bool = _setting(False, "Estimate even if nobody subscribes to any output")
     input_reliability: str = _setting(
         "auto",
-        "auto takes reliable where every publisher offers it",
+        "Reliability of the input subscription. auto: reliable if every publisher offers it, else "
+        "best effort",
         choices=("auto", "reliable", "best_effort"),
         fixed=True,
     )
     diagnostics_period_s: float = _setting(
-        1.0, "Time between two messages on /diagnostics", "s", 0.05, 60, fixed=True
+        1.0, "Period of messages on /diagnostics", 0.05, 60, fixed=True
     )
     stale_after_s: float = _setting(
-        2.0, "Report the input as stale after this time without a sweep", "s", 0.1, 3600
+        2.0, "Report the input as stale after this time without a sweep", 0.1, 3600
     )
 
 

@@ -9,16 +9,16 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 TITLES = {
     "online": (
-        "The default: the sensor's own motion, and one motion for each object on top of it. "
-        "Written by `mnsf parameters --preset online`."
+        "The default: ego motion plus one rigid motion per object. Written by "
+        "`mnsf parameters --preset online`."
     ),
     "paper": (
-        "The method as published, every triplet from scratch: slow, for comparison. Written by "
+        "MNSF as published, every estimate from scratch: slow, for comparison. Written by "
         "`mnsf parameters --preset paper`."
     ),
     "authors": (
-        "The method as its authors' released code has it, where that is not what the paper says. "
-        "Written by `mnsf parameters --preset authors`."
+        "MNSF as in its authors' released code, where that differs from the paper. Written by "
+        "`mnsf parameters --preset authors`."
     ),
 }
 
