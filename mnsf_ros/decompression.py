@@ -90,7 +90,7 @@ def decompress(
 
 
 def _expanded(compression: str, data: bytes, limit: int, is_cut: bool) -> bytes:
-    output = BytesIO()
+    output, num_bytes = BytesIO(), len(data)
     while data:
         stream = _MAKERS[compression]()
         while not stream.eof:
@@ -99,7 +99,9 @@ def _expanded(compression: str, data: bytes, limit: int, is_cut: bool) -> bytes:
             data = getattr(stream, "unconsumed_tail", b"")
             output.write(piece)
             if output.tell() > limit:
-                raise SizeLimitError(f"{compression} data expands to more than {limit} bytes")
+                raise SizeLimitError(
+                    f"{num_bytes} bytes of {compression} data expand to more than {limit} bytes"
+                )
             if not piece and not data and not stream.eof:
                 if is_cut:
                     return output.getvalue()
@@ -117,6 +119,7 @@ class LimitedFile:
         num_bytes = file.seek(0, 2)
         file.seek(0)
         self._stream = zstd.open(file, "rb")
+        self._num_bytes = num_bytes
         self._limit = self._left = MAX_BYTES + _MAX_FILE_RATIO * num_bytes
 
     def read(self, num_bytes: int) -> bytes:
@@ -132,7 +135,9 @@ class LimitedFile:
             raise DecompressionError(f"zstd data is damaged: {error}") from error
         self._left -= len(piece)
         if self._left < 0:
-            raise SizeLimitError(f"the zstd file expands to more than {self._limit} bytes")
+            raise SizeLimitError(
+                f"the zstd file of {self._num_bytes} bytes expands to more than {self._limit} bytes"
+            )
         return piece
 
     def __enter__(self) -> LimitedFile:

@@ -257,6 +257,8 @@ class BagReader:
                 self._are_compressed = storage.metadata.compression_mode == "message"
                 # Messages come as they are stored: rosbags gives up after the first damaged one.
                 storage.metadata = storage.metadata._replace(compression_mode=None)
+                # rosbags reads the files as metadata.yaml lists them.
+                storage.storages.sort(key=lambda file: file.metadata.start_time)
         return source
 
     def _damage(self, number: int, topic: str, error: Exception, position: str = "") -> Damage:

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import ReaderError as Ros2ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
-from mnsf_ros.decompression import DecompressionError
+from mnsf_ros.decompression import MAX_BYTES, DecompressionError
 
 # rosbags reports most damage with its own errors, but parses without a guard everywhere else:
 # a damaged length, name or number then surfaces as the built-in error of the operation that
@@ -46,6 +46,7 @@ _REMEDIES: Final = {
     "Bag index looks damaged": "the file may be cut short; 'rosbag reindex' may save the rest",
     "Bag is not indexed": "'rosbag reindex' may save what was written",
     "disk image is malformed": "'sqlite3 FILE .recover' may save a part",
+    "string or blob too big": f"a message has more than {MAX_BYTES} bytes, which is the limit",
 }
 _MAX_LENGTH: Final = 300
 

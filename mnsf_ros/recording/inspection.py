@@ -6,6 +6,7 @@ from collections import Counter
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -34,7 +35,8 @@ class Inspection:
         has_checksums: Whether flipped bits in messages would have been noticed.
         files: The files in the order of time, if they can be read without their index: all of
             them are mcap, or a ROS 1 bag that has none. Else empty.
-        needs_salvage: Whether `files` have to be read so: they are damaged, or have no index.
+        needs_salvage: Whether `files` have to be read so: they are damaged, have no index, or hold
+            messages that are not in the order of their receive times.
     """
 
     path: Path
@@ -66,14 +68,18 @@ class Inspection:
 
 @dataclass(frozen=True)
 class _FileContent:
-    """What was found in one file: receive time of the first message, and as in Inspection."""
+    """What was found in one file: receive times of first and last message, and as in Inspection.
+
+    Its index can be used if it is complete and the messages are stored in the order of time.
+    """
 
     file: Path
     first_ns: float
+    last_ns: float
     topics: dict[str, TopicSummary]
     damages: tuple[Damage, ...]
     has_checksums: bool
-    is_indexed: bool
+    is_regular: bool
 
 
 def _nobody(done: int, total: int) -> None:
@@ -141,7 +147,8 @@ def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
     types = {channel.topic: channel.msgtype for channel in channels}
     counts: Counter[str] = Counter()
     damages: list[Damage] = []
-    first_ns, has_checksums = float("inf"), True
+    first_ns, last_ns = float("inf"), float("-inf")
+    has_checksums, is_regular = True, summary.is_complete
     try:
         for message in messages:
             if isinstance(message, Damage):
@@ -151,7 +158,9 @@ def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
             if message.channel.encoding in ENCODINGS:
                 counts[message.channel.topic] += 1
                 types.setdefault(message.channel.topic, message.channel.msgtype)
+                is_regular = is_regular and message.received_ns >= last_ns
                 first_ns = min(first_ns, message.received_ns)
+                last_ns = max(last_ns, message.received_ns)
                 has_checksums = has_checksums and message.is_verified
     except OSError as error:
         damages.append(Damage(str(file), "", f"cannot be read: {reason(error)}"))
@@ -161,8 +170,7 @@ def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
                 text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
                 damages.append(Damage(str(file), "", text))
     topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
-    indexed = summary.is_complete
-    return _FileContent(file, first_ns, topics, tuple(damages), has_checksums, indexed)
+    return _FileContent(file, first_ns, last_ns, topics, tuple(damages), has_checksums, is_regular)
 
 
 def _of_contents(
@@ -178,12 +186,16 @@ def _of_contents(
     damages = [damage for content in contents for damage in content.damages]
     if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
         damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
-    is_indexed = all(content.is_indexed for content in contents)
+    # rosbags sorts by receive time. Where the clock of the recorder jumped back, that would mix
+    # sweeps from before and after the jump.
+    is_regular = all(content.is_regular for content in contents) and all(
+        former.last_ns <= latter.first_ns for former, latter in pairwise(contents)
+    )
     return Inspection(
         path=path,
         topics=dict(sorted(topics.items())),
         damages=tuple(damages),
         has_checksums=all(content.has_checksums for content in contents),
         files=tuple(content.file for content in contents),
-        needs_salvage=problem is not None or bool(damages) or not is_indexed,
+        needs_salvage=problem is not None or bool(damages) or not is_regular,
     )

@@ -16,11 +16,12 @@ from mnsf_ros.recording.bag_files import METADATA_NAME
 # Those of recordings of hours have some kilobytes.
 _MAX_BYTES: Final = 16 * 2**20
 _ROOT: Final = "rosbag2_bagfile_information"
-_NAMES: Final = {str: "a text", int: "an integer", list: "a list", dict: "a table"}
+_NONE: Final = type(None)
+_NAMES: Final = {str: "a text", int: "an integer", list: "a list", dict: "a table", _NONE: "null"}
 _OPTIONAL: Final = "?"
 
-# Key -> type, schema of a table, or [schema of each entry]; `?` at the end of a key: may be absent
-# or null. Types in a tuple are alternatives. Other keys may hold anything.
+# What rosbags uses: key -> type, schema of a table, or [schema of each entry]; `?` at the end of a
+# key: may be absent. Types in a tuple are alternatives. Other keys may hold anything.
 _TIMES: Final = {
     "starting_time": {"nanoseconds_since_epoch": int},
     "duration": {"nanoseconds": int},
@@ -32,7 +33,7 @@ _SCHEMA: Final = {
         "version": int,
         "storage_identifier": str,
         "relative_file_paths": [str],
-        "compression_format?": str,
+        "compression_format?": (str, _NONE),
         "compression_mode?": str,
         "topics_with_message_count": [
             {
@@ -41,14 +42,12 @@ _SCHEMA: Final = {
                     "name": str,
                     "type": str,
                     "serialization_format": str,
-                    "offered_qos_profiles?": (str, list),
-                    "type_description_hash?": str,
+                    "offered_qos_profiles?": (str, list, _NONE),
+                    "type_description_hash?": (str, _NONE),
                 },
             }
         ],
-        "files?": [{"path": str}],
-        "ros_distro?": str,
-        "custom_data?": dict,
+        "files?": list,
     }
 }
 
@@ -85,10 +84,10 @@ def _check(value: object, schema: object, key: str) -> None:
         for name, part in schema.items():
             required = name.removesuffix(_OPTIONAL)
             place = f"{key}.{required}" if key else required
-            if table.get(required) is not None:
+            if required in table:
                 _check(table[required], part, place)
             elif name == required:
-                raise ValueError(f"key {place!r} is missing or empty")
+                raise ValueError(f"key {place!r} is missing")
     elif isinstance(schema, list):
         for number, entry in enumerate(_of_type(value, (list,), key)):
             _check(entry, schema[0], f"{key}[{number}]")

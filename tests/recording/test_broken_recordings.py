@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.stamps import decode_stamp
 
 
@@ -228,6 +229,23 @@ def test_metadata_of_another_type_names_the_key(metadata, old, new, key):
     assert old in content
     metadata.write_text(content.replace(old, new))
     assert_refused(metadata.parent, f"metadata.yaml: .*'rosbag2_bagfile_information.*{key}'")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("custom_data: null", "custom_data: [1, 2]"),
+        ("ros_distro: rosbags", "ros_distro: 9.5"),
+        ("path: bag.mcap", "path: {a: 1}"),
+        ("compression_format: ''", "compression_format: null"),
+    ],
+)
+def test_what_nobody_reads_in_metadata_may_be_anything(metadata, old, new):
+    content = metadata.read_text()
+    assert old in content
+    metadata.write_text(content.replace(old, new))
+    assert len(read_all(metadata.parent)["/points"]) == tiny_bags.NUM_CLOUDS
+    assert inspect_recording(metadata.parent).damages == ()
 
 
 def test_metadata_has_a_limit(metadata):

@@ -14,6 +14,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode
 
 from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.conventions import CLOUD_TYPE
 from mnsf_ros.recording.damage import Damage
@@ -33,7 +34,9 @@ LARGE = 90_000
 LOST = "lost"
 
 
-def write_checked_mcap(path, compression=CompressionType.ZSTD, size=200, chunk_size=1):
+def write_checked_mcap(
+    path, compression=CompressionType.ZSTD, size=200, chunk_size=1, *, order=ALL
+):
     """An mcap file as rosbag2 writes it: chunks with checksums."""
     definition, _ = tiny_bags.JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
     with path.open("wb") as file:
@@ -41,7 +44,7 @@ def write_checked_mcap(path, compression=CompressionType.ZSTD, size=200, chunk_s
         writer.start("ros2", "test")
         schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
         channel = writer.register_channel("/points", "cdr", schema)
-        for index in ALL:
+        for index in order:
             time = tiny_bags.stamp(index) + 5_000_000
             writer.add_message(channel, time, bytes(tiny_bags.cdr(index, size)), time)
         writer.finish()
@@ -219,6 +222,25 @@ def test_split_files_are_read_in_the_order_of_time(tmp_path):
     for name in ("z", "a"):
         shutil.copy(tmp_path / name / f"{name}.mcap", bag)
     assert read(bag)[0] == ALL
+
+
+@pytest.mark.parametrize("chunk_size", [1, 10_000])
+def test_sweeps_are_not_mixed_where_the_clock_of_the_recorder_jumped_back(tmp_path, chunk_size):
+    order = [0, 1, 2, 6, 7, 8, 9, 3, 4, 5]
+    file = write_checked_mcap(tmp_path / "bag.mcap", chunk_size=chunk_size, order=order)
+    assert read(file)[0] == order
+
+
+def test_files_are_read_in_the_order_of_time_whatever_metadata_says(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", indices=range(5))
+    later = tiny_bags.write_mcap(tmp_path / "later", indices=range(5, 10))
+    (later / "later.mcap").rename(bag / "later.mcap")
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text().replace("- bag.mcap", "- later.mcap\n  - bag.mcap")
+    metadata.write_text(text)
+    with BagReader(bag) as reader:
+        found = [_index(item) for item in reader.received_messages("/points")]
+    assert found == ALL
 
 
 def test_files_that_do_not_belong_to_the_recording_are_left_alone(tmp_path):

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
-from mnsf_ros.decompression import MAX_BYTES, decompress
+from mnsf_ros.decompression import check_size, decompress
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
 from mnsf_ros.recording.salvage.mcap_messages import SalvagedMessage, StoredChannel
 
@@ -76,8 +76,7 @@ def _read_record(file: BinaryIO, size: int) -> _Record:
     is_cut = start + length > size
     if is_cut and operation != _CHUNK:
         raise ValueError(f"the file is cut short: this record ends at byte {start + length}")
-    if length > MAX_BYTES:
-        raise ValueError(f"this record claims {length} bytes")
+    check_size(length, "this record")
     return _Record(operation, fields, file.read(length), is_cut)
 
 
