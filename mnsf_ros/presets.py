@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import Settings, SettingValue
 
@@ -58,28 +60,21 @@ def preset(name: str) -> Settings:
     """
     if name not in _PRESETS:
         raise SettingsError(f"unknown preset {name!r}, expected one of {', '.join(_PRESETS)}")
-    return Settings().changed(_PRESETS[name])
+    return replace(Settings().changed(_PRESETS[name]), explicit=frozenset())
 
 
 def settings_for(method: str, settings: Settings) -> Settings:
     """Returns the settings that a method gets when it is asked for by name.
 
-    A method that has a preset of its own name, which `online` has, does not take the values of
-    another method's preset: they mean its networks. It takes its own preset, and of the settings
-    given those that no preset has set. So `mnsf evaluate --preset paper` runs `online` as the
-    robot does, while `--set` still holds for it.
+    A method with a preset of its own name, which `online` has, gets that preset in place of
+    another method's, and on top of it what was set explicitly. So `mnsf evaluate --preset paper`
+    runs `online` as the robot does, and `--set` still holds for it, whatever the value.
 
     Args:
         method: Name of the method.
         settings: A preset, possibly with changes. `method.name` says for which method it is.
     """
-    if method not in _PRESETS or settings.method.name == method:
+    is_for_method = settings.method.name == method and "method.name" not in settings.explicit
+    if method not in _PRESETS or is_for_method:
         return settings
-    own = preset(method)
-    of_presets = {
-        name
-        for values in _PRESETS.values()
-        for name, value in values.items()
-        if settings.value_of(name) == value
-    }
-    return settings.changed({name: own.value_of(name) for name in of_presets})
+    return preset(method).changed({name: settings.value_of(name) for name in settings.explicit})

@@ -445,7 +445,12 @@ class NodeSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All settings. Immutable: a change makes a new object, see `changed`."""
+    """All settings. Immutable: a change makes a new object, see `changed`.
+
+    Attributes:
+        explicit: Full names of the settings that were set on top of a preset, to whatever value.
+            Not compared: settings with the same values are equal.
+    """
 
     method: MethodSettings = MethodSettings()
     crop: CropSettings = CropSettings()
@@ -464,6 +469,7 @@ class Settings:
     warm_start: WarmStartSettings = WarmStartSettings()
     compute: ComputeSettings = ComputeSettings()
     node: NodeSettings = NodeSettings()
+    explicit: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     def changed(self, values: Mapping[str, object]) -> Settings:
         """Returns these settings with some values replaced.
@@ -484,7 +490,8 @@ class Settings:
             group: dataclasses.replace(getattr(self, group), **items)
             for group, items in groups.items()
         }
-        settings = dataclasses.replace(self, **replaced)
+        explicit = self.explicit.union(values)
+        settings = dataclasses.replace(self, explicit=explicit, **replaced)
         settings._check_consistency()
         return settings
 
@@ -547,6 +554,8 @@ def _declarations() -> Iterator[Setting]:
     defaults = Settings()
     for group in dataclasses.fields(Settings):
         values = getattr(defaults, group.name)
+        if not dataclasses.is_dataclass(values):
+            continue
         kinds = get_type_hints(type(values))
         for item in dataclasses.fields(values):
             yield Setting(

@@ -198,11 +198,19 @@ def test_no_attribute_can_be_set():
     settings = Settings()
     with pytest.raises(dataclasses.FrozenInstanceError):
         settings.crop = None
-    for group in dataclasses.fields(settings):
-        values = getattr(settings, group.name)
+    for group in {setting.name.partition(".")[0] for setting in ALL}:
+        values = getattr(settings, group)
         for item in dataclasses.fields(values):
             with pytest.raises(dataclasses.FrozenInstanceError):
                 setattr(values, item.name, None)
+
+
+def test_explicit_are_the_settings_that_were_changed_from_a_preset():
+    settings = preset("paper")
+    assert settings.explicit == frozenset()
+    changed = settings.changed({"crop.max_range_m": 80.0}).changed({"compute.seed": 1})
+    assert changed.explicit == {"crop.max_range_m", "compute.seed"}
+    assert settings.changed({"crop.max_range_m": 80.0}) == settings
 
 
 def test_mapping_names_every_setting_in_order_with_its_value():

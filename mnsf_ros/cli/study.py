@@ -120,10 +120,9 @@ def _run(options: argparse.Namespace) -> None:
     def say(text: str) -> None:
         console.print(text, markup=False, highlight=False)
 
-    assignments = parse_assignments(options.assignments)
     study = StudyOptions(
         out=options.out or Path(f"study_{options.name}"),
-        settings=preset(options.preset).changed(assignments),
+        settings=preset(options.preset).changed(parse_assignments(options.assignments)),
         recordings=tuple(options.bags),
         num_points=_num_points(options),
         max_examples=options.max_examples,
@@ -140,7 +139,7 @@ def _run(options: argparse.Namespace) -> None:
         "num_repeats": options.repeats,
         "methods": tuple(options.methods.split(",")),
     }
-    result, paths = run_study(options.name, study, how, asked=tuple(assignments))
+    result, paths = run_study(options.name, study, how)
     for table in result.tables:
         console.print(table.rich())
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):

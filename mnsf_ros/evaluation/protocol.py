@@ -31,14 +31,15 @@ def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[st
 
 
 def nearest_preset(identity: RunIdentity) -> tuple[str, dict[str, SettingValue]]:
-    """Returns the name of a preset, and the settings of a run that differ from it."""
+    """Returns the name of a preset, and the settings of a run that differ or were set by hand."""
     asked = {name: value for name, value in identity.settings.items() if name not in _OWN}
     asked.update(identity.crop_and_ground)
+    explicit = identity.explicit or ()
     changes = {
         name: {
             key: asked[key]
             for key, value in preset(name).to_mapping().items()
-            if key in asked and asked[key] != value
+            if key in asked and (asked[key] != value or key in explicit)
         }
         for name in PRESET_NAMES
     }

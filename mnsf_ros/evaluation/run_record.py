@@ -8,7 +8,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final, Literal
@@ -44,6 +44,8 @@ class RunIdentity:
         check_cycle: Whether the backward flow was estimated, too.
         num_sweeps: Sweeps that an example has at least.
         every: Only one in so many examples was scored.
+        explicit: Names of the settings that were set on top of a preset: those that `online`
+            takes, too. None in runs of early versions.
     """
 
     settings: dict[str, SettingValue]
@@ -55,6 +57,7 @@ class RunIdentity:
     check_cycle: bool
     num_sweeps: int
     every: int = 1
+    explicit: list[str] | None = None
 
     @classmethod
     def of(cls, options: EvaluationOptions) -> RunIdentity:
@@ -74,6 +77,7 @@ class RunIdentity:
             check_cycle=options.check_cycle,
             num_sweeps=options.num_sweeps,
             every=options.every,
+            explicit=sorted(options.method_settings.explicit),
         )
 
     def options(self) -> EvaluationOptions:
@@ -82,8 +86,11 @@ class RunIdentity:
         Raises:
             SettingsError: The run has settings that this version does not know.
         """
+        settings = Settings().changed({**self.settings, **self.crop_and_ground})
+        if self.explicit is not None:
+            settings = replace(settings, explicit=frozenset(self.explicit))
         return EvaluationOptions(
-            settings=Settings().changed({**self.settings, **self.crop_and_ground}),
+            settings=settings,
             num_points=self.num_points,
             seed=self.seed,
             use_true_ground=self.ground == "truth",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
@@ -25,8 +25,6 @@ def run_study(
     name: str,
     options: StudyOptions,
     how: Mapping[str, Any] | None = None,
-    *,
-    asked: Sequence[str] = (),
 ) -> tuple[StudyResult, list[Path]]:
     """Does a study and writes what came out.
 
@@ -35,7 +33,6 @@ def run_study(
         options: On what, and how.
         how: Attributes of LandscapeOptions and StabilityOptions to values; a study takes those
             that it has.
-        asked: Names of the settings that the user set: a study leaves them alone.
 
     Returns:
         The result, and the files.
@@ -50,7 +47,7 @@ def run_study(
     elif name == "landscape":
         result = run_landscape_study(options, LandscapeOptions(**_own(LandscapeOptions, how)))
     elif name == "stability":
-        options = replace(options, settings=stability_settings(options.settings, asked))
+        options = replace(options, settings=stability_settings(options.settings))
         result = run_stability_study(options, StabilityOptions(**_own(StabilityOptions, how)))
     else:
         raise SettingsError(f"unknown study {name!r}, expected one of {', '.join(STUDY_NAMES)}")

@@ -78,14 +78,10 @@ class StabilityOptions:
             raise EvaluationError(f"methods: got {', '.join(self.methods)}, expected each once")
 
 
-def stability_settings(settings: Settings, asked: Sequence[str] = ()) -> Settings:
-    """Returns settings that suit the study.
-
-    Args:
-        settings: What the user has.
-        asked: Names of the settings that the user asked for, which stay.
-    """
-    return settings.changed({k: v for k, v in STABILITY_SETTINGS.items() if k not in asked})
+def stability_settings(settings: Settings) -> Settings:
+    """Returns settings that suit the study; what was set explicitly stays."""
+    values = STABILITY_SETTINGS.items()
+    return settings.changed({k: v for k, v in values if k not in settings.explicit})
 
 
 def run_stability_study(options: StudyOptions, how: StabilityOptions | None = None) -> StudyResult:

@@ -148,6 +148,20 @@ def test_online_is_what_the_robot_runs_under_any_preset(preset_name):
     assert changed == preset("online").changed(values)
 
 
+@pytest.mark.parametrize("preset_name", ["online", "paper", "authors"])
+def test_what_is_set_to_the_value_of_the_preset_holds_for_online(preset_name):
+    values = {"warm_start.enabled": False, "crop.min_range_m": 0.0}
+    settings = preset(preset_name).changed(values).changed({"compute.seed": 3})
+    expected = preset("online").changed({**values, "compute.seed": 3})
+    assert make_method("online", settings).settings == expected
+
+
+def test_method_named_by_hand_gets_its_own_preset():
+    settings = PAPER.changed({"method.name": "online"})
+    expected = preset("online").changed({"compute.device": "cpu"})
+    assert make_method("online", settings).settings == expected
+
+
 def test_a_preset_of_its_own_is_taken_as_it_is():
     values = {"warm_start.enabled": False, "crop.min_range_m": 0.0}
     settings = preset("online").changed(values)

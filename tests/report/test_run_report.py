@@ -16,8 +16,10 @@ from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics, evalua
 from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_record import RunIdentity
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
@@ -91,6 +93,16 @@ def test_options_come_back_from_the_record(street, tmp_path):
     assert options.settings.ground.remove
     assert options.method_settings.ground.remove
     assert (options.num_points, options.seed) == (80, 3)
+
+
+def test_online_is_pictured_with_the_settings_of_its_row(street, tmp_path):
+    """What was set explicitly comes back from the record, and no more than that."""
+    before = EvaluationOptions(preset("paper").changed({"crop.min_range_m": 0.0}))
+    after = RunIdentity.of(before).options()
+    was, now = (make_method("online", one.method_settings).settings for one in (before, after))
+    assert was == now
+    assert now.crop.min_range_m == 0.0
+    assert now.warm_start.enabled
 
 
 def test_report_without_pictures(street, tmp_path):
