@@ -69,7 +69,7 @@ setup(
     ],
     extras_require={
         "wheels": ROS_WHEELS,
-        "datasets": ["pyarrow>=14", "h5py>=3.8"],
+        "datasets": ["pyarrow>=14", "h5py>=3.8", "protobuf>=4.22"],
         "ray": ["ray>=2.40"],
         "test": ["pytest>=7.4,<9", "import-linter>=2"],
         "lint": ["ruff", "mypy"],

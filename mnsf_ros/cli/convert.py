@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.datasets.formats import FORMATS, ReadOptions, TruthSettings, open_source
+from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
 
 _DEFAULTS = TruthSettings()
 
@@ -65,9 +65,9 @@ def _run(options: argparse.Namespace) -> None:
 
     check_out(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
-    read_options = ReadOptions(sequence=options.sequence, labels=options.labels)
-    source = open_source(options.format, options.source, read_options)
-    source = source.part(options.first, options.count)
+    source = open_source(
+        options.format, options.source, sequence=options.sequence, labels=options.labels
+    ).part(options.first, options.count)
     console = Console()
     with counting_progress(console) as progress:
         task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)

@@ -15,19 +15,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class ReadOptions:
-    """Options of the formats that take them.
-
-    Attributes:
-        sequence: Which sequence to read from a source that holds several.
-        labels: Folder of labels that are kept apart from the sweeps.
-    """
-
-    sequence: str | None = None
-    labels: Path | None = None
-
-
-@dataclass(frozen=True)
 class TruthSettings:
     """What truth is made of.
 
@@ -52,51 +39,58 @@ class Format:
     """One layout of files.
 
     Attributes:
-        module: Where `open_sequence` opens a source; imported when it is needed.
+        place: Module and function that opens a source; imported when it is needed.
         source: What a source is, for the user.
-        options: The fields of `ReadOptions` that it takes.
+        options: Options of `open_source` that it takes.
     """
 
-    module: str
+    place: str
     source: str
     options: tuple[str, ...] = ()
 
 
 FORMATS: Final[Mapping[str, Format]] = {
-    "kitti": Format("kitti", "KITTI raw: folder of a drive, …_sync"),
-    "argoverse2": Format("argoverse2", "Argoverse 2 sensor: folder of a log", ("labels",)),
-    "argoverse1": Format("argoverse1", "Argoverse 1 tracking: folder of a log"),
+    "kitti": Format("kitti:open_drive", "KITTI raw: folder of a drive, …_sync"),
+    "argoverse2": Format("argoverse2:open_log", "Argoverse 2 sensor: folder of a log", ("labels",)),
+    "argoverse1": Format("argoverse1:open_log", "Argoverse 1 tracking: folder of a log"),
     "waymo": Format(
-        "waymo_parquet", "Waymo Open v2: folder with lidar, lidar_pose, …", ("sequence",)
+        "waymo:open_segment", "Waymo Open v2: folder with lidar, lidar_pose, …", ("sequence",)
     ),
-    "waymo-v1": Format("waymo_records", "Waymo Open v1: .tfrecord file"),
-    "nuscenes": Format("nuscenes", "nuScenes: folder with sweeps, samples, v1.0-…", ("sequence",)),
-    "opensceneflow": Format("open_scene_flow", "OpenSceneFlow: .h5 file"),
+    "waymo-v1": Format("waymo_records:open_segment", "Waymo Open v1: .tfrecord file"),
+    "nuscenes": Format(
+        "nuscenes:open_scene", "nuScenes: folder with sweeps, samples, v1.0-…", ("sequence",)
+    ),
+    "opensceneflow": Format("open_scene_flow:open_file", "OpenSceneFlow: .h5 file"),
     "triplets": Format(
-        "npz_triplets", "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
+        "npz:open_triplets", "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
     ),
-    "sweeps": Format("npz_sweeps", "folder of npz sweeps, see docs/recordings.md"),
+    "sweeps": Format("npz:open_sweeps", "folder of npz sweeps, see docs/recordings.md"),
 }
 
 
-def open_source(name: str, source: Path, options: ReadOptions | None = None) -> SweepSource:
+def open_source(
+    name: str, source: Path, *, sequence: str | None = None, labels: Path | None = None
+) -> SweepSource:
     """Opens a sequence of a data set.
 
     Args:
         name: A key of `FORMATS`.
         source: Where it is.
-        options: What else to say about it.
+        sequence: Which sequence to read from a source that holds several.
+        labels: Folder of labels that are kept apart from the sweeps.
 
     Raises:
-        DatasetError: If the format is unknown or does not take an option that is given, or if
+        DatasetError: The format is unknown or does not take an option that is given, or
             something that is needed is missing or damaged.
     """
-    options = options or ReadOptions()
     if name not in FORMATS:
         raise DatasetError(f"format {name!r} is unknown, expected one of {', '.join(FORMATS)}")
-    for option, value in vars(options).items():
-        if value is not None and option not in FORMATS[name].options:
+    given = {"sequence": sequence, "labels": labels}
+    options = {option: value for option, value in given.items() if value is not None}
+    for option, value in options.items():
+        if option not in FORMATS[name].options:
             raise DatasetError(f"format {name!r} takes no {option}, got {str(value)!r}")
-    module = import_module(f"{__package__}.{FORMATS[name].module}")
-    opened: SweepSource = module.open_sequence(source, options)
+    module, _, function = FORMATS[name].place.partition(":")
+    opener = getattr(import_module(f"{__package__}.{module}"), function)
+    opened: SweepSource = opener(source, **options)
     return opened

@@ -29,8 +29,8 @@ class Box:
         hidden: Whether none of it was seen, so that points in it belong to something else.
 
     Raises:
-        ValueError: On construction, if the pose is no rigid motion, a size is not above 0, or
-            the track has another type.
+        ValueError: The pose is no rigid motion, a size is not above 0, or the track has another
+            type.
     """
 
     pose: FloatArray
@@ -88,8 +88,8 @@ class LabelledSweep:
             with it; None: there are none.
 
     Raises:
-        ValueError: On construction, if an array does not fit, a coordinate is farther away than
-            any lidar sees, or the pose is no rigid motion. Rows that are not finite are allowed.
+        ValueError: An array does not fit, a coordinate is farther away than any lidar sees, or
+            the pose is no rigid motion. Rows that are not finite are allowed.
     """
 
     stamp_ns: int
@@ -109,11 +109,11 @@ class LabelledSweep:
         astray = self.xyz[np.isfinite(self.xyz) & (np.abs(self.xyz) > _FARTHEST_M)]
         if len(astray):
             raise ValueError(f"{self._name}: a point has the coordinate {astray[0]:.4g} m")
-        rows = dict(self.columns)
-        rows |= {name: getattr(self, name) for name in ("labelled", "ground", "own_vehicle")}
-        if self.given is not None:
-            rows |= {name: getattr(self.given, name) for name in _GIVEN_ROWS}
-            self._check("flow", self.given.flow, self.xyz.shape)
+        masks = {"labelled": self.labelled, "ground": self.ground, "own_vehicle": self.own_vehicle}
+        rows = {**self.columns, **masks}
+        if (given := self.given) is not None:
+            self._check("flow", given.flow, self.xyz.shape)
+            rows |= {"valid": given.valid, "dynamic": given.dynamic, "class_id": given.class_id}
         for name, column in rows.items():
             if column is not None:
                 self._check(name, column, (len(self.xyz),))
@@ -131,9 +131,6 @@ class LabelledSweep:
     def _check(self, name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
         if array.shape != shape:
             raise ValueError(f"{self._name}: {name} has shape {array.shape}, expected {shape}")
-
-
-_GIVEN_ROWS: Final = ("valid", "dynamic", "class_id")
 
 
 @dataclass(frozen=True)
@@ -154,7 +151,7 @@ class SweepSource:
         """Returns the sweeps from number `first` on, counted from 0, at most `count` of them.
 
         Raises:
-            DatasetError: If there are none.
+            DatasetError: There are none.
         """
         if first < 0 or (count is not None and count < 1):
             raise DatasetError(f"first {first} and count {count}: expected at least 0 and 1")

@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
-    from mnsf_ros.datasets.formats import ReadOptions
-
 # A lidar 1 m before the axis about which a vehicle turns goes so far astray at 1° per second.
 _SAME_PLACE_M: Final = 2e-3
 _SAME_TURN: Final = 1e-3
@@ -42,29 +38,28 @@ class LidarTrack:
         self._agreed: list[bool] = []
 
     def advance(
-        self, world_from_vehicle: FloatArray, next_from_current: FloatArray | None
+        self, world_from_vehicle: FloatArray, by_flow: FloatArray | None
     ) -> FloatArray | None:
         """Goes on to the next sweep, which may be the first one.
 
         Args:
             world_from_vehicle: (4, 4) the pose that the file has.
-            next_from_current: (4, 4) motion from this sweep to the one after it, as the flow of
-                what stands still has it; None if there is no such flow.
+            by_flow: (4, 4) motion from this sweep to the one after it, as the flow of what
+                stands still has it; None if there is no such flow.
 
         Returns:
             (4, 4) `world_from_sweep`, None from where on it is not known any more.
         """
         if self._last is not None and self._pose is not None:
-            motion = self._motion(invert(world_from_vehicle) @ self._last[0], self._last[1])
+            last_pose, motion = self._last
+            by_poses = invert(world_from_vehicle) @ last_pose
+            if motion is not None:
+                self._agreed.append(_is_same(by_poses, motion))
+            elif self._agreed and all(self._agreed):
+                motion = by_poses
             self._pose = None if motion is None else self._pose @ invert(motion)
-        self._last = (world_from_vehicle, next_from_current)
+        self._last = (world_from_vehicle, by_flow)
         return self._pose
-
-    def _motion(self, by_poses: FloatArray, by_flow: FloatArray | None) -> FloatArray | None:
-        if by_flow is not None:
-            self._agreed.append(_is_same(by_poses, by_flow))
-            return by_flow
-        return by_poses if self._agreed and all(self._agreed) else None
 
 
 def _is_same(one: FloatArray, other: FloatArray) -> bool:
@@ -80,14 +75,11 @@ _FLOW: Final = ("flow_is_valid", "flow_category_indices")
 _MIN_BACKGROUND: Final = 100
 
 
-def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
-    """Opens a sequence.
-
-    Args:
-        source: An `.h5` file.
+def open_file(source: Path) -> SweepSource:
+    """Opens an `.h5` file.
 
     Raises:
-        DatasetError: If it is missing, damaged or laid out in another way.
+        DatasetError: It is missing, damaged or laid out in another way.
     """
     h5py = require("h5py")
     with reading(source):
@@ -131,7 +123,11 @@ def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
     )
     if sweep.given is None:
         return sweep
-    motion = _background_motion(sweep.xyz, sweep.given, group)
+    # What has no category stands still.
+    still = sweep.given.valid & (np.asarray(group["flow_category_indices"]) == 0)
+    if np.count_nonzero(still) < _MIN_BACKGROUND:
+        return sweep
+    motion = fit_rigid_motion(sweep.xyz[still], sweep.given.flow[still])
     return replace(sweep, given=replace(sweep.given, next_from_current=motion))
 
 
@@ -141,15 +137,3 @@ def _given(group: Any) -> GivenFlow:  # noqa: ANN401
         valid=as_type(group["flow_is_valid"], bool),
         class_id=argoverse2_classes(as_type(group["flow_category_indices"], np.int64)),
     )
-
-
-def _background_motion(
-    xyz: NDArray[np.float32],
-    given: GivenFlow,
-    group: Any,  # noqa: ANN401
-) -> NDArray[np.float64] | None:
-    """(4, 4) next_from_current of what has no category, None if that is too little."""
-    still = given.valid & (np.asarray(group["flow_category_indices"]) == 0)
-    if np.count_nonzero(still) < _MIN_BACKGROUND:
-        return None
-    return fit_rigid_motion(xyz[still], given.flow[still])

@@ -4,20 +4,53 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
 from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.ground import ground_mask
 
 if TYPE_CHECKING:
     from mnsf_ros.datasets.formats import TruthSettings
     from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
+
+# (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
+_Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]
+
+
+def sweep_truth(
+    sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
+) -> FlowTruth:
+    """Returns what is known about the motion of every point of a sweep.
+
+    Args:
+        sweep: The sweep.
+        following: The next one; None if there is none, then no flow is valid.
+        settings: How far labels are believed.
+    """
+    ground = _ground_of(sweep)
+    boxes = sweep.boxes or ()
+    owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
+    class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
+    if sweep.given is not None and sweep.given.class_id is not None:
+        class_id = sweep.given.class_id
+    if following is None:
+        motion = _nothing_known(sweep)
+    elif sweep.given is not None:
+        motion = _given_motion(sweep, sweep.given, following)
+    else:
+        motion = _labelled_motion(sweep, following, owner)
+    flow, valid, dynamic = motion
+    # A point in a box is labelled, wherever the box is.
+    valid = valid & (_reach(sweep, settings) | (owner >= 0))
+    if sweep.own_vehicle is not None:
+        valid &= ~sweep.own_vehicle
+    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id)
 
 
 def box_of_points(
@@ -55,42 +88,6 @@ def box_of_points(
         owner[rows[mine]] = number
         overshoot[rows[mine]] = outside[mine]
     return owner
-
-
-# (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
-_Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]
-# The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
-DYNAMIC_SPEED_M_S: Final = 0.5
-
-
-def sweep_truth(
-    sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
-) -> FlowTruth:
-    """Returns what is known about the motion of every point of a sweep.
-
-    Args:
-        sweep: The sweep.
-        following: The next one; None if there is none, then no flow is valid.
-        settings: How far labels are believed.
-    """
-    ground = _ground_of(sweep)
-    boxes = sweep.boxes or ()
-    owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
-    class_id = np.array([box.class_id for box in boxes] + [0], dtype=np.uint8)[owner]
-    if sweep.given is not None and sweep.given.class_id is not None:
-        class_id = sweep.given.class_id
-    if following is None:
-        motion = _nothing_known(sweep)
-    elif sweep.given is not None:
-        motion = _given_motion(sweep, sweep.given, following)
-    else:
-        motion = _labelled_motion(sweep, following, owner)
-    flow, valid, dynamic = motion
-    # A point in a box is labelled, wherever the box is.
-    valid = valid & (_reach(sweep, settings) | (owner >= 0))
-    if sweep.own_vehicle is not None:
-        valid &= ~sweep.own_vehicle
-    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id)
 
 
 def _nothing_known(sweep: LabelledSweep) -> _Motion:
@@ -141,7 +138,6 @@ def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSwe
 
 
 def _ego_motion(sweep: LabelledSweep, following: LabelledSweep) -> NDArray[np.float64] | None:
-    """(4, 4) next_from_current of what stands still, None if the poses are unknown."""
     if sweep.pose is None or following.pose is None:
         return None
     return np.asarray(invert(following.pose) @ sweep.pose, dtype=np.float64)
@@ -154,21 +150,18 @@ def _dynamic(
     following: LabelledSweep,
 ) -> NDArray[np.bool_]:
     interval_s = (following.stamp_ns - sweep.stamp_ns) * 1e-9
+    motion = np.asarray(next_from_current, dtype=np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
-        motion = np.asarray(next_from_current, dtype=np.float64)
         residual = np.linalg.norm(residual_flow(sweep.xyz, flow, motion), axis=1)
-        moves: NDArray[np.bool_] = residual > DYNAMIC_SPEED_M_S * interval_s
-    return moves
+        return np.asarray(residual > DYNAMIC_SPEED_M_S * interval_s)
 
 
 def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
     """Says for which points it is known whether they are on an object that moves."""
-    everywhere = np.ones(len(sweep), dtype=bool)
-    if settings.unlabelled_static:
-        return everywhere
-    if sweep.boxes is None and sweep.given is None:
-        return ~everywhere
-    return everywhere if sweep.labelled is None else sweep.labelled
+    is_labelled = sweep.boxes is not None or sweep.given is not None
+    if settings.unlabelled_static or not is_labelled or sweep.labelled is None:
+        return np.full(len(sweep), settings.unlabelled_static or is_labelled)
+    return sweep.labelled
 
 
 def _ground_of(sweep: LabelledSweep) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from mnsf_ros.recording.flow_truth import FlowTruth
 
 
-@dataclass(frozen=True)
+@dataclass
 class TruthSummary:
-    """Counts over sweeps; those of several sweeps can be added.
+    """Counts over sweeps.
 
     Attributes:
         num_sweeps: All sweeps.
@@ -51,22 +51,14 @@ class TruthSummary:
     num_valid: int = 0
     num_dynamic: int = 0
 
-    @classmethod
-    def of_sweep(cls, sweep: LabelledSweep, truth: FlowTruth) -> TruthSummary:
-        """Counts one sweep."""
-        return cls(
-            num_sweeps=1,
-            num_posed=int(sweep.pose is not None),
-            num_labelled=int(sweep.boxes is not None or sweep.given is not None),
-            num_points=len(sweep),
-            num_valid=int(truth.valid.sum()),
-            num_dynamic=int((truth.valid & truth.dynamic).sum()),
-        )
-
-    def __add__(self, other: TruthSummary) -> TruthSummary:
-        """Counts the sweeps of both."""
-        pairs = zip(astuple(self), astuple(other), strict=True)
-        return TruthSummary(*(one + another for one, another in pairs))
+    def add(self, sweep: LabelledSweep, truth: FlowTruth) -> None:
+        """Counts one more sweep."""
+        self.num_sweeps += 1
+        self.num_posed += sweep.pose is not None
+        self.num_labelled += sweep.boxes is not None or sweep.given is not None
+        self.num_points += len(sweep)
+        self.num_valid += int(truth.valid.sum())
+        self.num_dynamic += int((truth.valid & truth.dynamic).sum())
 
     def __str__(self) -> str:
         """Returns one line about the share of points whose flow is known."""
@@ -77,22 +69,20 @@ class TruthSummary:
     def warnings(self) -> Iterator[str]:
         """Yields a line about each thing that may not be as the user expects."""
         if not self.num_valid:
-            yield f"no point has valid flow: {self._why_nothing_is_valid()}"
+            why = "labels reach no point of a sweep that has a next one"
+            if self.num_sweeps == 1:
+                why = "a single sweep has no next one"
+            elif not self.num_labelled:
+                why = (
+                    "no sweep has labels; either there are none, or their stamps are not those of "
+                    "the sweeps (--unlabelled-static takes everything as standing still)"
+                )
+            yield f"no point has valid flow: {why}"
         if 0 < self.num_posed < self.num_sweeps:
             yield (
                 f"{self.num_posed} of {self.num_sweeps} sweeps have a pose, the odometry lacks "
                 "the others"
             )
-
-    def _why_nothing_is_valid(self) -> str:
-        if self.num_sweeps == 1:
-            return "a single sweep has no next one"
-        if not self.num_labelled:
-            return (
-                "no sweep has labels; either there are none, or their stamps are not those of "
-                "the sweeps (--unlabelled-static takes everything as standing still)"
-            )
-        return "labels reach no point of a sweep that has a next one"
 
 
 _FILE_SUFFIX: Final = ".mcap"
@@ -124,8 +114,8 @@ def write_recording(
         How many sweeps, and how much is known about them.
 
     Raises:
-        DatasetError: If the data set is damaged, or its sweeps are out of order.
-        RecordingError: If the recording cannot be written.
+        DatasetError: The data set is damaged, or its sweeps are out of order.
+        RecordingError: The recording cannot be written.
     """
     settings, summary = settings or TruthSettings(), TruthSummary()
     with (
@@ -135,7 +125,7 @@ def write_recording(
         for sweep, following in _with_next(source.sweeps):
             truth = sweep_truth(sweep, following, settings)
             _write_sweep(writer, source.frame_id, sweep, truth)
-            summary += TruthSummary.of_sweep(sweep, truth)
+            summary.add(sweep, truth)
             if progress is not None:
                 progress(summary.num_sweeps)
         if not summary.num_sweeps:

@@ -1,10 +1,13 @@
-"""Files of data sets: found, read and checked, with one line of text for all that goes wrong."""
+"""Files of data sets: found, read and checked, with one line of text for all that goes wrong.
+
+Every function here raises a DatasetError that names the file if that is missing or damaged.
+"""
 
 from __future__ import annotations
 
 import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,18 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.sweeps_io.arrays import open_archive
+from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
 from mnsf_ros.sweeps_io.sweep_in_file import UNREADABLE, reason
 
 
 @contextmanager
 def reading(path: Path, part: str = "") -> Iterator[None]:
-    """Turns what parsers raise inside the block into a DatasetError that names the file.
-
-    Args:
-        path: The file.
-        part: What is read of it, if that tells more.
-    """
+    """Turns what parsers raise inside the block into a DatasetError that names file and part."""
     try:
         yield
     except FileNotFoundError as error:
@@ -34,17 +32,17 @@ def reading(path: Path, part: str = "") -> Iterator[None]:
         raise DatasetError(f"{path}: cannot be read: {what}") from error
 
 
-def require(module: str) -> Any:  # noqa: ANN401
+def require(module: str, library: str = "") -> Any:  # noqa: ANN401
     """Imports a module of a library that only data sets need.
 
     Raises:
-        DatasetError: If the library is not installed; the text has the command that helps.
+        DatasetError: The library is not installed; the text has the command that helps.
     """
-    library = module.partition(".")[0]
+    library = library or module.partition(".")[0]
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        if error.name != library:
+        if not f"{module}.".startswith(f"{error.name}."):
             raise
         raise DatasetError(
             f"this format is read with {library}, which is not installed; "
@@ -53,11 +51,7 @@ def require(module: str) -> Any:  # noqa: ANN401
 
 
 def files_in(folder: Path, pattern: str) -> list[Path]:
-    """Returns the files of a folder that fit a pattern, by name.
-
-    Raises:
-        DatasetError: If there is no such folder, or no such file in it.
-    """
+    """Returns the files of a folder that fit a pattern, by name, at least one."""
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
     files = sorted(file for file in folder.glob(pattern) if file.is_file())
@@ -66,22 +60,37 @@ def files_in(folder: Path, pattern: str) -> list[Path]:
     return files
 
 
-def read_json(path: Path) -> Any:  # noqa: ANN401
-    """Returns the content of a JSON file.
+def numbered_files(folder: Path, pattern: str, prefix: str = "") -> dict[int, Path]:
+    """Returns files by the integer (a stamp, for example) in their names, in its order."""
+    files = {}
+    for file in files_in(folder, pattern):
+        name = file.stem.removeprefix(prefix)
+        try:
+            files[int(name)] = file
+        except ValueError:
+            raise DatasetError(f"{file}: {name!r} in its name is no stamp") from None
+    return dict(sorted(files.items()))
 
-    Raises:
-        DatasetError: If it is missing or damaged.
-    """
+
+def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -> str:
+    """Returns the name that is wanted, or the only one if None is."""
+    if wanted is None and len(names) == 1:
+        return next(iter(names))
+    if wanted is not None and wanted in names:
+        return wanted
+    found = f"{', '.join(sorted(names)[:3])}{', …' if len(names) > 3 else ''}"
+    problem = f"several {kind}s, name one" if wanted is None else f"no {kind} {wanted!r}"
+    raise DatasetError(f"{place}: holds {problem}; it has {found}")
+
+
+def read_json(path: Path) -> Any:  # noqa: ANN401
+    """Returns the content of a JSON file."""
     with reading(path):
         return json.loads(path.read_bytes())
 
 
 def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
-    """Returns a file of little-endian float32 as (N, `num_columns`).
-
-    Raises:
-        DatasetError: If it is missing, empty or cut within a row.
-    """
+    """Returns a file of little-endian float32 as (N, `num_columns`)."""
     with reading(path):
         raw = path.read_bytes()
     row_bytes = 4 * num_columns
@@ -93,12 +102,8 @@ def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     return rows
 
 
-def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """Returns all arrays of an npz file.
-
-    Raises:
-        DatasetError: If it is missing or damaged, or lacks a required array.
-    """
+def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:
+    """Returns all arrays of an npz file, among them the required ones."""
     with reading(path), open_archive(path) as archive:
         arrays = {name: archive.array(name) for name in archive.names}
     missing = [name for name in required if name not in arrays]
@@ -109,12 +114,21 @@ def read_npz(path: Path, required: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
+def read_feather(
+    path: Path, columns: Iterable[str], optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there."""
+    require("pyarrow.feather")
+    with reading(path):
+        return read_feather_columns(path, columns, optional)
+
+
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
     """Returns numbers of a file in another type.
 
     Raises:
-        ValueError: If they are complex.
-        FloatingPointError: If one of them does not exist in that type.
+        ValueError: They are complex.
+        FloatingPointError: One of them does not exist in that type.
     """
     found = np.asarray(array)
     if np.iscomplexobj(found):
@@ -123,13 +137,17 @@ def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
         return found.astype(dtype)
 
 
-def stamp_in(name: str, path: Path) -> int:
-    """Returns the integer that is a part of a file's name.
+def stacked(columns: Mapping[str, NDArray[Any]], names: Iterable[str]) -> NDArray[np.float32]:
+    """Returns columns (N,) side by side as float32."""
+    return as_type(np.stack([columns[name] for name in names], axis=1), np.float32)
 
-    Raises:
-        DatasetError: If it is none.
-    """
-    try:
-        return int(name)
-    except ValueError:
-        raise DatasetError(f"{path}: {name!r} in its name is no stamp") from None
+
+def columns_of(
+    arrays: Mapping[str, NDArray[Any]], table: Mapping[str, tuple[str, type]]
+) -> dict[str, NDArray[Any]]:
+    """Returns the arrays that are there by a table: name in the file -> our name and type."""
+    return {
+        name: as_type(arrays[found], kind)
+        for found, (name, kind) in table.items()
+        if found in arrays
+    }

@@ -12,120 +12,73 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 UNKNOWN: Final = 0
-_CAR, _PERSON = int(SurfaceClass.CAR), int(SurfaceClass.PEDESTRIAN)
-_CYCLIST, _LARGE = int(SurfaceClass.CYCLIST), int(SurfaceClass.LARGE_VEHICLE)
-_OBSTACLE, _ANIMAL = int(SurfaceClass.OBSTACLE), int(SurfaceClass.ANIMAL)
 
-# In the order of the numbers that flow labels use, from 1; 0 is the background.
-_ARGOVERSE2: Final = {
-    "ANIMAL": _ANIMAL,
-    "ARTICULATED_BUS": _LARGE,
-    "BICYCLE": _CYCLIST,
-    "BICYCLIST": _CYCLIST,
-    "BOLLARD": _OBSTACLE,
-    "BOX_TRUCK": _LARGE,
-    "BUS": _LARGE,
-    "CONSTRUCTION_BARREL": _OBSTACLE,
-    "CONSTRUCTION_CONE": _OBSTACLE,
-    "DOG": _ANIMAL,
-    "LARGE_VEHICLE": _LARGE,
-    "MESSAGE_BOARD_TRAILER": _OBSTACLE,
-    "MOBILE_PEDESTRIAN_CROSSING_SIGN": _OBSTACLE,
-    "MOTORCYCLE": _CYCLIST,
-    "MOTORCYCLIST": _CYCLIST,
-    "OFFICIAL_SIGNALER": _PERSON,
-    "PEDESTRIAN": _PERSON,
-    "RAILED_VEHICLE": _LARGE,
-    "REGULAR_VEHICLE": _CAR,
-    "SCHOOL_BUS": _LARGE,
-    "SIGN": _OBSTACLE,
-    "STOP_SIGN": _OBSTACLE,
-    "STROLLER": _PERSON,
-    "TRAFFIC_LIGHT_TRAILER": _OBSTACLE,
-    "TRUCK": _LARGE,
-    "TRUCK_CAB": _LARGE,
-    "VEHICULAR_TRAILER": _LARGE,
-    "WHEELCHAIR": _PERSON,
-    "WHEELED_DEVICE": _CYCLIST,
-    "WHEELED_RIDER": _CYCLIST,
+
+def _table(**names: str) -> dict[str, int]:
+    """Category to surface, of texts with the categories of each surface."""
+    return {
+        name: int(SurfaceClass[surface.upper()])
+        for surface, listed in names.items()
+        for name in listed.split(", ")
+    }
+
+
+ARGOVERSE1: Final = _table(
+    car="VEHICLE",
+    pedestrian="PEDESTRIAN, STROLLER, WHEELCHAIR",
+    cyclist="BICYCLE, BICYCLIST, MOPED, MOTORCYCLE, MOTORCYCLIST",
+    large_vehicle="LARGE_VEHICLE, BUS, TRAILER, EMERGENCY_VEHICLE, SCHOOL_BUS",
+    obstacle="ON_ROAD_OBSTACLE",
+)
+ARGOVERSE2: Final = _table(
+    car="REGULAR_VEHICLE",
+    pedestrian="OFFICIAL_SIGNALER, PEDESTRIAN, STROLLER, WHEELCHAIR",
+    cyclist="BICYCLE, BICYCLIST, MOTORCYCLE, MOTORCYCLIST, WHEELED_DEVICE, WHEELED_RIDER",
+    large_vehicle="ARTICULATED_BUS, BOX_TRUCK, BUS, LARGE_VEHICLE, RAILED_VEHICLE, SCHOOL_BUS, "
+    "TRUCK, TRUCK_CAB, VEHICULAR_TRAILER",
+    obstacle="BOLLARD, CONSTRUCTION_BARREL, CONSTRUCTION_CONE, MESSAGE_BOARD_TRAILER, "
+    "MOBILE_PEDESTRIAN_CROSSING_SIGN, SIGN, STOP_SIGN, TRAFFIC_LIGHT_TRAILER",
+    animal="ANIMAL, DOG",
+)
+KITTI: Final = _table(
+    car="Car, Van",
+    pedestrian="Pedestrian, Person (sitting)",
+    cyclist="Cyclist",
+    large_vehicle="Truck, Tram",
+)
+WAYMO: Final = {
+    1: int(SurfaceClass.CAR),
+    2: int(SurfaceClass.PEDESTRIAN),
+    3: int(SurfaceClass.OBSTACLE),
+    4: int(SurfaceClass.CYCLIST),
 }
-_ARGOVERSE1: Final = {
-    "VEHICLE": _CAR,
-    "PEDESTRIAN": _PERSON,
-    "ON_ROAD_OBSTACLE": _OBSTACLE,
-    "LARGE_VEHICLE": _LARGE,
-    "BICYCLE": _CYCLIST,
-    "BICYCLIST": _CYCLIST,
-    "BUS": _LARGE,
-    "TRAILER": _LARGE,
-    "MOTORCYCLIST": _CYCLIST,
-    "MOPED": _CYCLIST,
-    "MOTORCYCLE": _CYCLIST,
-    "STROLLER": _PERSON,
-    "EMERGENCY_VEHICLE": _LARGE,
-    "WHEELCHAIR": _PERSON,
-    "SCHOOL_BUS": _LARGE,
-}
-_KITTI: Final = {
-    "Car": _CAR,
-    "Van": _CAR,
-    "Truck": _LARGE,
-    "Tram": _LARGE,
-    "Pedestrian": _PERSON,
-    "Person (sitting)": _PERSON,
-    "Cyclist": _CYCLIST,
-}
-_WAYMO: Final = {1: _CAR, 2: _PERSON, 3: _OBSTACLE, 4: _CYCLIST}
-# The first prefix that fits counts.
-_NUSCENES: Final = (
-    ("vehicle.bicycle", _CYCLIST),
-    ("vehicle.motorcycle", _CYCLIST),
-    ("vehicle.car", _CAR),
-    ("vehicle.", _LARGE),
-    ("human.", _PERSON),
-    ("movable_object.", _OBSTACLE),
-    ("static_object.", _OBSTACLE),
-    ("animal", _ANIMAL),
+# Prefixes of categories; the first that fits counts.
+_NUSCENES: Final = _table(
+    cyclist="vehicle.bicycle, vehicle.motorcycle",
+    car="vehicle.car",
+    large_vehicle="vehicle.",
+    pedestrian="human.",
+    obstacle="movable_object., static_object.",
+    animal="animal",
 )
 
 
-def argoverse2_class(name: str) -> int:
-    """Returns the surface of an Argoverse 2 category, 0 if it has none here."""
-    return _ARGOVERSE2.get(name, UNKNOWN)
+def nuscenes_class(name: str) -> int:
+    """Returns the surface of a nuScenes category, 0 if it has none here."""
+    return next((kind for prefix, kind in _NUSCENES.items() if name.startswith(prefix)), UNKNOWN)
 
 
 def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
-    """Returns the surface of each category number of Argoverse 2 flow labels.
+    """Returns the surface of each category number (N,) of Argoverse 2 flow labels.
 
-    Args:
-        numbers: (N,) 0 for background, 1 to 30 for the categories by alphabet.
+    0 is the background, 1 to 30 are the categories by alphabet.
 
     Raises:
-        ValueError: If a number is none of these.
+        ValueError: A number is none of these.
     """
-    table = np.array([UNKNOWN, *_ARGOVERSE2.values()], dtype=np.uint8)
+    table = np.array([UNKNOWN, *(ARGOVERSE2[name] for name in sorted(ARGOVERSE2))], dtype=np.uint8)
     wrong = numbers[(numbers < 0) | (numbers >= len(table))]
     if len(wrong):
         raise ValueError(f"category number {wrong[0]}, expected 0 to {len(table) - 1}")
     classes: NDArray[np.uint8] = table[numbers]
     return classes
-
-
-def argoverse1_class(name: str) -> int:
-    """Returns the surface of an Argoverse 1 category, 0 if it has none here."""
-    return _ARGOVERSE1.get(name, UNKNOWN)
-
-
-def kitti_class(name: str) -> int:
-    """Returns the surface of a KITTI object type, 0 if it has none here."""
-    return _KITTI.get(name, UNKNOWN)
-
-
-def nuscenes_class(name: str) -> int:
-    """Returns the surface of a nuScenes category, 0 if it has none here."""
-    return next((kind for prefix, kind in _NUSCENES if name.startswith(prefix)), UNKNOWN)
-
-
-def waymo_class(number: int) -> int:
-    """Returns the surface of a Waymo label type, 0 if it has none here."""
-    return _WAYMO.get(number, UNKNOWN)

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.protobuf_wire import WireMessage
-from mnsf_ros.datasets.source_files import reading
-from mnsf_ros.datasets.surface_classes import waymo_class
-from mnsf_ros.datasets.waymo_range_image import (
+from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets.source_files import reading, require
+from mnsf_ros.datasets.waymo import (
     FRAME_ID,
     LaserCalibration,
     LaserReturns,
     shaped,
+    waymo_box,
     waymo_sweep,
 )
 from mnsf_ros.decompression import decompress
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
+from mnsf_ros.geometry.transforms import rigid_pose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-    from mnsf_ros.datasets.formats import ReadOptions
 
 _HEADER: Final = struct.Struct("<QI")
 _FOOTER_BYTES: Final = 4
@@ -42,7 +40,7 @@ def tf_records(path: Path) -> Iterator[bytes]:
     its content is not, since without a library for it this takes longer than all the rest.
 
     Raises:
-        DatasetError: If the file is missing, is none of these, is empty, or is cut short.
+        DatasetError: The file is missing, is none of these, is empty, or is cut short.
     """
     with reading(path), path.open("rb") as file:
         index = 0
@@ -75,27 +73,56 @@ def _masked_checksum(data: bytes) -> int:
     return (((crc >> 15) | (crc << 17)) + 0xA282EAD8) & 0xFFFFFFFF
 
 
-# Numbers of the fields that are read, by message.
-_FRAME: Final = {"context": 1, "timestamp_micros": 2, "pose": 3, "lasers": 5, "labels": 6}
-_CONTEXT: Final = {"laser_calibrations": 3}
-_CALIBRATION: Final = {"name": 1, "inclinations": 2, "min": 3, "max": 4, "extrinsic": 5}
-_LASER: Final = {"name": 1, "first_return": 2}
-_RANGE_IMAGE: Final = {"range_image": 2, "pose": 4}
-_MATRIX: Final = {"data": 1, "shape": 2}
-_LABEL: Final = {"box": 1, "type": 3, "id": 4}
-_BOX: Final = {"x": 1, "y": 2, "z": 3, "width": 4, "length": 5, "height": 6, "heading": 7}
-# The only field of MatrixShape and of Transform.
-_ONLY: Final = 1
+# The messages and fields that are read: number, type (* if repeated) and name of each field.
+_SCHEMA: Final = {
+    "Transform": "1 double* values",
+    "Shape": "1 int32* dims",
+    "Matrix": "1 float* data, 2 Shape shape",
+    "RangeImage": "2 bytes image, 4 bytes poses",
+    "Laser": "1 int32 name, 2 RangeImage first_return",
+    "Calibration": "1 int32 name, 2 double* angles, 3 double low, 4 double high, 5 Transform mount",
+    "Context": "3 Calibration* calibrations",
+    "Box": "1 double x, 2 double y, 3 double z, 4 double width, 5 double length, 6 double height, "
+    "7 double heading",
+    "Label": "1 Box box, 3 int32 type, 4 string id",
+    "Frame": "1 Context context, 2 int64 micros, 3 Transform pose, 5 Laser* lasers, "
+    "6 Label* labels",
+}
 
 
-def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
-    """Opens a segment.
+@cache
+def _messages() -> dict[str, Any]:
+    """The classes of all messages."""
+    factory = require("google.protobuf.message_factory", "protobuf")
+    descriptors = require("google.protobuf.descriptor_pb2", "protobuf")
+    file = descriptors.FileDescriptorProto(name="waymo_open.proto", package="waymo_open")
+    for message, fields in _SCHEMA.items():
+        descriptor = file.message_type.add(name=message)
+        for number, kind, name in (text.split() for text in fields.split(", ")):
+            field = descriptor.field.add(name=name, number=int(number))
+            field.label = field.LABEL_REPEATED if kind.endswith("*") else field.LABEL_OPTIONAL
+            if (single := kind.rstrip("*")) in _SCHEMA:
+                field.type_name = f".{file.package}.{single}"
+            else:
+                field.type = getattr(field, f"TYPE_{single.upper()}")
+    found = factory.GetMessages([file])
+    return {name: found[f"{file.package}.{name}"] for name in _SCHEMA}
 
-    Args:
-        source: A file like `segment-….tfrecord`.
+
+def parse(name: str, data: bytes) -> Any:  # noqa: ANN401
+    """Returns the message of that name in some bytes, or raises a ValueError."""
+    error_class = require("google.protobuf.message", "protobuf").DecodeError
+    try:
+        return _messages()[name].FromString(data)
+    except error_class as error:
+        raise ValueError(f"a {name} message is damaged or cut short: {error}") from error
+
+
+def open_segment(source: Path) -> SweepSource:
+    """Opens a file like `segment-….tfrecord`.
 
     Raises:
-        DatasetError: If there is no such file.
+        DatasetError: There is no such file.
     """
     if not source.is_file():
         raise DatasetError(f"{source}: no such file; expected the .tfrecord file of a segment")
@@ -105,64 +132,42 @@ def open_sequence(source: Path, _: ReadOptions) -> SweepSource:
 def _sweeps(path: Path) -> Iterator[LabelledSweep]:
     for index, record in enumerate(tf_records(path)):
         with reading(path, f"record {index}"):
-            sweep = _sweep(WireMessage(record))
-        yield sweep
+            yield _sweep(parse("Frame", record))
 
 
-def _sweep(frame: WireMessage) -> LabelledSweep:
-    context = frame.message(_FRAME["context"])
-    calibrations = dict(map(_calibration, context.messages(_CONTEXT["laser_calibrations"])))
-    returns = [_returns(laser, calibrations) for laser in frame.messages(_FRAME["lasers"])]
-    labels = frame.messages(_FRAME["labels"])
-    return waymo_sweep(
-        stamp_ns=frame.integer(_FRAME["timestamp_micros"]) * 1000,
-        world_from_vehicle=_transform(frame.message(_FRAME["pose"])),
-        returns=[laser for laser in returns if laser is not None],
-        # Segments of the test split have no labels in any frame.
-        boxes=tuple(_box(label) for label in labels) or None,
+def _sweep(frame: Any) -> LabelledSweep:  # noqa: ANN401
+    calibrations = {one.name: _calibration(one) for one in frame.context.calibrations}
+    returns = [
+        LaserReturns(
+            laser.name,
+            matrix(laser.first_return.image, 4),
+            matrix(laser.first_return.poses, 6) if laser.first_return.poses else None,
+            calibrations[laser.name],
+        )
+        for laser in frame.lasers
+        if laser.first_return.image
+    ]
+    boxes = (
+        waymo_box(
+            (label.box.x, label.box.y, label.box.z),
+            (label.box.length, label.box.width, label.box.height),
+            label.box.heading,
+            label.type,
+            label.id,
+        )
+        for label in frame.labels
     )
+    # Segments of the test split have no labels in any frame.
+    pose = rigid_pose(list(frame.pose.values))
+    return waymo_sweep(frame.micros * 1000, pose, returns, tuple(boxes) or None)
 
 
-def _calibration(message: WireMessage) -> tuple[int, LaserCalibration]:
-    low, high = (message.double(_CALIBRATION[name]) for name in ("min", "max"))
-    calibration = LaserCalibration(
-        vehicle_from_laser=_transform(message.message(_CALIBRATION["extrinsic"])),
-        inclinations_rad=message.doubles(_CALIBRATION["inclinations"]),
-        range_rad=(low, high),
-    )
-    return message.integer(_CALIBRATION["name"]), calibration
+def _calibration(message: Any) -> LaserCalibration:  # noqa: ANN401
+    mount = rigid_pose(list(message.mount.values))
+    return LaserCalibration(mount, np.array(message.angles), (message.low, message.high))
 
 
-def _returns(
-    message: WireMessage, calibrations: Mapping[int, LaserCalibration]
-) -> LaserReturns | None:
-    name = message.integer(_LASER["name"])
-    first = message.message(_LASER["first_return"])
-    image = _matrix(first.data(_RANGE_IMAGE["range_image"]), 4)
-    if image is None:
-        return None
-    poses = _matrix(first.data(_RANGE_IMAGE["pose"]), 6)
-    return LaserReturns(name, image, poses, calibrations[name])
-
-
-def _matrix(compressed: bytes, channels: int) -> NDArray[np.float32] | None:
-    if not compressed:
-        return None
-    matrix = WireMessage(decompress("zlib", compressed))
-    shape = matrix.message(_MATRIX["shape"]).integers(_ONLY)
-    return shaped(matrix.floats(_MATRIX["data"]), shape, channels)
-
-
-def _transform(message: WireMessage) -> NDArray[np.float64]:
-    return rigid_pose(message.doubles(_ONLY))
-
-
-def _box(label: WireMessage) -> Box:
-    box = label.message(_LABEL["box"])
-    numbers: dict[str, Any] = {name: box.double(number) for name, number in _BOX.items()}
-    return Box(
-        pose=planar_pose(numbers["x"], numbers["y"], numbers["heading"], numbers["z"]),
-        size_m=np.array([numbers["length"], numbers["width"], numbers["height"]]),
-        class_id=waymo_class(label.integer(_LABEL["type"])),
-        track_id=label.text(_LABEL["id"]),
-    )
+def matrix(compressed: bytes, channels: int) -> NDArray[np.float32]:
+    """Returns the range image in a compressed message."""
+    message = parse("Matrix", decompress("zlib", compressed))
+    return shaped(message.data, message.shape.dims, channels)

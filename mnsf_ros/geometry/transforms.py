@@ -61,9 +61,7 @@ def apply(pose: FloatArray, points: FloatArray) -> FloatArray:
     return points @ pose[:3, :3].T + pose[:3, 3]
 
 
-def interpolated_pose(
-    first: NDArray[np.float64], second: NDArray[np.float64], share: float
-) -> NDArray[np.float64]:
+def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> NDArray[np.float64]:
     """Returns the pose between two poses, or beyond one, at constant velocity and turn rate.
 
     Args:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
 _SCALARS = (*"xyz", *_FLOW, *_FLAGS)
+# The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
+DYNAMIC_SPEED_M_S = 0.5
 # Nothing on earth moves as far from one sweep to the next.
 _MAX_FLOW_M = 1000.0
 

@@ -6,7 +6,7 @@ Errors are those of NumPy and zipfile, or a ValueError: see `sweep_in_file.UNREA
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
@@ -113,24 +113,22 @@ def _array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def read_feather_columns(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Returns columns of a Feather file as (N,) arrays, texts as arrays of objects.
+def read_feather_columns(
+    path: Path, names: Iterable[str], optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there.
 
     Raises:
         ModuleNotFoundError: pyarrow is not installed.
         ValueError: The file lacks a column.
     """
-    table = read_feather_table(path)
+    from pyarrow import feather
+
+    # Without memory_map, since a damaged file could only be noticed later.
+    table = feather.read_table(path, memory_map=False)
     missing = [name for name in names if name not in table.column_names]
     if missing:
         found = ", ".join(table.column_names)
         raise ValueError(f"has no column {', '.join(missing)}; it has {found}")
-    return {name: table.column(name).to_numpy() for name in names}
-
-
-def read_feather_table(path: Path) -> Any:  # noqa: ANN401
-    """Returns the table of a Feather file; see `read_feather_columns`."""
-    from pyarrow import feather
-
-    # Without memory_map, since a damaged file could only be noticed later.
-    return feather.read_table(path, memory_map=False)
+    wanted = (*names, *(name for name in optional if name in table.column_names))
+    return {name: table.column(name).to_numpy() for name in wanted}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import ReadOptions, open_source
+from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
@@ -74,7 +74,7 @@ def write_annotations(path, stamps):
 
 
 def convert(log, out, **options):
-    write_recording(open_source("argoverse2", log, ReadOptions(**options)), out)
+    write_recording(open_source("argoverse2", log, **options), out)
     return out
 
 

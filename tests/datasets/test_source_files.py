@@ -9,30 +9,38 @@ import pytest
 from tiny_protobuf import field, varint
 
 from mnsf_ros.datasets.nuscenes import json_rows
-from mnsf_ros.datasets.protobuf_wire import WireMessage
 from mnsf_ros.datasets.source_files import read_npz, require
 from mnsf_ros.datasets.surface_classes import (
-    argoverse1_class,
-    argoverse2_class,
+    ARGOVERSE1,
+    ARGOVERSE2,
+    KITTI,
+    WAYMO,
     argoverse2_classes,
-    kitti_class,
     nuscenes_class,
-    waymo_class,
 )
-from mnsf_ros.datasets.waymo_records import _matrix
+from mnsf_ros.datasets.waymo_records import matrix, parse
 from mnsf_ros.decompression import MAX_BYTES, SizeLimitError
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions
 
 
-@pytest.mark.parametrize("module", ["pyarrow.feather", "h5py"])
-def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatch, module):
-    library = module.partition(".")[0]
-    for name in [name for name in sys.modules if name.partition(".")[0] == library]:
+@pytest.mark.parametrize(
+    ("module", "library", "missing"),
+    [
+        ("pyarrow.feather", "pyarrow", "pyarrow"),
+        ("h5py", "h5py", "h5py"),
+        ("google.protobuf.message", "protobuf", "google"),
+        ("google.protobuf.message", "protobuf", "google.protobuf"),
+    ],
+)
+def test_a_missing_library_is_named_with_the_command_that_installs_it(
+    monkeypatch, module, library, missing
+):
+    for name in [name for name in sys.modules if f"{name}.".startswith(f"{missing}.")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [Nowhere(library), *sys.meta_path])
+    monkeypatch.setattr(sys, "meta_path", [Nowhere(missing), *sys.meta_path])
     with pytest.raises(DatasetError, match=f"install it with: python -m pip install {library}$"):
-        require(module)
+        require(module, library)
 
 
 class Nowhere:
@@ -42,7 +50,7 @@ class Nowhere:
         self.library = library
 
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] == self.library:
+        if f"{name}.".startswith(f"{self.library}."):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
@@ -68,47 +76,28 @@ def test_rows_of_large_json_lists(tmp_path, monkeypatch, chunk):
         list(json_rows(path))
 
 
-def test_fields_of_a_wire_message():
+def test_fields_of_a_record():
+    pytest.importorskip("google.protobuf")
     numbers = np.array([1.5, -2.5])
-    message = WireMessage(
-        field(1, -3)
-        + field(2, 300)
-        + field(3, [1, 2])
-        + field(3, varint(3) + varint(2**40))  # packed
-        + field(4, numbers)
-        + field(5, numbers, packed=True)
-        + field(6, numbers.astype("<f4"), packed=True)
-        + field(7, "räder")
-        + field(8, [field(1, 7), field(1, 8)])
-        + varint(9 << 3 | 5)
-        + np.float32(0.5).tobytes()
-    )
-    assert (message.integer(1), message.integer(2)) == (-3, 300)
-    assert message.integers(3) == [1, 2, 3, 2**40]
-    assert message.doubles(4).tolist() == message.doubles(5).tolist() == [1.5, -2.5]
-    assert message.double(4) == -2.5
-    assert message.floats(6).tolist() == [1.5, -2.5]
-    assert message.floats(9).tolist() == [0.5]
-    assert message.text(7) == "räder"
-    assert [one.integer(1) for one in message.messages(8)] == [7, 8]
-    assert message.message(8).integer(1) == 8
-    assert (message.integer(99), message.double(99), message.text(99)) == (0, 0.0, "")
-    assert message.message(99).integers(1) == []
+    angles = field(2, numbers) + field(2, numbers, packed=True)
+    dims = field(1, [1, 2]) + field(1, varint(3) + varint(2**30))
+    data = field(1, numbers.astype("<f4"), packed=True) + varint(1 << 3 | 5)
+    calibration = parse("Calibration", field(1, -3) + angles + field(4, 0.5) + field(99, "x"))
+    assert (calibration.name, calibration.low, calibration.high) == (-3, 0.0, 0.5)
+    assert list(calibration.angles) == [1.5, -2.5] * 2
+    message = parse("Matrix", data + np.float32(0.5).tobytes() + field(2, dims))
+    assert list(message.data) == [1.5, -2.5, 0.5]
+    assert list(message.shape.dims) == [1, 2, 3, 2**30]
+    frame = parse("Frame", field(2, 2**40) + field(6, [field(4, "räder"), field(3, 4)]))
+    assert [(label.id, label.type) for label in frame.labels] == [("räder", 0), ("", 4)]
+    assert (frame.micros, list(frame.pose.values), list(frame.lasers)) == (2**40, [], [])
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (b"\x80", "an integer at byte 0 is cut short"),
-        (b"\xff" * 11, "an integer at byte 0 has no end"),
-        (b"\x0b", "wire type 3 at byte 1"),
-        (b"\x0a\x05abc", "a field of 5 bytes at byte 2 is cut short"),
-        (b"\x09abc", "a field of 8 bytes at byte 1 is cut short"),
-    ],
-)
-def test_bytes_that_are_no_message(data, message):
-    with pytest.raises(ValueError, match=message):
-        WireMessage(data)
+@pytest.mark.parametrize("data", [b"\x80", b"\xff" * 11, b"\x0a\x05abc", b"\x09abc"], ids=repr)
+def test_bytes_that_are_no_message(data):
+    pytest.importorskip("google.protobuf")
+    with pytest.raises(ValueError, match="a Frame message is damaged or cut short"):
+        parse("Frame", data)
 
 
 def test_poses_from_quaternions():
@@ -123,10 +112,10 @@ def test_poses_from_quaternions():
 
 
 def test_categories_of_the_data_sets():
-    assert [kitti_class(name) for name in ("Tram", "Person (sitting)", "Misc")] == [10, 7, 0]
-    assert [argoverse1_class(name) for name in ("BUS", "MOPED", "ANIMAL")] == [10, 8, 0]
-    assert [argoverse2_class(name) for name in ("SIGN", "WHEELCHAIR", "DOG")] == [11, 7, 12]
-    assert [waymo_class(number) for number in range(5)] == [0, 6, 7, 11, 8]
+    assert [KITTI.get(name, 0) for name in ("Tram", "Person (sitting)", "Misc")] == [10, 7, 0]
+    assert [ARGOVERSE1.get(name, 0) for name in ("BUS", "MOPED", "ANIMAL")] == [10, 8, 0]
+    assert [ARGOVERSE2.get(name, 0) for name in ("SIGN", "WHEELCHAIR", "DOG")] == [11, 7, 12]
+    assert [WAYMO.get(number, 0) for number in range(5)] == [0, 6, 7, 11, 8]
     names = ("vehicle.bus.rigid", "vehicle.bicycle", "human.pedestrian.adult", "animal")
     assert [nuscenes_class(name) for name in names] == [10, 8, 7, 12]
     # Background, animal, regular vehicle, the last one.
@@ -148,4 +137,4 @@ def test_arrays_of_a_small_file_have_a_limit(tmp_path):
 def test_range_images_have_a_limit():
     bomb = zlib.compress(bytes(MAX_BYTES + 1))
     with pytest.raises(SizeLimitError, match=str(MAX_BYTES)):
-        _matrix(bomb, 4)
+        matrix(bomb, 4)

@@ -1,0 +1,145 @@
+"""Sweeps in npz files: the project's own layout, and that of the authors of NSFP, FNSF and MNSF."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
+from mnsf_ros.datasets.source_files import (
+    as_type,
+    columns_of,
+    files_in,
+    read_json,
+    read_npz,
+    reading,
+)
+from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+_EXTRA: Final = {
+    "intensity": ("intensity", np.float32),
+    "ring": ("ring", np.uint16),
+    "time_offset": ("time_offset", np.float32),
+}
+# Files of triplets have no stamps, so these are made up.
+_FIRST_NS: Final = 1_700_000_000_000_000_000
+_INTERVAL_NS: Final = 100_000_000
+# Long enough that nobody takes the sweeps of two files for consecutive ones.
+_BETWEEN_FILES_NS: Final = 10_000_000_000
+
+
+def open_sweeps(source: Path) -> SweepSource:
+    """Opens a folder of npz files, by name in the order of time, and possibly `boxes.json`.
+
+    Raises:
+        DatasetError: There is no sweep, or the boxes are damaged.
+    """
+    files = files_in(source, "*.npz")
+    box_file = source / "boxes.json"
+    boxes = _read_boxes(box_file) if box_file.is_file() else {}
+    sweeps = (_sweep(file, boxes.get(number)) for number, file in enumerate(files))
+    return SweepSource("lidar", len(files), sweeps)
+
+
+def _sweep(file: Path, boxes: tuple[Box, ...] | None) -> LabelledSweep:
+    arrays = read_npz(file, ("xyz", "stamp_ns"))
+    with reading(file):
+        return LabelledSweep(
+            stamp_ns=int(arrays["stamp_ns"]),
+            xyz=as_type(arrays["xyz"], np.float32),
+            columns=columns_of(arrays, _EXTRA),
+            pose=rigid_pose(arrays["pose"]) if "pose" in arrays else None,
+            boxes=boxes,
+            given=_given(arrays["flow"], arrays) if "flow" in arrays else None,
+            labelled=_flags(arrays, "label_valid"),
+            ground=_flags(arrays, "is_ground"),
+        )
+
+
+def _given(flow: NDArray[Any], labels: Mapping[str, NDArray[Any]]) -> GivenFlow:
+    valid = _flags(labels, "flow_valid")
+    return GivenFlow(
+        flow=as_type(flow, np.float32),
+        valid=np.ones(len(flow), dtype=bool) if valid is None else valid,
+        dynamic=_flags(labels, "is_dynamic"),
+    )
+
+
+def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.bool_] | None:
+    return as_type(arrays[name], bool) if name in arrays else None
+
+
+def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
+    """Boxes by the number of the sweep, counted from 0."""
+    content = read_json(path)
+    boxes: dict[int, tuple[Box, ...]] = {}
+    with reading(path):
+        for number, entries in content.items():
+            with reading(path, f"sweep {number}"):
+                boxes[int(number)] = tuple(_box(entry) for entry in entries)
+    return boxes
+
+
+def _box(entry: Mapping[str, Any]) -> Box:
+    x, y, z = entry["center"]
+    return Box(
+        pose=planar_pose(x, y, entry["yaw"], z),
+        size_m=np.asarray(entry["size"], dtype=np.float64),
+        class_id=KITTI.get(entry["cls"], UNKNOWN),
+        track_id=entry["track_id"],
+    )
+
+
+def open_triplets(source: Path) -> SweepSource:
+    """Opens an npz file, or all files of a folder and its subfolders one after the other.
+
+    Each has pc1, pc2, pc3 and flow23 (flow12), or pc1, pc2 and flow.
+
+    Raises:
+        DatasetError: There is none.
+    """
+    if not source.exists():
+        raise DatasetError(f"{source}: no such file or folder")
+    files = files_in(source, "**/*.npz") if source.is_dir() else [source]
+    is_triplet = "pc3" in read_npz(files[0], ("pc1", "pc2"))
+    return SweepSource("lidar", (3 if is_triplet else 2) * len(files), _sweeps_of_files(files))
+
+
+def _sweeps_of_files(files: list[Path]) -> Iterator[LabelledSweep]:
+    for number, file in enumerate(files):
+        first_ns = _FIRST_NS + number * _BETWEEN_FILES_NS
+        arrays = read_npz(file, ("pc1", "pc2"))
+        flow_names = ("flow12", "flow23") if "pc3" in arrays else ("flow",)
+        if not any(name in arrays for name in flow_names):
+            raise DatasetError(
+                f"{file}: has no flow ({' or '.join(flow_names)}); it has "
+                f"{', '.join(sorted(arrays))}"
+            )
+        for index, flow_name in enumerate((*flow_names, "")):
+            xyz, flow = arrays[f"pc{index + 1}"], arrays.get(flow_name)
+            if flow is not None and flow.shape != xyz.shape:
+                raise DatasetError(
+                    f"{file}: {flow_name} has shape {flow.shape}, expected that of "
+                    f"pc{index + 1}, {xyz.shape}"
+                )
+            # Other labels in the file are those of the sweep in the middle.
+            known = ("is_dynamic", "label_valid") if flow_name == flow_names[-1] else ()
+            labels = {name: arrays[name] for name in known if name in arrays}
+            with reading(file):
+                yield LabelledSweep(
+                    stamp_ns=first_ns + index * _INTERVAL_NS,
+                    xyz=as_type(xyz, np.float32),
+                    given=None if flow is None else _given(flow, labels),
+                    labelled=_flags(labels, "label_valid"),
+                    # The lowest of what is left would be taken for the ground, which is not there.
+                    ground=np.zeros(len(xyz), dtype=bool),
+                )
