@@ -15,7 +15,7 @@ from mnsf_ros.evaluation.metrics import FlowErrors, by_motion, mean_of
 from mnsf_ros.evaluation.tables import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.sweeps.cropping import crop_mask
+from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 _FIRST: Final = 4

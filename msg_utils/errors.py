@@ -1,25 +1,39 @@
-"""The one error of this package, and how values from a message are shown in its text."""
+"""The one error of this package, and the check of integers, which in Python may be anything."""
 
 from __future__ import annotations
 
+import operator
 import reprlib
+from typing import Final, SupportsIndex
+
+INT32_MAX: Final = 2**31 - 1
+UINT32_MAX: Final = 2**32 - 1
+
+# A message is sent by anybody: its values must neither break a log line nor fill the log.
+_SHORTENER: Final = reprlib.Repr()
+_SHORTENER.maxstring = _SHORTENER.maxother = 80
+_SHORTENER.maxlist = _SHORTENER.maxtuple = 64
 
 
 class MessageError(ValueError):
     """A message that cannot be decoded, or arrays that cannot be encoded as one."""
 
 
-def _bounded_repr() -> reprlib.Repr:
-    shortener = reprlib.Repr()
-    shortener.maxstring = shortener.maxother = 80
-    shortener.maxlist = shortener.maxtuple = 64
-    return shortener
-
-
-# A message is sent by anybody: its values must neither break a log line nor fill the log.
-_SHORTENER = _bounded_repr()
-
-
 def describe(value: object) -> str:
-    """Give the `repr` of a value on one line, shortened in the middle if it is very long."""
+    """Returns the `repr` of a value on one line, shortened in the middle if it is very long."""
     return _SHORTENER.repr(value).replace("\n", " ")
+
+
+def checked_integer(value: SupportsIndex, name: str, maximum: int = UINT32_MAX) -> int:
+    """Returns a message's integer as a Python integer, which cannot overflow in a product.
+
+    Raises:
+        MessageError: It is no integer (floats are none), negative, or larger than `maximum`.
+    """
+    try:
+        integer = operator.index(value)
+    except TypeError:
+        integer = -1
+    if not 0 <= integer <= maximum:
+        raise MessageError(f"{name} is {describe(value)}, expected an integer from 0 to {maximum}")
+    return integer

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from msg_utils.cloud_layout import CloudLayout, PointCloudLike, read_only_bytes
-from msg_utils.encoded_cloud import Columns, EncodedCloud, aligned_step, column_fields
-from msg_utils.errors import MessageError, describe
-from msg_utils.integers import UINT32_MAX, checked_integer
-from msg_utils.point_fields import FieldLayout, fields_end, point_dtype
+from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike, read_only_bytes
+from msg_utils.errors import MessageError, checked_integer, describe
+from msg_utils.point_fields import FieldLayout, datatype_of, fields_end, point_dtype
 
 __all__ = [
     "EncodedCloud",
@@ -28,12 +26,12 @@ __all__ = [
 
 _XYZ: Final = ("x", "y", "z")
 
+# Name -> (height * width,) values in row order, of a type that a field can have.
+Columns: TypeAlias = Mapping[str, npt.NDArray[Any]]
+
 
 def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
-    """View all fields of all points, whatever the layout, without a copy.
-
-    Args:
-        cloud: The message; its data stays as it is.
+    """Views all fields of all points, whatever the layout, without a copy.
 
     Returns:
         (height, width) structured, one entry per field as `point_fields.point_dtype` names them, in
@@ -46,13 +44,10 @@ def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
 
 
 def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Copy the positions of all finite points.
+    """Copies the positions of all finite points.
 
     Coordinates have to be FLOAT32 or FLOAT64: for integers the message does not say the unit. A
     cloud without points needs no fields at all.
-
-    Args:
-        cloud: The message; its data stays as it is.
 
     Returns:
         xyz: (N, 3) float32, metres, native byte order, C-contiguous, of its own memory. Points row
@@ -74,34 +69,24 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
         for axis, name in enumerate(_XYZ):
             grid[..., axis] = points[name]
     xyz = grid.reshape(-1, 3)
+    # Several times faster than `np.isfinite(xyz).all(axis=1)` and `xyz[finite]`.
     finite = np.isfinite(xyz[:, 0])
     finite &= np.isfinite(xyz[:, 1])
     finite &= np.isfinite(xyz[:, 2])
-    # np.compress is five times faster than xyz[finite].
     return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
 
 
 def encode_with_columns(
     cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
 ) -> EncodedCloud:
-    """Copy a cloud and give every point further fields.
+    """Copies a cloud and gives every point further fields.
 
     All fields of the cloud keep name, offset, datatype, count and the exact bytes of their values,
     also where they overlap or repeat a name; points keep their order, the cloud its byte order. New
     fields follow the last kept one, each at a multiple of its size. A field of the cloud with the
-    name of a column is dropped first, so that encoding the result again gives the same layout; or
-    it is kept under another name, see `clash_names`. Padding at the end of points and rows is not
-    kept.
-
-    Args:
-        cloud: The message; its data stays as it is.
-        columns: Name -> (height * width,) of a type that a field can have, values in row order. The
-            value of points that have none (NaN) is the caller's choice.
-        clash_prefix: Put before the name of a field of the cloud that has the name of a column;
-            empty if such fields are dropped.
-
-    Returns:
-        Layout and data of the new cloud.
+    name of a column is dropped first, so that encoding the result again gives the same layout; or,
+    with a `clash_prefix`, it is kept under another name, see `clash_names`. Padding at the end of
+    points and rows is not kept.
 
     Raises:
         MessageError: The cloud cannot be decoded, or a column does not fit it.
@@ -110,12 +95,14 @@ def encode_with_columns(
     buffer = read_only_bytes(cloud, layout)
     kept = _kept_fields(layout.fields, columns, clash_prefix)
     kept_size = fields_end(kept)
-    added = column_fields(columns, layout.num_points, kept_size, aligned=True)
+    added = _column_fields(columns, layout.num_points, kept_size, aligned=True)
+    # Fields stay at multiples of their size from point to point, too.
+    largest = max((field.scalar.itemsize for field in added), default=1)
     encoded = EncodedCloud.allocate(
         layout.height,
         layout.width,
         kept + added,
-        aligned_step(added, fields_end(kept + added)),
+        _round_up(fields_end(kept + added), largest),
         is_bigendian=layout.is_bigendian,
     )
     if kept:
@@ -128,22 +115,13 @@ def encode_with_columns(
 
 
 def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
-    """Build a little-endian cloud of the given columns, in their order and without gaps.
-
-    Args:
-        columns: Name -> (height * width,) of a type that a field can have, values in row order.
-        height: Rows of points; 1 for an unorganized cloud.
-        width: Points per row.
-
-    Returns:
-        Layout and data of the cloud.
+    """Builds a little-endian cloud of the given columns, in their order and without gaps.
 
     Raises:
         MessageError: A column does not fit, or there are points but no columns.
     """
-    rows = checked_integer(height, "height", maximum=UINT32_MAX)
-    points_per_row = checked_integer(width, "width", maximum=UINT32_MAX)
-    fields = column_fields(columns, rows * points_per_row, 0, aligned=False)
+    rows, points_per_row = checked_integer(height, "height"), checked_integer(width, "width")
+    fields = _column_fields(columns, rows * points_per_row, 0, aligned=False)
     encoded = EncodedCloud.allocate(
         rows, points_per_row, fields, fields_end(fields), is_bigendian=False
     )
@@ -153,20 +131,15 @@ def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
 
 
 def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> dict[str, str]:
-    """Find other names for fields that have the name of a column.
-
-    Args:
-        names: Names of the fields of a cloud.
-        columns: Names of the columns that it will get.
-        prefix: Put before a name until nothing else has the result.
+    """Finds other names for the fields of a cloud that have the name of a column.
 
     Returns:
-        Name -> other name, of those fields only.
+        Name -> other name, of those fields only: with the prefix, as often as it takes to be
+        unique.
     """
     wanted = set(columns)
-    clashes = dict.fromkeys(name for name in names if name in wanted)
     taken, others = wanted | set(names), {}
-    for name in clashes:
+    for name in dict.fromkeys(name for name in names if name in wanted):
         other = prefix + name
         while other in taken:
             other = prefix + other
@@ -184,6 +157,36 @@ def _kept_fields(
     return tuple(replace(field, name=others.get(field.name, field.name)) for field in fields)
 
 
+def _column_fields(
+    columns: Columns, num_points: int, start: int, *, aligned: bool
+) -> tuple[FieldLayout, ...]:
+    """One field per column from byte `start` on, each at a multiple of its size if aligned."""
+    fields = []
+    for name, column in columns.items():
+        _check_column(name, column, num_points)
+        size = column.dtype.itemsize
+        offset = _round_up(start, size) if aligned else start
+        fields.append(FieldLayout(name, offset, datatype_of(column.dtype, name), 1))
+        start = offset + size
+    return tuple(fields)
+
+
+def _round_up(value: int, multiple: int) -> int:
+    return -(-value // multiple) * multiple
+
+
+def _check_column(name: object, column: object, num_points: int) -> None:
+    if not isinstance(name, str) or not name:
+        raise MessageError(
+            f"name of a column is {describe(name)}, expected a string that is not empty"
+        )
+    where = f"column {describe(name)}"
+    if not isinstance(column, np.ndarray):
+        raise MessageError(f"{where} is of type {type(column).__name__}, expected a NumPy array")
+    if column.shape != (num_points,):
+        raise MessageError(f"{where} has shape {column.shape}, expected ({num_points},)")
+
+
 def _view_points(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[Any]:
     buffer = read_only_bytes(cloud, layout)
     # The larger of the two differs from point_step only without points, see CloudLayout.from_cloud.
@@ -194,15 +197,14 @@ def _view_points(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[Any]
 
 
 def _check_coordinates(fields: tuple[FieldLayout, ...]) -> None:
+    by_name = {field.name: field for field in reversed(fields)}
     for name in _XYZ:
-        field = next((field for field in fields if field.name == name), None)
+        field = by_name.get(name)
         if field is None:
-            names = [field.name for field in fields]
-            msg = f"no field {name!r}, expected x, y and z; the fields are {describe(names)}"
-            raise MessageError(msg)
+            names = describe([field.name for field in fields])
+            raise MessageError(f"no field {name!r}, expected x, y and z; the fields are {names}")
         if field.scalar.kind != "f" or field.num_elements > 1:
-            msg = (
+            raise MessageError(
                 f"field {name!r} is {field.num_elements} x {field.scalar.name.upper()}, "
                 f"expected 1 x FLOAT32 or 1 x FLOAT64"
             )
-            raise MessageError(msg)

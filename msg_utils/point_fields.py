@@ -2,54 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from msg_utils.errors import MessageError, describe
-from msg_utils.integers import INT32_MAX, UINT8_MAX, UINT32_MAX, checked_integer
+from msg_utils.errors import INT32_MAX, MessageError, checked_integer, describe
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+# Any object with the attributes of sensor_msgs/PointField.
+PointFieldLike: TypeAlias = Any
 
 # What NumPy can address; a message could state twice as much.
 POINT_STEP_MAX: Final = INT32_MAX
 
 # The constants of sensor_msgs/PointField.
+_NAMES: Final = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 _DATATYPES: Final[Mapping[int, np.dtype[Any]]] = {
-    1: np.dtype(np.int8),
-    2: np.dtype(np.uint8),
-    3: np.dtype(np.int16),
-    4: np.dtype(np.uint16),
-    5: np.dtype(np.int32),
-    6: np.dtype(np.uint32),
-    7: np.dtype(np.float32),
-    8: np.dtype(np.float64),
+    code: np.dtype(name) for code, name in enumerate(_NAMES, start=1)
 }
 _DATATYPES_TEXT: Final = ", ".join(
     f"{code} ({scalar.name.upper()})" for code, scalar in _DATATYPES.items()
 )
-
-
-class PointFieldLike(Protocol):
-    """Any object with the attributes of sensor_msgs/PointField."""
-
-    @property
-    def name(self) -> str:
-        """Name of the field, possibly empty or not unique."""
-
-    @property
-    def offset(self) -> int:
-        """Bytes from the start of the point."""
-
-    @property
-    def datatype(self) -> int:
-        """Code of the type of one element."""
-
-    @property
-    def count(self) -> int:
-        """Number of elements."""
 
 
 @dataclass(frozen=True)
@@ -81,13 +55,7 @@ class FieldLayout:
 
 
 def decode_field(field: PointFieldLike) -> FieldLayout:
-    """Check one field of a message and copy its values.
-
-    Args:
-        field: A message's field.
-
-    Returns:
-        The same values, of which `scalar` and `end` can be computed.
+    """Checks one field of a message and copies its values.
 
     Raises:
         MessageError: The name is no string, the datatype has no meaning, or an integer is negative
@@ -95,30 +63,18 @@ def decode_field(field: PointFieldLike) -> FieldLayout:
     """
     name: object = field.name
     if not isinstance(name, str):
-        msg = f"name of a field is {describe(name)}, expected a string"
-        raise MessageError(msg)
+        raise MessageError(f"name of a field is {describe(name)}, expected a string")
     where = f"of field {describe(name)}"
-    datatype = checked_integer(field.datatype, f"datatype {where}", maximum=UINT8_MAX)
+    datatype = checked_integer(field.datatype, f"datatype {where}", 255)
     if datatype not in _DATATYPES:
-        msg = f"datatype {where} is {datatype}, expected one of {_DATATYPES_TEXT}"
-        raise MessageError(msg)
-    return FieldLayout(
-        name=name,
-        offset=checked_integer(field.offset, f"offset {where}", maximum=UINT32_MAX),
-        datatype=datatype,
-        count=checked_integer(field.count, f"count {where}", maximum=UINT32_MAX),
-    )
+        raise MessageError(f"datatype {where} is {datatype}, expected one of {_DATATYPES_TEXT}")
+    offset = checked_integer(field.offset, f"offset {where}")
+    count = checked_integer(field.count, f"count {where}")
+    return FieldLayout(name, offset, datatype, count)
 
 
 def datatype_of(scalar: np.dtype[Any], name: str) -> int:
-    """Find the datatype code of a NumPy type of any byte order.
-
-    Args:
-        scalar: Type of a column.
-        name: Name of the column, for the error.
-
-    Returns:
-        The code.
+    """Returns the datatype code of a column's NumPy type, of any byte order.
 
     Raises:
         MessageError: A cloud cannot hold this type.
@@ -126,46 +82,33 @@ def datatype_of(scalar: np.dtype[Any], name: str) -> int:
     for code, known in _DATATYPES.items():
         if scalar.kind == known.kind and scalar.itemsize == known.itemsize:
             return code
-    msg = f"column {describe(name)} is of type {scalar}, expected one of {_DATATYPES_TEXT}"
-    raise MessageError(msg)
+    raise MessageError(
+        f"column {describe(name)} is of type {scalar}, expected one of {_DATATYPES_TEXT}"
+    )
 
 
 def fields_end(fields: Iterable[FieldLayout]) -> int:
-    """Bytes from the start of the point to the end of the field that reaches furthest."""
+    """Returns the bytes from the start of the point to the end of the field farthest out."""
     return max((field.end for field in fields), default=0)
-
-
-def byte_order(*, is_bigendian: bool) -> Literal["<", ">"]:
-    """NumPy's sign for the byte order of a cloud."""
-    return ">" if is_bigendian else "<"
 
 
 def point_dtype(
     fields: Sequence[FieldLayout], point_step: int, *, is_bigendian: bool
 ) -> np.dtype[Any]:
-    """Build the structured type of one point.
+    """Returns the structured type of one point, of `point_step` bytes.
 
     Fields may come in any order, overlap, leave gaps and lie at any offset. NumPy needs unique
     names: the first field of a name keeps it, field number i of a repeated name becomes `name_i`,
     one of an empty name `unnamed_i`. A field of more than one element is a subarray.
-
-    Args:
-        fields: Checked fields, all within `point_step`.
-        point_step: Bytes per point, at most `POINT_STEP_MAX`.
-        is_bigendian: Byte order of every field.
-
-    Returns:
-        Type of `point_step` bytes.
     """
-    order = byte_order(is_bigendian=is_bigendian)
-    scalars = [field.scalar.newbyteorder(order) for field in fields]
+    formats: list[Any] = []
+    for field in fields:
+        scalar = field.scalar.newbyteorder(">" if is_bigendian else "<")
+        formats.append(scalar if field.num_elements == 1 else (scalar, (field.num_elements,)))
     return np.dtype(
         {
             "names": _unique_names(fields),
-            "formats": [
-                scalar if field.num_elements == 1 else (scalar, (field.num_elements,))
-                for field, scalar in zip(fields, scalars, strict=True)
-            ],
+            "formats": formats,
             "offsets": [field.offset for field in fields],
             "itemsize": point_step,
         }

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from msg_utils.integers import INT32_MAX, UINT32_MAX, checked_integer
+from msg_utils.errors import INT32_MAX, checked_integer
 
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
 LATEST_STAMP_NS: Final = INT32_MAX * NANOSECONDS_PER_SECOND + NANOSECONDS_PER_SECOND - 1
 
-
-class StampLike(Protocol):
-    """Any object with the attributes of builtin_interfaces/Time."""
-
-    @property
-    def sec(self) -> int:
-        """Seconds since the epoch, int32."""
-
-    @property
-    def nanosec(self) -> int:
-        """Nanoseconds to add to the seconds, uint32."""
+# Any object with `sec` and `nanosec`, as builtin_interfaces/Time has.
+StampLike: TypeAlias = Any
 
 
 class Stamp(NamedTuple):
@@ -30,38 +21,26 @@ class Stamp(NamedTuple):
 
 
 def decode_stamp(stamp: StampLike) -> int:
-    """Turn a header stamp into nanoseconds.
+    """Returns a message's `header.stamp` in nanoseconds since the epoch of the sender's clock.
 
     A time before the epoch is refused, as rclcpp and rclpy refuse it. `nanosec` of a second or more
     is carried into the seconds, as they do: drivers that round a floating point time send exactly
     1,000,000,000, and the time they mean is not in doubt.
 
-    Args:
-        stamp: A message's `header.stamp`.
-
-    Returns:
-        Nanoseconds since the epoch of the sender's clock, >= 0.
-
     Raises:
         MessageError: `sec` is no integer from 0 to 2**31 - 1, or `nanosec` none to 2**32 - 1.
     """
-    sec = checked_integer(stamp.sec, "stamp.sec", maximum=INT32_MAX)
-    nanosec = checked_integer(stamp.nanosec, "stamp.nanosec", maximum=UINT32_MAX)
+    sec = checked_integer(stamp.sec, "stamp.sec", INT32_MAX)
+    nanosec = checked_integer(stamp.nanosec, "stamp.nanosec")
     return sec * NANOSECONDS_PER_SECOND + nanosec
 
 
 def encode_stamp(stamp_ns: int) -> Stamp:
-    """Turn nanoseconds into the two values of a header stamp, `nanosec` below one second.
-
-    Args:
-        stamp_ns: Nanoseconds since the epoch.
-
-    Returns:
-        The values of builtin_interfaces/Time, Python integers.
+    """Returns nanoseconds since the epoch as a header stamp, `nanosec` below one second.
 
     Raises:
         MessageError: The time is no integer, is before the epoch, or is after January 2038, where
             the seconds of the message overflow.
     """
-    checked = checked_integer(stamp_ns, "stamp_ns", maximum=LATEST_STAMP_NS)
+    checked = checked_integer(stamp_ns, "stamp_ns", LATEST_STAMP_NS)
     return Stamp(*divmod(checked, NANOSECONDS_PER_SECOND))

@@ -12,8 +12,7 @@ from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.cropping import crop_mask
-from mnsf_ros.sweeps.kept_points import kept_mask
+from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS = 10

@@ -1,24 +1,27 @@
-"""Where the sensor was at each sweep: by odometry where there is some, else by registration."""
+"""Where the sensor was at each sweep: by odometry where there is some, else by registration.
+
+Covariances are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about
+x, y and z in radians.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from mnsf_ros.ego_motion.pose_covariance import (
-    StepNoise,
-    chained_covariance,
-    step_covariance,
-    unknown_covariance,
-)
 from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
+from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+
+UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
 
 # So many times the last interval: farther ahead an extrapolation is no guess any more.
 _MAX_INTERVALS: Final = 3.0
@@ -34,6 +37,16 @@ class EgoSource(Enum):
     ODOMETRY = "odometry"
     REGISTRATION = "registration"
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
+
+
+@dataclass(frozen=True)
+class StepNoise:
+    """Standard deviations of the motion from one sweep to the next, of each axis."""
+
+    shift_m: float
+    shift_share: float  # more metres for each metre of the way
+    turn_rad: float
+    turn_share: float  # more radians for each radian of the turn
 
 
 # Registration: 0.005 m and 0.5 mrad a sweep on KITTI 0005 and on an Apollo drive, 0.025 m where
@@ -54,14 +67,14 @@ class SensorPose:
     Attributes:
         world_from_sensor: (4, 4) float64. The world is the sensor frame of the first sweep.
         source: What it was taken from.
-        covariance: (6, 6) float64, of the pose, see `pose_covariance`; axes of the world.
-        step_covariance: (6, 6) float64, of the motion since the sweep before; its axes.
+        covariance: Of the pose, in the axes of the world.
+        step_covariance: Of the motion since the sweep before, in the axes of that.
     """
 
     world_from_sensor: NDArray[np.float64]
     source: EgoSource
-    covariance: NDArray[np.float64] = field(default_factory=unknown_covariance)
-    step_covariance: NDArray[np.float64] = field(default_factory=unknown_covariance)
+    covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
+    step_covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
 
 
 class EgoMotion:
@@ -70,18 +83,18 @@ class EgoMotion:
     def __init__(self, settings: EgoMotionSettings, num_threads: int = 1) -> None:
         self._settings = settings
         self._num_threads = num_threads
-        self._matcher = self._new_matcher()
-        self._pose: NDArray[np.float64] = np.eye(4)
+        # With odometry nobody needs a map; the last sweep is in it, if there is one.
+        self._map: SweepMatcher | None = None
         self._last: Sweep | None = None
         self._last_pose = _origin()
         self._last_motion: NDArray[np.float64] | None = None
         self._last_interval_ns = 0
-        # Whether the last sweep is in the map: with odometry nobody needs one.
-        self._is_mapped = False
 
     def use_threads(self, num_threads: int) -> None:
         """Sets the most threads that registration may use; poses do not depend on it."""
-        self._num_threads = self._matcher.num_threads = num_threads
+        self._num_threads = num_threads
+        if self._map is not None:
+            self._map.num_threads = num_threads
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
         """The pose of a sweep that is newer than all before it.
@@ -89,88 +102,150 @@ class EgoMotion:
         A sweep that is older, or of another frame, or comes after a long gap, starts a new world.
         The last sweep once more has the pose that it had.
         """
-        if sweep is not self._last:
-            is_start = self._is_new_start(sweep)
-            self._last_pose = self._start(sweep) if is_start else self._next_pose(sweep)
+        last = self._last
+        if last is None or (sweep is not last and self._is_new_start(last, sweep)):
+            self._last_pose = self._start(sweep)
+        elif sweep is not last:
+            self._last_pose = self._next_pose(last, sweep)
+        self._last = sweep
         return self._last_pose
 
-    def _next_pose(self, sweep: Sweep) -> SensorPose:
-        motion, source = self._motion_to(sweep)
-        if source is not EgoSource.CONSTANT_VELOCITY:
-            last_ns = sweep.stamp_ns if self._last is None else self._last.stamp_ns
-            self._last_motion, self._last_interval_ns = motion, sweep.stamp_ns - last_ns
-        before, self._pose = self._pose, self._pose @ motion
-        self._last = sweep
-        step = step_covariance(motion, _NOISE[source])
-        covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
-        return SensorPose(self._pose, source, covariance, step)
-
-    def _is_new_start(self, sweep: Sweep) -> bool:
-        last = self._last
-        if last is None or sweep.frame_id != last.frame_id:
-            return True
+    def _is_new_start(self, last: Sweep, sweep: Sweep) -> bool:
         elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
-        return elapsed_s < 0 or elapsed_s > self._settings.max_gap_s
+        is_late = elapsed_s < 0 or elapsed_s > self._settings.max_gap_s
+        return is_late or sweep.frame_id != last.frame_id
 
     def _start(self, sweep: Sweep) -> SensorPose:
-        self._last, self._pose, self._last_motion = sweep, np.eye(4), None
-        self._matcher = self._new_matcher()
-        self._is_mapped = not self._is_odometry_wanted or sweep.odometry is None
-        if self._is_mapped:
-            self._matcher.add(sweep.xyz, self._pose)
+        self._last_motion = None
+        has_odometry = self._is_odometry_wanted and sweep.odometry is not None
+        self._map = None if has_odometry else self._map_of(sweep, np.eye(4))
         return _origin()
+
+    def _next_pose(self, last: Sweep, sweep: Sweep) -> SensorPose:
+        before = self._last_pose.world_from_sensor
+        interval_ns = sweep.stamp_ns - last.stamp_ns
+        motion, source = self._odometry(last, sweep), EgoSource.ODOMETRY
+        if motion is None:
+            motion, source = self._registered(last, before, sweep)
+        else:
+            self._map = None
+        if source is not EgoSource.CONSTANT_VELOCITY:
+            self._last_motion, self._last_interval_ns = motion, interval_ns
+        step = step_covariance(motion, _NOISE[source])
+        covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
+        return SensorPose(before @ motion, source, covariance, step)
 
     @property
     def _is_odometry_wanted(self) -> bool:
         return self._settings.source == "odometry"
 
-    def _motion_to(self, sweep: Sweep) -> tuple[NDArray[np.float64], EgoSource]:
-        """(4, 4) last_from_sweep, and where it is from."""
-        before = None if self._last is None else self._last.odometry
-        if self._is_odometry_wanted and before is not None and sweep.odometry is not None:
-            motion: NDArray[np.float64] = np.linalg.inv(before) @ sweep.odometry
-            if self._is_possible(motion, sweep):
-                self._is_mapped = False
-                return motion, EgoSource.ODOMETRY
-        return self._registered(sweep)
-
-    def _is_possible(self, motion: NDArray[np.float64], sweep: Sweep) -> bool:
-        last_ns = sweep.stamp_ns if self._last is None else self._last.stamp_ns
-        elapsed_s = (sweep.stamp_ns - last_ns) / NANOSECONDS
-        longest_m = float(np.abs(motion[:3, 3]).max())
-        return longest_m <= _MAX_STEP_M + _MAX_SPEED_M_S * elapsed_s
-
-    def _registered(self, sweep: Sweep) -> tuple[NDArray[np.float64], EgoSource]:
-        if not self._is_mapped and self._last is not None:
-            # Odometry was lost just now: the map starts with the last sweep, where it was.
-            self._matcher = self._new_matcher()
-            self._matcher.add(self._last.xyz, self._pose)
-        motion = self._expected_motion(sweep)
-        pose = self._matcher.match(sweep.xyz, None if motion is None else self._pose @ motion)
-        self._is_mapped = True
-        if pose is None:
-            motion = np.eye(4) if motion is None else motion
-            # What the map shows is not what the sensor sees: it starts anew with this sweep, if
-            # that shows anything at all.
-            matcher = self._new_matcher()
-            matcher.add(sweep.xyz, self._pose @ motion)
-            self._matcher = self._matcher if matcher.is_empty else matcher
-            return motion, EgoSource.CONSTANT_VELOCITY
-        return np.linalg.inv(self._pose) @ pose, EgoSource.REGISTRATION
-
-    def _expected_motion(self, sweep: Sweep) -> NDArray[np.float64] | None:
-        """(4, 4) last_from_sweep if the sensor goes on with its velocity; None if there is none."""
-        if self._last is None or self._last_motion is None:
+    def _odometry(self, last: Sweep, sweep: Sweep) -> NDArray[np.float64] | None:
+        """(4, 4) last_from_sweep, where odometry is wanted, known and possible."""
+        if not self._is_odometry_wanted or last.odometry is None or sweep.odometry is None:
             return None
-        elapsed_ns, last_ns = sweep.stamp_ns - self._last.stamp_ns, self._last_interval_ns
+        motion: NDArray[np.float64] = np.linalg.inv(last.odometry) @ sweep.odometry
+        elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
+        is_possible = np.abs(motion[:3, 3]).max() <= _MAX_STEP_M + _MAX_SPEED_M_S * elapsed_s
+        return motion if is_possible else None
+
+    def _registered(
+        self, last: Sweep, world_from_last: NDArray[np.float64], sweep: Sweep
+    ) -> tuple[NDArray[np.float64], EgoSource]:
+        """(4, 4) last_from_sweep, and where it is from."""
+        if self._map is None:
+            # Odometry was lost just now: the map starts with the last sweep, where it was.
+            self._map = self._map_of(last, world_from_last)
+        motion = self._expected_motion(sweep.stamp_ns - last.stamp_ns)
+        pose = self._map.match(sweep.xyz, None if motion is None else world_from_last @ motion)
+        if pose is not None:
+            return np.linalg.inv(world_from_last) @ pose, EgoSource.REGISTRATION
+        motion = np.eye(4) if motion is None else motion
+        # What the map shows is not what the sensor sees: it starts anew with this sweep, if that
+        # shows anything at all.
+        new_map = self._map_of(sweep, world_from_last @ motion)
+        self._map = self._map if new_map.is_empty else new_map
+        return motion, EgoSource.CONSTANT_VELOCITY
+
+    def _expected_motion(self, elapsed_ns: int) -> NDArray[np.float64] | None:
+        """(4, 4) last_from_sweep if the sensor goes on with its velocity; None if there is none."""
+        if self._last_motion is None:
+            return None
+        last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
         return interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
 
-    def _new_matcher(self) -> SweepMatcher:
-        return SweepMatcher(self._settings, self._num_threads)
+    def _map_of(self, sweep: Sweep, pose: NDArray[np.float64]) -> SweepMatcher:
+        matcher = SweepMatcher(self._settings, self._num_threads)
+        matcher.add(sweep.xyz, pose)
+        return matcher
+
+
+class TripletPoses:
+    """The sensor's poses at triplets that follow each other: found once for each sweep."""
+
+    def __init__(self, settings: EgoMotionSettings) -> None:
+        self._ego_motion = EgoMotion(settings)
+        self._max_gap_s = settings.max_gap_s
+        self._poses: dict[Sweep, SensorPose] = {}
+
+    def use_threads(self, num_threads: int) -> None:
+        """Sets the most threads that registration may use; poses do not depend on it."""
+        self._ego_motion.use_threads(num_threads)
+
+    def of(self, triplet: SweepTriplet) -> dict[Sweep, SensorPose]:
+        """The poses of all sweeps of a triplet, in a world that they share.
+
+        Raises:
+            SweepError: If a sweep cannot follow the one before it: it is older, of another frame,
+                or comes after too long a gap.
+        """
+        sweeps = (*reversed(triplet.before), triplet.current, triplet.next)
+        known = [sweep in self._poses for sweep in sweeps]
+        # A sweep that is older than a known one cannot be added to the chain: it starts anew.
+        is_chain = known == sorted(known, reverse=True)
+        poses = self._poses if is_chain else {}
+        self._poses = {
+            sweep: poses.get(sweep) or self._ego_motion.pose_of(sweep) for sweep in sweeps
+        }
+        for before, sweep in pairwise(sweeps):
+            if self._poses[sweep].source is EgoSource.START:
+                raise SweepError(
+                    f"sweep {sweep.stamp_ns} ns of frame {sweep.frame_id!r} cannot follow sweep "
+                    f"{before.stamp_ns} ns of frame {before.frame_id!r}: it has to be later, of "
+                    f"the same frame, and within {self._max_gap_s:g} s (ego_motion.max_gap_s)"
+                )
+        return self._poses
+
+
+def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
+    """Returns the covariance of a step last_from_sensor (4, 4), in the axes before it."""
+    way_m = float(np.linalg.norm(motion[:3, 3]))
+    angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
+    shift_m = noise.shift_m + noise.shift_share * way_m
+    turn_rad = noise.turn_rad + noise.turn_share * angle_rad
+    return np.diag([shift_m**2] * 3 + [turn_rad**2] * 3)
+
+
+def chained_covariance(
+    covariance: NDArray[np.float64],
+    world_from_last: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    step: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Returns the covariance of a pose (axes of the world) after a motion of the covariance `step`.
+
+    An error of the heading becomes one of the position with the way: it grows without end.
+    """
+    turn = world_from_last[:3, :3]
+    x, y, z = turn @ motion[:3, 3]
+    carried = np.eye(6)
+    carried[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    axes = np.kron(np.eye(2), turn)
+    result: NDArray[np.float64] = carried @ covariance @ carried.T + axes @ step @ axes.T
+    return (result + result.T) / 2
 
 
 def _origin() -> SensorPose:
     """The pose of the first sweep, which makes the world: certain, but not to the last digit."""
     covariance = step_covariance(np.eye(4), _NOISE[EgoSource.START])
-    return SensorPose(np.eye(4), EgoSource.START, covariance, unknown_covariance())
+    return SensorPose(np.eye(4), EgoSource.START, covariance)

@@ -39,14 +39,6 @@ class _Cloud:
     tree: small_gicp.KdTree
 
 
-@dataclass(frozen=True, eq=False)
-class _PlacedCloud:
-    """A cloud, and where it was taken."""
-
-    cloud: _Cloud
-    world_from_sensor: NDArray[np.float64]
-
-
 class SweepMatcher:
     """Finds the pose of each sweep in the map of the sweeps before it.
 
@@ -61,7 +53,7 @@ class SweepMatcher:
         self._settings = settings
         self._map = small_gicp.GaussianVoxelMap(settings.map_cell_m)
         self._map.set_lru(horizon=settings.map_sweeps)
-        self._last: _PlacedCloud | None = None
+        self._last: tuple[_Cloud, NDArray[np.float64]] | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -69,12 +61,7 @@ class SweepMatcher:
         return self._last is None
 
     def add(self, xyz: NDArray[np.float32], world_from_sensor: NDArray[np.float64]) -> None:
-        """Adds a sweep to the map.
-
-        Args:
-            xyz: (N, 3) metres, sensor frame.
-            world_from_sensor: (4, 4), where it was taken.
-        """
+        """Adds a sweep (N, 3) to the map, taken at a (4, 4) pose."""
         cloud = self._prepared(xyz)
         if cloud is not None:
             self._insert(cloud, world_from_sensor)
@@ -98,18 +85,17 @@ class SweepMatcher:
             return None
         found = None if expected is None else self._found(cloud, expected)
         if found is None:
-            found = self._searched(cloud, self._last)
+            # Whichever explains most of the cloud, somewhere near the last pose.
+            starts = (self._beside(*self._last, cloud, shift_m) for shift_m in _SEARCH_FROM_M)
+            results = [
+                result for start in starts if (result := self._found(cloud, start)) is not None
+            ]
+            found = max(results, key=lambda result: result.num_inliers, default=None)
         if found is None:
             return None
         pose = np.asarray(found.T_target_source)
         self._insert(cloud, pose)
         return pose
-
-    def _searched(self, cloud: _Cloud, last: _PlacedCloud) -> small_gicp.RegistrationResult | None:
-        """The pose that explains most of the cloud, somewhere near the last one."""
-        starts = (self._beside_the_last(cloud, last, shift_m) for shift_m in _SEARCH_FROM_M)
-        found = [result for start in starts if (result := self._found(cloud, start)) is not None]
-        return max(found, key=lambda result: result.num_inliers, default=None)
 
     def _found(
         self, cloud: _Cloud, expected: NDArray[np.float64]
@@ -135,28 +121,32 @@ class SweepMatcher:
             num_threads=1,
         )
 
-    def _beside_the_last(
-        self, cloud: _Cloud, last: _PlacedCloud, shift_m: tuple[float, float]
+    def _beside(
+        self,
+        last: _Cloud,
+        world_from_last: NDArray[np.float64],
+        cloud: _Cloud,
+        shift_m: tuple[float, float],
     ) -> NDArray[np.float64]:
         """A pose from the last sweep alone. The map sees no farther than one of its cells."""
         last_from_this = np.eye(4)
         last_from_this[:2, 3] = shift_m
         for within_m in _SEARCH_WITHIN_M:
             result = small_gicp.align(
-                last.cloud.points,
+                last.points,
                 cloud.points,
-                last.cloud.tree,
+                last.tree,
                 last_from_this,
                 max_correspondence_distance=within_m,
                 num_threads=1,
             )
             last_from_this = np.asarray(result.T_target_source)
-        pose: NDArray[np.float64] = last.world_from_sensor @ last_from_this
+        pose: NDArray[np.float64] = world_from_last @ last_from_this
         return pose
 
     def _insert(self, cloud: _Cloud, world_from_sensor: NDArray[np.float64]) -> None:
         self._map.insert(cloud.points, world_from_sensor)
-        self._last = _PlacedCloud(cloud, world_from_sensor)
+        self._last = cloud, world_from_sensor
 
     def _prepared(self, xyz: NDArray[np.float32]) -> _Cloud | None:
         points = xyz[:: max(1, -(-len(xyz) // self._settings.max_points))]

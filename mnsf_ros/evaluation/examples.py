@@ -24,8 +24,8 @@ from mnsf_ros.geometry.rigid_motion import residual_flow
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.sweeps.cropping import crop_mask
 from mnsf_ros.sweeps.ground import ground_mask
+from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 

@@ -6,6 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -42,6 +43,9 @@ class StampedPose:
     frame_id: str = ""
 
 
+_STAMP: Final = attrgetter("stamp_ns")
+
+
 class PoseTrack:
     """Finds the pose of the sensor at a stamp. Not for use from several threads at once.
 
@@ -62,10 +66,8 @@ class PoseTrack:
                 None if the poses are those of the sensor.
         """
         self._recorded = iter(recorded)
-        is_mounted = mount is not None and not np.array_equal(mount, np.eye(4))
-        self._mount = mount if is_mounted else None
+        self._mount = None if mount is None or np.array_equal(mount, np.eye(4)) else mount
         self._poses: deque[StampedPose] = deque(maxlen=_MAX_POSES)
-        self._stamps_ns: deque[int] = deque(maxlen=_MAX_POSES)
         self._last_asked_ns: int | None = None
 
     def add(self, pose: StampedPose) -> bool:
@@ -73,11 +75,10 @@ class PoseTrack:
 
         A pose more than a second older is of a clock that jumped: all before it is forgotten.
         """
-        if self._stamps_ns and pose.stamp_ns < self._stamps_ns[-1] - _JUMP_NS:
-            self._forget()
-        if self._stamps_ns and pose.stamp_ns <= self._stamps_ns[-1]:
+        if self._is_newest_after(pose.stamp_ns + _JUMP_NS):
+            self._poses.clear()
+        if self._is_newest_after(pose.stamp_ns - 1):
             return False
-        self._stamps_ns.append(pose.stamp_ns)
         self._poses.append(pose)
         return True
 
@@ -93,10 +94,6 @@ class PoseTrack:
             return pose
         return StampedPose(stamp_ns, pose.world_from_frame @ self._mount)
 
-    def _forget(self) -> None:
-        self._stamps_ns.clear()
-        self._poses.clear()
-
     def _read_to(self, stamp_ns: int) -> None:
         last_ns, self._last_asked_ns = self._last_asked_ns, stamp_ns
         if last_ns is not None and stamp_ns < last_ns - _JUMP_NS:
@@ -109,24 +106,24 @@ class PoseTrack:
             pass
 
     def _is_newest_after(self, stamp_ns: int) -> bool:
-        return bool(self._stamps_ns) and self._stamps_ns[-1] > stamp_ns
+        return bool(self._poses) and self._poses[-1].stamp_ns > stamp_ns
 
     def _read_one(self) -> bool:
         """Whether there was something to read."""
         for pose in self._recorded:
             if pose is None:
                 # Nobody knows how the sensor moved where poses are missing.
-                self._forget()
+                self._poses.clear()
             else:
                 self.add(pose)
             return True
         return False
 
     def _found(self, stamp_ns: int) -> StampedPose | None:
-        after = bisect_left(self._stamps_ns, stamp_ns)
+        after = bisect_left(self._poses, stamp_ns, key=_STAMP)
         if after == len(self._poses):
             return self._extrapolated(after - 1, stamp_ns)
-        if self._stamps_ns[after] == stamp_ns:
+        if self._poses[after].stamp_ns == stamp_ns:
             return self._poses[after]
         if after == 0:
             return None
@@ -136,22 +133,23 @@ class PoseTrack:
 
     def _extrapolated(self, last: int, stamp_ns: int) -> StampedPose | None:
         """The pose a moment after a pose, if there is one near before that, too."""
-        if last < 1 or stamp_ns - self._stamps_ns[last] > _MAX_AHEAD_NS:
+        if last < 1:
             return None
-        base = bisect_right(self._stamps_ns, self._stamps_ns[last] - _MIN_BASE_NS) - 1
+        last_ns = self._poses[last].stamp_ns
+        base = bisect_right(self._poses, last_ns - _MIN_BASE_NS, key=_STAMP) - 1
         if base < 0 or self._gap_ns(base, last) > _MAX_GAP_NS:
             # The poses just before are preceded by a gap, or by nothing.
             base += 1
         base = min(base, last - 1)
-        if self._gap_ns(base, last) > _MAX_GAP_NS:
+        if stamp_ns - last_ns > _MAX_AHEAD_NS or self._gap_ns(base, last) > _MAX_GAP_NS:
             return None
         return self._on_line(base, last, stamp_ns)
 
     def _gap_ns(self, first: int, second: int) -> int:
-        return self._stamps_ns[second] - self._stamps_ns[first]
+        return self._poses[second].stamp_ns - self._poses[first].stamp_ns
 
     def _on_line(self, first: int, second: int, stamp_ns: int) -> StampedPose:
-        share = (stamp_ns - self._stamps_ns[first]) / self._gap_ns(first, second)
         before, after = self._poses[first], self._poses[second]
+        share = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
         pose = interpolated_pose(before.world_from_frame, after.world_from_frame, share)
         return StampedPose(stamp_ns, pose, after.frame_id)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -27,15 +28,7 @@ _MAX_REACH_RATIO: Final = 50.0
 
 
 def transformed(xyz: NDArray[np.float32], transform: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Applies a rigid transform, with the same last digits whatever the number of threads.
-
-    Args:
-        xyz: (N, 3) metres.
-        transform: (4, 4).
-
-    Returns:
-        (N, 3) float32.
-    """
+    """Applies a (4, 4) transform to (N, 3) points; the digits do not depend on threads."""
     return turned(xyz, transform[:3, :3]) + transform[:3, 3].astype(np.float32)
 
 
@@ -55,15 +48,10 @@ def turned(vectors: NDArray[Floating], turn: NDArray[np.float64]) -> NDArray[Flo
 
 
 def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Returns the flow of static points, which the sensor's own motion alone makes.
+    """Returns the flow of static points (N, 3), which the sensor's own motion alone makes.
 
-    Args:
-        xyz: (N, 3) metres, sensor frame of the current sweep. A row that is not finite gives
-            a row that is not finite.
-        next_from_current: (4, 4) rigid transform, x_next = next_from_current · x_current.
-
-    Returns:
-        (N, 3) float32, metres per sweep interval, computed in float64.
+    It is float32, in metres per sweep interval, computed in float64. A row that is not finite gives
+    a row that is not finite.
 
     Raises:
         SweepError: If a shape is another one, or the transform is not finite.
@@ -82,15 +70,9 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
 def residual_flow(
     xyz: NDArray[Any], flow: NDArray[Any], next_from_current: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Returns the flow without the sensor's own motion: what moves by itself.
+    """Returns the flow (N, 3) of the points less that of static ones: what moves by itself.
 
-    Args:
-        xyz: (N, 3) metres, sensor frame of the current sweep.
-        flow: (N, 3) metres per sweep interval.
-        next_from_current: (4, 4) rigid transform of the static points.
-
-    Returns:
-        (N, 3) float32, metres per sweep interval, axes of the *next* sweep's sensor frame.
+    It is float32, in metres per sweep interval, in the axes of the *next* sweep's sensor frame.
 
     Raises:
         SweepError: If a shape does not fit, or the transform is not finite.
@@ -103,7 +85,7 @@ def residual_flow(
 
 
 def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
-    """Returns the rigid motion that most points follow, for example the sensor's own.
+    """Returns `next_from_current` (4, 4) that most points follow, for example the sensor's own.
 
     Iteratively reweighted least squares (Kabsch): first with weights of the L1 norm, which
     lets a clear majority win from any start, then with Tukey's, which leave movers out
@@ -111,14 +93,7 @@ def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float6
 
     Rows that are not finite are left out, and so are points astray far beyond all others. Where
     points do not fix a rotation (fewer than three, or all on one line) the result is a pure
-    translation; without any point it is the identity.
-
-    Args:
-        xyz: (N, 3) metres, sensor frame of the current sweep.
-        flow: (N, 3) metres per sweep interval.
-
-    Returns:
-        next_from_current, (4, 4) float64, a proper rotation (determinant +1) and a translation.
+    translation; without any point it is the identity. Never is it a reflection.
 
     Raises:
         SweepError: If a shape is not (N, 3), or the two differ.
@@ -133,33 +108,39 @@ def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float6
     reach = np.linalg.norm(source, axis=1)
     near = reach <= max(_MAX_REACH_RATIO * float(np.median(reach)), _MIN_SCALE_M)
     source, moved = source[near], moved[near]
-    motion = _tukey_fit(source, moved, _l1_fit(source, moved))
+    motion = _kabsch(source, moved, np.ones(len(source)))
+    motion = _refitted(source, moved, motion, _l1_weights, 1e-4)
+    motion = _refitted(source, moved, motion, _tukey_weights, 1e-9)
     motion[:3, 3] += center - motion[:3, :3] @ center
     return motion
 
 
-def _l1_fit(source: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
-    motion = _kabsch(source, moved, np.ones(len(source)))
-    for _ in range(_MAX_ITERATIONS):
-        residuals = _residuals(motion, source, moved)
-        floor = max(float(np.median(residuals)) * 1e-2, _MIN_SCALE_M)
-        last, motion = motion, _kabsch(source, moved, 1.0 / np.maximum(residuals, floor))
-        if np.abs(motion - last).max() < 1e-4:
-            break
-    return motion
-
-
-def _tukey_fit(
-    source: NDArray[np.float64], moved: NDArray[np.float64], motion: NDArray[np.float64]
+def _refitted(
+    source: NDArray[np.float64],
+    moved: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    weights_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    tolerance: float,
 ) -> NDArray[np.float64]:
+    """The motion fitted again and again, with weights of its residuals, until it stays."""
     for _ in range(_MAX_ITERATIONS):
-        residuals = _residuals(motion, source, moved)
-        scale = max(float(np.median(residuals)) / _MEDIAN_OF_NOISE, _MIN_SCALE_M)
-        weights = np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
-        last, motion = motion, _kabsch(source, moved, weights)
-        if np.abs(motion - last).max() < 1e-9:
+        residuals = np.linalg.norm(source @ motion[:3, :3].T + motion[:3, 3] - moved, axis=1)
+        last, motion = motion, _kabsch(source, moved, weights_of(residuals))
+        if np.abs(motion - last).max() < tolerance:
             break
     return motion
+
+
+def _l1_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 1.0 / np.maximum(residuals, max(float(np.median(residuals)) * 1e-2, _MIN_SCALE_M))
+
+
+def _tukey_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    scale = max(float(np.median(residuals)) / _MEDIAN_OF_NOISE, _MIN_SCALE_M)
+    weights: NDArray[np.float64] = (
+        np.maximum(0.0, 1.0 - (residuals / (_TUKEY_REACH * scale)) ** 2) ** 2
+    )
+    return weights
 
 
 def _kabsch(
@@ -178,16 +159,6 @@ def _kabsch(
         motion[:3, :3] = (right.T * signs) @ left.T
     motion[:3, 3] = moved_center - motion[:3, :3] @ source_center
     return motion
-
-
-def _residuals(
-    motion: NDArray[np.float64], source: NDArray[np.float64], moved: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances (N,) in metres from the points moved by `motion` to where they went."""
-    distances: NDArray[np.float64] = np.linalg.norm(
-        source @ motion[:3, :3].T + motion[:3, 3] - moved, axis=1
-    )
-    return distances
 
 
 def _usable(

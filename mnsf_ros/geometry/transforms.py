@@ -1,4 +1,7 @@
-"""Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`."""
+"""Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`.
+
+With the one conversion of poses in messages, live and recorded, and its tolerance.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from msg_utils.errors import MessageError
+
 if TYPE_CHECKING:
     from mnsf_ros.settings import EgoMotionSettings
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
+# Any object with the attributes of geometry_msgs/Pose.
+PoseLike: TypeAlias = Any
 
 _RIGID_TOLERANCE: Final = 1e-3
+# Drivers send quaternions rounded to float32 or a few decimals: those are normalised. Outside of
+# this range the four numbers are something else, all zeros most of the time.
+_MIN_NORM: Final = 0.5
+_MAX_NORM: Final = 1.5
+_FARTHEST_M: Final = 1e9  # the difference of two such positions is good to a micrometre
 
 
 def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
@@ -62,15 +74,9 @@ def apply(pose: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> NDArray[np.float64]:
-    """Returns the pose between two poses, or beyond one, at constant velocity and turn rate.
+    """Returns the pose at some share of the way between two, at constant velocity and turn rate.
 
-    Args:
-        first: (4, 4), the pose at share 0.
-        second: (4, 4), the pose at share 1.
-        share: Where between them; below 0 and above 1 the motion is extrapolated.
-
-    Returns:
-        (4, 4).
+    Below share 0, the first pose, and above 1, the second, the motion is extrapolated.
     """
     turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
     pose = np.eye(4)
@@ -105,14 +111,9 @@ def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
 
 
 def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[np.float64]:
-    """Returns the transforms with these rotations and translations.
+    """Returns the transforms (..., 4, 4) with these rotations and translations (..., 3).
 
-    Args:
-        wxyz: (..., 4) quaternions, the real part first, of any length but 0.
-        translations: (..., 3) metres.
-
-    Returns:
-        (..., 4, 4) float64.
+    The quaternions (..., 4) have the real part first and may have any length but 0.
 
     Raises:
         ValueError: If a shape differs or a quaternion is 0.
@@ -129,3 +130,44 @@ def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[
     poses[..., :3, 3] = positions
     poses[..., 3, 3] = 1.0
     return poses
+
+
+def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
+    """Returns the (4, 4) matrix of a geometry_msgs/Pose.
+
+    A quaternion of a norm from 0.5 to 1.5 is normalised.
+
+    Raises:
+        MessageError: If a number is not finite, the position is 1e9 m or more from the origin, or
+            the quaternion has another norm.
+    """
+    p, q = pose.position, pose.orientation
+    position = np.array([p.x, p.y, p.z], dtype=np.float64)
+    quaternion = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
+    if not (np.abs(position) < _FARTHEST_M).all():
+        raise MessageError(
+            f"invalid position {position.tolist()}, expected metres below {_FARTHEST_M:g}"
+        )
+    with np.errstate(over="ignore"):
+        norm = float(np.linalg.norm(quaternion))
+    if not _MIN_NORM < norm < _MAX_NORM:
+        raise MessageError(
+            f"invalid quaternion {quaternion.tolist()} (norm {norm:.4g}, expected 1)"
+        )
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    matrix[:3, 3] = position
+    return matrix
+
+
+def pose_quaternion(matrix: FloatArray) -> tuple[float, float, float, float]:
+    """Returns x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
+
+    Raises:
+        MessageError: If the matrix is not a rotation and a translation.
+    """
+    if not is_rigid(matrix):
+        raise MessageError(f"pose is no rigid motion: {matrix.tolist()}")
+    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat()
+    sign = -1.0 if w < 0 else 1.0
+    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)

@@ -21,8 +21,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.ego_motion.ego_motion import SensorPose
-from mnsf_ros.ego_motion.triplet_poses import TripletPoses
+from mnsf_ros.ego_motion.ego_motion import SensorPose, TripletPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.settings import Settings, SettingValue
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet

@@ -10,7 +10,7 @@ import torch
 from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.ego_motion.triplet_poses import TripletPoses
+from mnsf_ros.ego_motion.ego_motion import TripletPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.settings import Settings

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
-from mnsf_ros.geometry.pose_messages import pose_quaternion
+from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.node.cloud_messages import CloudSource, flow_message, part_message
 from mnsf_ros.sweeps.sweep import SweepTriplet
 

@@ -10,9 +10,8 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
-from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.errors import MessageError

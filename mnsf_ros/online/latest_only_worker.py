@@ -16,12 +16,9 @@ class LatestOnlyWorker(Generic[Job]):
     """Runs jobs one at a time, always the newest, so that a slow job never makes a queue."""
 
     def __init__(self, work: Callable[[Job], None], name: str) -> None:
-        """Starts the thread.
+        """Starts the thread, which calls `work` with each job.
 
-        Args:
-            work: Called in the thread with each job. An error that it raises is logged, and the
-                next job is worked on all the same.
-            name: Name of the thread.
+        An error that it raises is logged, and the next job is worked on all the same.
         """
         self._work = work
         # Guards the three fields below it.
@@ -59,14 +56,7 @@ class LatestOnlyWorker(Generic[Job]):
         return has_replaced
 
     def close(self, timeout_s: float) -> bool:
-        """Forgets the waiting job and waits for the running one.
-
-        Args:
-            timeout_s: How long to wait.
-
-        Returns:
-            True if the thread has ended, False if its job is still running.
-        """
+        """Forgets the waiting job and waits for the running one; False if that goes on."""
         with self._condition:
             self._is_closing = True
             self._waiting = None
@@ -78,16 +68,13 @@ class LatestOnlyWorker(Generic[Job]):
         while True:
             with self._condition:
                 self._is_busy = False
-                self._condition.wait_for(lambda: self._is_closing or self._waiting is not None)
-                if self._is_closing:
+                while self._waiting is None and not self._is_closing:
+                    self._condition.wait()
+                if self._is_closing or self._waiting is None:
                     return
                 job, self._waiting = self._waiting, None
                 self._is_busy = True
-            if job is not None:
-                self._work_on(job)
-
-    def _work_on(self, job: Job) -> None:
-        try:
-            self._work(job)
-        except Exception:  # noqa: BLE001 - one bad job must not end the thread
-            _LOG.exception("a job failed in thread %s", self._thread.name)
+            try:
+                self._work(job)
+            except Exception:  # noqa: BLE001 - one bad job must not end the thread
+                _LOG.exception("a job failed in thread %s", self._thread.name)

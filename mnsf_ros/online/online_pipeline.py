@@ -31,17 +31,11 @@ CALLBACK_ERRORS = "callback_errors"
 
 @dataclass(frozen=True)
 class TripletJob:
-    """A triplet that waits for its estimate.
-
-    Attributes:
-        triplet: The three sweeps.
-        arrived_ns: When the newest of them arrived, `time.monotonic_ns()`.
-        settings: The settings that hold for this triplet.
-    """
+    """A triplet that waits for its estimate."""
 
     triplet: SweepTriplet
-    arrived_ns: int
-    settings: Settings
+    arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
+    settings: Settings  # those that hold for this triplet
 
 
 class OnlinePipeline:
@@ -94,15 +88,9 @@ class OnlinePipeline:
         self._settings = settings
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
-        """Takes the newest sweep. Returns at once.
+        """Takes the newest sweep and says what became of it. Returns at once.
 
-        Args:
-            sweep: The sweep.
-            arrived_ns: When it arrived, `time.monotonic_ns()`.
-            is_watched: Whether anybody wants the flow; if not, the sweep is only kept.
-
-        Returns:
-            What became of it.
+        It arrived at `time.monotonic_ns()`. If nobody watches the flow, it is only kept.
         """
         self.statistics.count(SWEEPS_RECEIVED)
         self.statistics.add_arrival()
@@ -111,27 +99,20 @@ class OnlinePipeline:
             self.statistics.count(f"sweeps_{arrival.value}")
         triplet = self._buffer.triplet()
         if triplet is not None and triplet.next is sweep:
-            self._submit(TripletJob(triplet, arrived_ns, self._settings), is_watched)
+            self.statistics.count(TRIPLETS_FORMED)
+            if not is_watched:
+                self.statistics.count(TRIPLETS_UNWATCHED)
+            elif self._worker.submit(TripletJob(triplet, arrived_ns, self._settings)):
+                self.statistics.count(TRIPLETS_DROPPED)
         return arrival
 
     def close(self, timeout_s: float) -> bool:
         """Abandons the estimate under way and ends the worker thread.
 
-        Args:
-            timeout_s: How long to wait for it.
-
-        Returns:
-            False if the thread is still inside a library call that cannot be interrupted. It will
-            hand out nothing any more.
+        Returns False if that is still inside a library call that cannot be interrupted. It will
+        hand out nothing any more.
         """
         return self._worker.close(timeout_s)
-
-    def _submit(self, job: TripletJob, is_watched: bool) -> None:
-        self.statistics.count(TRIPLETS_FORMED)
-        if not is_watched:
-            self.statistics.count(TRIPLETS_UNWATCHED)
-        elif self._worker.submit(job):
-            self.statistics.count(TRIPLETS_DROPPED)
 
     def _estimate(self, job: TripletJob) -> None:
         try:

@@ -17,15 +17,10 @@ _WINDOW = 100
 
 @dataclass(frozen=True)
 class RecentEstimate:
-    """What is remembered of one estimate.
+    """What is remembered of one estimate."""
 
-    Attributes:
-        finished_s: Steady clock, seconds.
-        latency_ms: From the arrival of the next sweep to the publication of the flow.
-    """
-
-    finished_s: float
-    latency_ms: float
+    finished_s: float  # of the steady clock
+    latency_ms: float  # from the arrival of the next sweep to the publication of the flow
     times_ms: dict[str, float]
     iterations: dict[str, int]
     stop_reasons: dict[str, str]
@@ -37,21 +32,13 @@ class RecentEstimate:
 
 @dataclass(frozen=True)
 class StatisticsSnapshot:
-    """A copy of the statistics at one moment.
+    """A copy of the statistics at one moment."""
 
-    Attributes:
-        counts: Event to how often it happened.
-        recent: The last estimates, oldest first.
-        arrivals_s: Steady times of the last sweeps received, seconds.
-        last_failure: Text of the last failed estimate, empty if there was none.
-        failures_in_a_row: Estimates that failed since the last one that did not.
-    """
-
-    counts: dict[str, int] = field(default_factory=dict)
-    recent: tuple[RecentEstimate, ...] = ()
-    arrivals_s: tuple[float, ...] = ()
-    last_failure: str = ""
-    failures_in_a_row: int = 0
+    counts: dict[str, int] = field(default_factory=dict)  # event -> how often it happened
+    recent: tuple[RecentEstimate, ...] = ()  # oldest first
+    arrivals_s: tuple[float, ...] = ()  # steady times of the last sweeps received
+    last_failure: str = ""  # of an estimate; empty if there was none
+    failures_in_a_row: int = 0  # since the last estimate that did not fail
 
     def latency_ms(self, percentile: float) -> float:
         """Percentile of the recent latencies; NaN if there are none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from mnsf_ros.errors import RecordingError
 from msg_utils.cloud_layout import PointCloudLike
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import EncodedCloud, decode_points, encode_columns
-from msg_utils.stamps import StampLike, decode_stamp
+from msg_utils.stamps import decode_stamp
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,26 +41,6 @@ class SurfaceClass(IntEnum):
     LARGE_VEHICLE = 10  # bus, truck, trailer, tram
     OBSTACLE = 11  # cone, barrel, sign: what a data set labels as objects, though they stand
     ANIMAL = 12
-
-
-class HeaderLike(Protocol):
-    """Any object with this attribute of std_msgs/Header."""
-
-    @property
-    def stamp(self) -> StampLike:
-        """Time of the data."""
-
-
-class Stamped(Protocol):
-    """Any message with a header."""
-
-    @property
-    def header(self) -> HeaderLike:
-        """Time and frame of the data."""
-
-
-class StampedCloud(PointCloudLike, Stamped, Protocol):
-    """Any object with the attributes of sensor_msgs/PointCloud2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +93,7 @@ class FlowTruth:
         return encode_columns(columns, 1, len(self))
 
     @classmethod
-    def decode(cls, message: StampedCloud) -> FlowTruth:
+    def decode(cls, message: PointCloudLike) -> FlowTruth:
         """Returns the truth in a sensor_msgs/PointCloud2.
 
         Raises:

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.errors import MessageError
-from msg_utils.stamps import decode_stamp
+from msg_utils.stamps import StampLike, decode_stamp
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from mnsf_ros.recording.bag_reader import BagReader
-    from mnsf_ros.recording.flow_truth import Stamped
 
 __all__ = ["FlowTruth", "FlowTruthIndex", "read_sensor_poses", "read_truth"]
 
@@ -90,7 +89,7 @@ def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> FlowTruthInd
     topic = reader.find_topic(topic, CLOUD_TYPE)
     received_ns: dict[int, int] = {}
     for received, message in reader.received_messages(topic):
-        stamp_ns = _stamp(reader, topic, message)
+        stamp_ns = _stamp(reader, topic, message.header.stamp)
         if stamp_ns in received_ns:
             raise RecordingError(f"{reader.path}: two clouds on {topic!r} have stamp {stamp_ns}")
         received_ns[stamp_ns] = received
@@ -112,7 +111,7 @@ def read_sensor_poses(
     topic = reader.find_topic(topic, ODOMETRY_TYPE)
     poses: dict[int, NDArray[np.float64]] = {}
     for message in reader.messages(topic):
-        stamp_ns = _stamp(reader, topic, message)
+        stamp_ns = _stamp(reader, topic, message.header.stamp)
         try:
             poses[stamp_ns] = pose_matrix(message.pose.pose)
         except MessageError as error:
@@ -121,8 +120,8 @@ def read_sensor_poses(
     return dict(sorted(poses.items()))
 
 
-def _stamp(reader: BagReader, topic: str, message: Stamped) -> int:
+def _stamp(reader: BagReader, topic: str, stamp: StampLike) -> int:
     try:
-        return decode_stamp(message.header.stamp)
+        return decode_stamp(stamp)
     except MessageError as error:
         raise RecordingError(f"{reader.path}: {topic!r}: {error}") from error

@@ -12,33 +12,32 @@ _MAX_CELLS_PER_AXIS = 1024
 
 
 def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[np.bool_]:
-    """Says which points are ground.
+    """Says which of the points (N, 3), sensor frame with z up, are ground.
 
     The lowest point of each cell makes a height map, in which single cells that lie far below
     those around them do not count. A morphological opening takes from it all
     that is narrower than the window (cars, people, poles, walls); what is left is the ground,
     and a point within the margin above it is ground.
-
-    Args:
-        xyz: (N, 3) metres, sensor frame with z up.
-        settings: Cell, window, slope and margin.
-
-    Returns:
-        (N,) bool.
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
     cells, cell_size_m = _cells_of(xyz, settings.cell_size_m)
     shape = cells[:, 0].max() + 1, cells[:, 1].max() + 1
     flat_cells = cells[:, 0] * shape[1] + cells[:, 1]
-    lowest = _lowest_per_cell(flat_cells, xyz[:, 2], shape)
-    lowest = _without_pits(lowest, settings, cell_size_m)
-    ground = _opened(lowest, settings, cell_size_m)
+    lowest = np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
+    np.minimum.at(lowest, flat_cells, xyz[:, 2])
+    rise = settings.max_slope * cell_size_m
+    lowest = _without_pits(lowest.reshape(shape), rise, settings.margin_m)
+    radius = max(1, round(settings.window_m / 2 / cell_size_m))
+    # An opening. Its structuring element is a cone, not a disc: it may rise with the steepest slope
+    # allowed, so that a hill stays ground while a car on it does not.
+    ground = -_cone_erosion(-_cone_erosion(lowest, radius, rise), radius, rise)
     mask: NDArray[np.bool_] = xyz[:, 2] <= ground.ravel()[flat_cells] + settings.margin_m
     return mask
 
 
 def _cells_of(xyz: NDArray[np.float32], cell_size_m: float) -> tuple[NDArray[np.int64], float]:
+    """Row and column of each point's cell (N, 2), and the size of the cells."""
     columns = [xyz[:, axis].astype(np.float64) for axis in (0, 1)]
     lows = [column.min() for column in columns]
     extent = max(column.max() - low for column, low in zip(columns, lows, strict=True))
@@ -49,44 +48,20 @@ def _cells_of(xyz: NDArray[np.float32], cell_size_m: float) -> tuple[NDArray[np.
     return cells, cell_size_m
 
 
-def _lowest_per_cell(
-    flat_cells: NDArray[np.int64], heights: NDArray[np.float32], shape: tuple[int, int]
-) -> NDArray[np.float32]:
-    lowest = np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
-    np.minimum.at(lowest, flat_cells, heights)
-    return lowest.reshape(shape)
-
-
-def _without_pits(
-    lowest: NDArray[np.float32], settings: GroundSettings, cell_size_m: float
-) -> NDArray[np.float32]:
+def _without_pits(lowest: NDArray[np.float32], rise: float, margin_m: float) -> NDArray[np.float32]:
     """Height map with single cells that are far below those around them lifted to these.
 
     A laser that is mirrored by a car measures a point below the ground. The opening would follow
     it down, and the road half a window around it would count as objects.
     """
     is_empty = np.isinf(lowest)
-    rise = settings.max_slope * cell_size_m
     # A closing; empty cells must not count in its dilation.
     dilated = -_cone_erosion(np.where(is_empty, np.inf, -lowest).astype(np.float32), 1, rise)
     dilated[np.isinf(dilated)] = np.inf
     closed = _cone_erosion(dilated, 1, rise)
     with np.errstate(invalid="ignore"):
-        is_pit = ~is_empty & (closed - lowest > settings.margin_m)
+        is_pit = ~is_empty & (closed - lowest > margin_m)
     return np.where(is_pit, closed, lowest)
-
-
-def _opened(
-    lowest: NDArray[np.float32], settings: GroundSettings, cell_size_m: float
-) -> NDArray[np.float32]:
-    """Height map without what is narrower than the window. Empty cells are +inf on entry.
-
-    The structuring element is a cone, not a disc: it may rise with the steepest slope allowed,
-    so that a hill stays ground while a car on it does not.
-    """
-    radius = max(1, round(settings.window_m / 2 / cell_size_m))
-    eroded = _cone_erosion(lowest, radius, settings.max_slope * cell_size_m)
-    return -_cone_erosion(-eroded, radius, settings.max_slope * cell_size_m)
 
 
 def _cone_erosion(

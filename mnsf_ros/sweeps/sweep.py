@@ -45,13 +45,9 @@ class Sweep:
     def from_array(
         cls, points: object, *, name: str = "points", stamp_ns: int = 0, frame_id: str = ""
     ) -> Sweep:
-        """Checks an array and makes a sweep of it.
+        """Checks an array of points in metres, (N, 3) or wider, and makes a sweep of it.
 
-        Args:
-            points: (N, 3) or wider, metres; columns beyond the third are ignored.
-            name: What the error text calls the array.
-            stamp_ns: Time of the sweep, integer nanoseconds.
-            frame_id: Name of the sensor's coordinate frame.
+        Columns beyond the third are ignored. `name` is what the error text calls the array.
 
         Raises:
             SweepError: If the array is not two-dimensional with at least three columns, is not

@@ -28,11 +28,7 @@ class SweepBuffer:
     """Keeps the newest consecutive sweeps; decides by their header stamps only."""
 
     def __init__(self, num_sweeps: int = 3) -> None:
-        """Starts empty.
-
-        Args:
-            num_sweeps: The most sweeps that it keeps.
-        """
+        """Starts empty; keeps `num_sweeps` at most."""
         self._sweeps: deque[Sweep] = deque(maxlen=num_sweeps)
 
     def __len__(self) -> int:
@@ -43,12 +39,7 @@ class SweepBuffer:
         self._sweeps.clear()
 
     def push(self, sweep: Sweep, settings: BufferSettings) -> Arrival:
-        """Adds a sweep, or refuses it, and says which.
-
-        Args:
-            sweep: The newest sweep.
-            settings: What counts as a duplicate and as a gap.
-        """
+        """Adds the newest sweep, or refuses it, and says which."""
         arrival = self._classify(sweep, settings)
         if arrival in _RESTARTED:
             self._sweeps.clear()

@@ -12,8 +12,8 @@ import torch
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.cropping import crop_mask
 from mnsf_ros.sweeps.ground import ground_mask
+from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 ON_CPU = Settings().changed({"compute.device": "cpu"})

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from box_street import INTERVAL_NS, pose
 
-from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.ego_motion.triplet_poses import TripletPoses
+from mnsf_ros.ego_motion.ego_motion import EgoSource, TripletPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet

@@ -8,8 +8,13 @@ import struct
 import numpy as np
 import pytest
 
-from msg_utils.encoded_cloud import EncodedCloud
-from msg_utils.point_cloud2 import clash_names, decode_points, decode_xyz, encode_with_columns
+from msg_utils.point_cloud2 import (
+    EncodedCloud,
+    clash_names,
+    decode_points,
+    decode_xyz,
+    encode_with_columns,
+)
 
 NAN = float("nan")
 XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]

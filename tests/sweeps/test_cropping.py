@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.cropping import crop_mask
+from mnsf_ros.sweeps.kept_points import crop_mask
 
 CROP = (
     Settings()
