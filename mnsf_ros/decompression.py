@@ -11,7 +11,6 @@ import sys
 import zlib
 from collections.abc import Callable, Mapping
 from io import BytesIO
-from types import TracebackType
 from typing import IO, Any, Final
 
 import lz4.frame
@@ -50,11 +49,7 @@ class SizeLimitError(DecompressionError):
 
 
 def check_size(num_bytes: int, what: str) -> None:
-    """Checks the size of data before memory is taken for it.
-
-    Args:
-        num_bytes: Its size.
-        what: What it is, for the error text.
+    """Checks the size of data before memory is taken for it; `what` it is goes into the error.
 
     Raises:
         SizeLimitError: It is above `MAX_BYTES`.
@@ -66,14 +61,10 @@ def check_size(num_bytes: int, what: str) -> None:
 def decompress(
     compression: str, data: bytes, claimed: int | None = None, *, is_cut: bool = False
 ) -> bytes:
-    """Decompresses all frames of some data.
+    """Decompresses all frames of data of one of the `COMPRESSIONS`.
 
-    Args:
-        compression: One of `COMPRESSIONS`.
-        data: The compressed bytes.
-        claimed: How large the result should be; None if unknown. It is not an error if the
-            result is smaller.
-        is_cut: Whether the end of the data is missing; then its beginning is decompressed.
+    The result may be smaller than the size `claimed`, not larger. If the end of the data `is_cut`
+    off, its beginning is decompressed.
 
     Raises:
         SizeLimitError: The result is larger than it should be, or than `MAX_BYTES`.
@@ -144,11 +135,6 @@ class LimitedFile:
         """Does nothing: the file is open."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Closes the stream, not the file."""
         self._stream.close()

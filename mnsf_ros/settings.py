@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -472,10 +472,7 @@ class Settings:
     explicit: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
     def changed(self, values: Mapping[str, object]) -> Settings:
-        """Returns these settings with some values replaced.
-
-        Args:
-            values: Full names (`crop.max_range_m`) to new values.
+        """Returns these settings with the values of some full names (`crop.max_range_m`) replaced.
 
         Raises:
             SettingsError: For an unknown name, a wrong type, a value out of range, or values
@@ -523,7 +520,17 @@ class Settings:
 @cache
 def declared_settings() -> tuple[Setting, ...]:
     """The declarations of all settings, in order."""
-    return tuple(_declarations())
+    defaults = Settings()
+    settings = []
+    for group in dataclasses.fields(Settings):
+        values = getattr(defaults, group.name)
+        if not dataclasses.is_dataclass(values):
+            continue
+        kinds = get_type_hints(type(values))
+        for item in dataclasses.fields(values):
+            name, default = f"{group.name}.{item.name}", getattr(values, item.name)
+            settings.append(Setting(name, kinds[item.name], default, **item.metadata))
+    return tuple(settings)
 
 
 def declared_setting(name: str) -> Setting:
@@ -548,19 +555,3 @@ def declared_setting(name: str) -> Setting:
 REPLACED = {
     "field.kind": "set method.name instead, to online (it was objects) or to mnsf (it was network)"
 }
-
-
-def _declarations() -> Iterator[Setting]:
-    defaults = Settings()
-    for group in dataclasses.fields(Settings):
-        values = getattr(defaults, group.name)
-        if not dataclasses.is_dataclass(values):
-            continue
-        kinds = get_type_hints(type(values))
-        for item in dataclasses.fields(values):
-            yield Setting(
-                name=f"{group.name}.{item.name}",
-                kind=kinds[item.name],
-                default=getattr(values, item.name),
-                **item.metadata,
-            )

@@ -13,11 +13,7 @@ def settings_yaml(settings: Settings, title: str) -> str:
     """A ROS parameter file that sets all parameters, each under a comment that explains it.
 
     Headed `/**:` because a file headed with a node's name is silently ignored once the node is
-    renamed or put into a namespace.
-
-    Args:
-        settings: The values.
-        title: What the first comment says.
+    renamed or put into a namespace. The title is its first comment.
     """
     lines = [f"# {line}" for line in textwrap.wrap(title, _WIDTH - 2)]
     lines += ["/**:", "  ros__parameters:"]

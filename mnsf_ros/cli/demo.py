@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.node.process_environment import require_ros
+from mnsf_ros.node.main import require_ros
 from mnsf_ros.presets import PRESET_NAMES
 
 

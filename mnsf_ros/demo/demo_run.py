@@ -13,7 +13,7 @@ from mnsf_ros.demo.console_progress import counting_progress, simulate_with_prog
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.demo.replay import ReplayLog, replay
 from mnsf_ros.demo.scores import drop_hint, figures_table, score_and_draw
-from mnsf_ros.node.process_environment import prepare_environment
+from mnsf_ros.node.main import prepare_environment
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics

@@ -69,16 +69,10 @@ class SweepMatcher:
     def match(
         self, xyz: NDArray[np.float32], expected: NDArray[np.float64] | None
     ) -> NDArray[np.float64] | None:
-        """Finds where a sweep was taken and adds it to the map.
+        """Returns the (4, 4) pose at which a sweep (N, 3) was taken, and adds it to the map.
 
-        Args:
-            xyz: (N, 3) metres, sensor frame.
-            expected: (4, 4) world_from_sensor to start from; None if nothing is known of the
-                sensor's motion, as at the beginning.
-
-        Returns:
-            (4, 4) world_from_sensor, or None if the map does not explain the sweep; it is then
-            not added.
+        The search starts from the expected pose, which is None if nothing is known of the motion.
+        Returns None, and adds nothing, if the map does not explain the sweep.
         """
         cloud = self._prepared(xyz)
         if cloud is None or self._last is None:

@@ -1,7 +1,4 @@
-"""Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`.
-
-With the one conversion of poses in messages, live and recorded, and its tolerance.
-"""
+"""Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`."""
 
 from __future__ import annotations
 
@@ -12,21 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from msg_utils.errors import MessageError
-
 if TYPE_CHECKING:
     from mnsf_ros.settings import EgoMotionSettings
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
-# Any object with the attributes of geometry_msgs/Pose.
-PoseLike: TypeAlias = Any
 
 _RIGID_TOLERANCE: Final = 1e-3
-# Drivers send quaternions rounded to float32 or a few decimals: those are normalised. Outside of
-# this range the four numbers are something else, all zeros most of the time.
-_MIN_NORM: Final = 0.5
-_MAX_NORM: Final = 1.5
-_FARTHEST_M: Final = 1e9  # the difference of two such positions is good to a micrometre
 
 
 def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> FloatArray:
@@ -130,44 +118,3 @@ def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[
     poses[..., :3, 3] = positions
     poses[..., 3, 3] = 1.0
     return poses
-
-
-def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
-    """Returns the (4, 4) matrix of a geometry_msgs/Pose.
-
-    A quaternion of a norm from 0.5 to 1.5 is normalised.
-
-    Raises:
-        MessageError: If a number is not finite, the position is 1e9 m or more from the origin, or
-            the quaternion has another norm.
-    """
-    p, q = pose.position, pose.orientation
-    position = np.array([p.x, p.y, p.z], dtype=np.float64)
-    quaternion = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
-    if not (np.abs(position) < _FARTHEST_M).all():
-        raise MessageError(
-            f"invalid position {position.tolist()}, expected metres below {_FARTHEST_M:g}"
-        )
-    with np.errstate(over="ignore"):
-        norm = float(np.linalg.norm(quaternion))
-    if not _MIN_NORM < norm < _MAX_NORM:
-        raise MessageError(
-            f"invalid quaternion {quaternion.tolist()} (norm {norm:.4g}, expected 1)"
-        )
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-    matrix[:3, 3] = position
-    return matrix
-
-
-def pose_quaternion(matrix: FloatArray) -> tuple[float, float, float, float]:
-    """Returns x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
-
-    Raises:
-        MessageError: If the matrix is not a rotation and a translation.
-    """
-    if not is_rigid(matrix):
-        raise MessageError(f"pose is no rigid motion: {matrix.tolist()}")
-    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat()
-    sign = -1.0 if w < 0 else 1.0
-    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.sweeps.sweep import Sweep
+from msg_utils.cloud_layout import CloudLayout
 from msg_utils.point_cloud2 import (
     EncodedCloud,
     clash_names,
@@ -28,26 +29,16 @@ _CLASH_PREFIX: Final = "sensor_"
 
 @dataclass(frozen=True)
 class CloudSource:
-    """The message that a sweep was decoded from.
-
-    Attributes:
-        message: The message, unchanged.
-        finite: (height * width,) bool, the points of the message that are in the sweep.
-    """
+    """The message that a sweep was decoded from."""
 
     message: PointCloud2
-    finite: NDArray[np.bool_]
+    finite: NDArray[np.bool_]  # (height * width,) the points of the message that are in the sweep
 
 
 def sweep_from_message(message: PointCloud2, now_ns: int) -> Sweep:
-    """Decodes a cloud.
+    """Returns the finite points of a cloud, with a CloudSource as `source`.
 
-    Args:
-        message: The cloud.
-        now_ns: Taken as the sweep's stamp if the message has none.
-
-    Returns:
-        The finite points; `source` is a CloudSource.
+    The stamp is `now_ns` if the message has none.
 
     Raises:
         MessageError: If the message cannot be decoded.
@@ -62,16 +53,10 @@ def sweep_from_message(message: PointCloud2, now_ns: int) -> Sweep:
 
 
 def flow_message(sweep: Sweep, estimate: FlowEstimate, interval_s: float) -> PointCloud2:
-    """Returns the cloud that a sweep came from, with the columns of the estimate.
+    """Returns the cloud that a sweep came from, with the columns of its flow.
 
-    Args:
-        sweep: A sweep made by `sweep_from_message`.
-        estimate: Its flow.
-        interval_s: Seconds to the next sweep.
-
-    Returns:
-        The same header, height, width, order and fields, and the fields of FLOW_COLUMNS. A field
-        of the cloud that has the name of one of these is kept as `sensor_...`.
+    It has the same header, height, width, order and fields, and the fields of FLOW_COLUMNS. A field
+    of the cloud that has the name of one of these is kept as `sensor_...`.
     """
     source: CloudSource = sweep.source
     columns = flow_columns(estimate, interval_s, source.finite)
@@ -86,47 +71,34 @@ def renamed_fields(message: PointCloud2) -> dict[str, str]:
 
 
 def part_message(sweep: Sweep, flow_message: PointCloud2, wanted: NDArray[np.bool_]) -> PointCloud2:
-    """Some points of a flow cloud, as a cloud of one row.
-
-    Args:
-        sweep: The sweep of the flow.
-        flow_message: Its cloud.
-        wanted: (N,) bool, the points of the sweep to take.
-    """
+    """Returns the wanted points (N,) of a sweep's flow cloud, as a cloud of one row."""
     source: CloudSource = sweep.source
     points = decode_points(flow_message).reshape(-1)[np.flatnonzero(source.finite)[wanted]]
-    data = array("B")
-    data.frombytes(points.tobytes())
-    message = PointCloud2(
-        header=flow_message.header,
-        height=1,
-        width=len(points),
-        fields=flow_message.fields,
-        is_bigendian=flow_message.is_bigendian,
-        point_step=flow_message.point_step,
-        row_step=flow_message.point_step * len(points),
-        is_dense=True,
-    )
-    message.data = data
-    return message
+    layout = CloudLayout.from_cloud(flow_message)
+    part = replace(layout, height=1, width=len(points), row_step=layout.point_step * len(points))
+    return _message(flow_message.header, part, points.tobytes(), is_dense=True)
 
 
 def encoded_message(header: Header, encoded: EncodedCloud, *, is_dense: bool) -> PointCloud2:
-    """The message of an encoded cloud."""
+    """Returns the message of an encoded cloud."""
+    return _message(header, encoded, encoded.data.data, is_dense=is_dense)
+
+
+def _message(
+    header: Header, layout: CloudLayout, buffer: bytes | memoryview, *, is_dense: bool
+) -> PointCloud2:
     data = array("B")
-    data.frombytes(encoded.data.data)
+    data.frombytes(buffer)
     message = PointCloud2(
         header=header,
-        height=encoded.height,
-        width=encoded.width,
-        fields=[
-            PointField(name=item.name, offset=item.offset, datatype=item.datatype, count=item.count)
-            for item in encoded.fields
-        ],
-        is_bigendian=encoded.is_bigendian,
-        point_step=encoded.point_step,
-        row_step=encoded.row_step,
+        height=layout.height,
+        width=layout.width,
+        fields=[PointField(**asdict(field)) for field in layout.fields],
+        is_bigendian=layout.is_bigendian,
+        point_step=layout.point_step,
+        row_step=layout.row_step,
         is_dense=is_dense,
     )
+    # Not by the constructor, which would check byte after byte.
     message.data = data
     return message

@@ -40,21 +40,9 @@ class Diagnostics:
         self._last_counts: Mapping[str, int] = {}
 
     def statuses(
-        self,
-        snapshot: StatisticsSnapshot,
-        state: InputState,
-        load: int,
-        settings: Settings,
+        self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
     ) -> list[DiagnosticStatus]:
-        """The statuses as of now.
-
-        Args:
-            snapshot: Counters and recent figures.
-            state: How the subscription stands.
-            load: Triplets at hand: 0, 1 or 2.
-            settings: Say after which silence the input counts as stale, and which source of the
-                ego motion is wanted.
-        """
+        """The statuses as of now, with `load` triplets at hand: 0, 1 or 2."""
         now_s, stale_after_s = time.monotonic(), settings.node.stale_after_s
         statuses = [
             self._input_status(snapshot, state, stale_after_s, now_s),
@@ -83,11 +71,7 @@ class Diagnostics:
             "publishers": state.num_publishers,
             "reliability": state.reliability,
             "rate [Hz]": f"{rate_hz:.2f}",
-            **{
-                event: count
-                for event, count in sorted(snapshot.counts.items())
-                if event.startswith(("sweeps_", "clouds_"))
-            },
+            **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)
 
@@ -102,11 +86,7 @@ class Diagnostics:
             "latency p95 [ms]": _number(snapshot.latency_ms(95)),
             "queue": max(0, load - 1),
             "busy": load > 0,
-            **{
-                event: count
-                for event, count in sorted(snapshot.counts.items())
-                if not event.startswith(("sweeps_", "clouds_"))
-            },
+            **_counts(snapshot, of_input=False),
             "last failure": snapshot.last_failure or "none",
         }
         if snapshot.recent:
@@ -153,6 +133,14 @@ class Diagnostics:
             message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
+
+
+def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:
+    return {
+        event: count
+        for event, count in sorted(snapshot.counts.items())
+        if event.startswith(("sweeps_", "clouds_")) == of_input
+    }
 
 
 def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:

@@ -33,12 +33,6 @@ class FaultLog:
         logger: Any,  # noqa: ANN401 - rclpy's logger type moves about
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Starts without faults.
-
-        Args:
-            logger: Gets the lines.
-            clock: Seconds of a steady clock.
-        """
         self._logger = logger
         self._clock = clock
         self._lock = threading.Lock()

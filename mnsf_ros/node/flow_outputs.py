@@ -13,12 +13,12 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
-from mnsf_ros.geometry.transforms import pose_quaternion
+from mnsf_ros.ego_motion.ego_motion import UNKNOWN_COVARIANCE
+from mnsf_ros.geometry.pose_messages import pose_quaternion
 from mnsf_ros.node.cloud_messages import CloudSource, flow_message, part_message
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 WORLD_FRAME: Final = "scene_flow_odom"
-_UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
 
 
 class FlowOutputs:
@@ -28,7 +28,6 @@ class FlowOutputs:
     """
 
     def __init__(self, node: Node) -> None:
-        """Makes the publishers."""
         reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._flow = node.create_publisher(PointCloud2, "~/flow", reliable)
@@ -68,16 +67,10 @@ class FlowOutputs:
 
 
 def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> Odometry:
-    """Returns where the sensor was at a sweep, and how it moves.
+    """Returns where the sensor was at the sweep of a cloud's header, and how it moves.
 
-    Args:
-        header: Of the sweep's cloud.
-        known: What its estimate says of the sensor's motion.
-        interval_s: Seconds to the next sweep; the twist is 0 and unknown where it is not positive.
-
-    Returns:
-        Pose of the sensor in `scene_flow_odom`, which is the sensor frame of the first sweep;
-        twist in the sensor's own frame.
+    The pose is in `scene_flow_odom`, which is the sensor frame of the first sweep; the twist in the
+    sensor's own frame, 0 and unknown where the seconds to the next sweep are not positive.
     """
     message = Odometry(child_frame_id=header.frame_id)
     message.header.stamp = header.stamp
@@ -85,9 +78,7 @@ def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> 
     position, turn = message.pose.pose.position, message.pose.pose.orientation
     position.x, position.y, position.z = known.world_from_sensor[:3, 3].tolist()
     turn.x, turn.y, turn.z, turn.w = pose_quaternion(known.world_from_sensor)
-    pose_covariance = twist_covariance = _UNKNOWN_COVARIANCE
-    if known.pose_covariance is not None:
-        pose_covariance = known.pose_covariance
+    pose_covariance, twist_covariance = known.pose_covariance, None
     if interval_s > 0:
         # The sensor moves against what stands still.
         current_from_next = np.linalg.inv(known.next_from_current)
@@ -97,6 +88,6 @@ def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> 
         angular.x, angular.y, angular.z = (rotation / interval_s).tolist()
         if known.motion_covariance is not None:
             twist_covariance = known.motion_covariance / interval_s**2
-    message.pose.covariance = pose_covariance.ravel()
-    message.twist.covariance = twist_covariance.ravel()
+    for part, covariance in ((message.pose, pose_covariance), (message.twist, twist_covariance)):
+        part.covariance = (UNKNOWN_COVARIANCE if covariance is None else covariance).ravel()
     return message

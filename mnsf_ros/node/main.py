@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import sys
+from collections.abc import MutableMapping
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.process_environment import NoRosError, prepare_environment, require_ros
+from mnsf_ros.errors import MnsfError, SettingsError
 
 if TYPE_CHECKING:
     from mnsf_ros.node.scene_flow_node import SceneFlowNode
+
+TRANSPORT_PROFILE = Path(__file__).with_name("fastdds.xml")
+
+_PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
 _CLOSE_TIMEOUT_S = 0.5
@@ -47,6 +53,34 @@ def main() -> None:
     os._exit(status)
 
 
+def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Sets what the user has not set, before ROS and torch are loaded.
+
+    The Fast DDS profile lets clouds of several megabytes through; the OpenMP policy keeps torch's
+    threads from burning the core that the ROS executor needs.
+    """
+    if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
+        environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
+    environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+class NoRosError(MnsfError):
+    """There is no rclpy in this Python."""
+
+
+def require_ros() -> None:
+    """Checks that rclpy can be imported.
+
+    Raises:
+        NoRosError: If not; it says what to do.
+    """
+    if importlib.util.find_spec("rclpy") is None:
+        raise NoRosError(
+            "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install "
+            "its wheels (pip install 'mnsf_ros[wheels]')"
+        )
+
+
 class _EndSignals:
     """SIGINT and SIGTERM: without a KeyboardInterrupt, which could come in the clean-up, too.
 
@@ -76,7 +110,11 @@ def _run(signals: _EndSignals) -> int:
     status, node = 0, None
     try:
         _init_ros()
-        node = _make_node(signals)
+        # It loads torch, which takes a second or two: after mistakes in the ROS arguments.
+        from mnsf_ros.node.scene_flow_node import SceneFlowNode
+
+        signals.leave_to_rclpy()
+        node = SceneFlowNode()
         _spin(node)
     except (SettingsError, ParameterException) as error:
         get_logger(_LOGGER_NAME).fatal(str(error))
@@ -94,11 +132,7 @@ def _run(signals: _EndSignals) -> int:
 
 
 def _init_ros() -> None:
-    """Reads the ROS arguments of the command line.
-
-    Raises:
-        SettingsError: If they cannot be understood, or a parameter file cannot be read.
-    """
+    """Reads the ROS arguments of the command line and parameter files."""
     import rclpy
 
     try:
@@ -106,14 +140,6 @@ def _init_ros() -> None:
     except Exception as error:  # noqa: BLE001 - rclpy's classes for this are private
         text = " ".join(str(error).split())
         raise SettingsError(f"cannot start ROS: {type(error).__name__}: {text}") from None
-
-
-def _make_node(signals: _EndSignals) -> SceneFlowNode:
-    # It loads torch, which takes a second or two: after a mistake in the ROS arguments was found.
-    from mnsf_ros.node.scene_flow_node import SceneFlowNode
-
-    signals.leave_to_rclpy()
-    return SceneFlowNode()
 
 
 def _spin(node: SceneFlowNode) -> None:
@@ -128,7 +154,3 @@ def _spin(node: SceneFlowNode) -> None:
             executor.spin()
         except Exception as error:  # noqa: BLE001 - rclpy's parameter services raise what they like
             node.report_error("executor", error)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -41,33 +34,14 @@ def undeclared_overrides(node: Node) -> list[str]:
     return sorted(name for name in overrides if not node.has_parameter(name))
 
 
-class ParameterChanges:
-    """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+def changed_settings(settings: Settings, parameters: list[Parameter]) -> Settings:
+    """Returns the settings after `ros2 param set`; leaves out what is no setting.
 
-    def __init__(self, node: Node, settings: Settings, apply: Callable[[Settings], None]) -> None:
-        """Registers with the node.
-
-        Args:
-            node: The node that has declared the parameters.
-            settings: The settings that hold now.
-            apply: Takes new settings, or raises SettingsError if they cannot hold.
-        """
-        self._settings = settings
-        self._apply = apply
-        node.add_on_set_parameters_callback(self._on_set)
-
-    def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        names = {setting.name for setting in declared_settings()}
-        values = {item.name: item.value for item in parameters if item.name in names}
-        try:
-            settings = self._settings.changed(values)
-            self._apply(settings)
-        except SettingsError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
-            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
-        self._settings = settings
-        return SetParametersResult(successful=True)
+    Raises:
+        SettingsError: If a value does not fit.
+    """
+    names = {setting.name for setting in declared_settings()}
+    return settings.changed({item.name: item.value for item in parameters if item.name in names})
 
 
 def _descriptor(setting: Setting) -> ParameterDescriptor:
@@ -81,14 +55,9 @@ def _descriptor(setting: Setting) -> ParameterDescriptor:
     if setting.choices:
         descriptor.additional_constraints = f"one of {', '.join(setting.choices)}"
     elif setting.minimum is not None and setting.maximum is not None:
+        low, high = setting.kind(setting.minimum), setting.kind(setting.maximum)
         if setting.kind is int:
-            descriptor.integer_range = [
-                IntegerRange(from_value=int(setting.minimum), to_value=int(setting.maximum))
-            ]
+            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
         else:
-            descriptor.floating_point_range = [
-                FloatingPointRange(
-                    from_value=float(setting.minimum), to_value=float(setting.maximum)
-                )
-            ]
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     return descriptor

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,23 +21,22 @@ FLOW_STATUS = ": flow"
 
 @dataclass(frozen=True)
 class ReceivedFlow:
-    """A flow cloud as it arrived.
+    """A flow cloud as it arrived."""
 
-    Attributes:
-        stamp_ns: Stamp of the sweep that it belongs to.
-        arrived_s: `time.monotonic()` of its arrival.
-        raw: The serialized message.
-    """
-
-    stamp_ns: int
-    arrived_s: float
-    raw: bytes
+    stamp_ns: int  # of the sweep that it belongs to
+    arrived_s: float  # `time.monotonic()`
+    raw: bytes  # the serialized message
 
 
 class ReplayLink:
     """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
 
     Use it as a context manager.
+
+    Attributes:
+        flow_values: Key to value of the node's latest `flow` status on /diagnostics.
+        counts: Event to how often it happened, in the node's latest message on /diagnostics.
+        num_statuses: Messages of the node on /diagnostics so far.
     """
 
     def __init__(
@@ -48,19 +46,12 @@ class ReplayLink:
         on_flow: Callable[[ReceivedFlow], None],
         on_diagnostics: Callable[[bytes], None],
     ) -> None:
-        """Joins the ROS graph.
-
-        Args:
-            points_topic: Where the sweeps go to.
-            flow_topic: Where the flow comes from.
-            on_flow: Gets each flow cloud.
-            on_diagnostics: Gets each serialized message on /diagnostics.
-        """
+        """Joins the ROS graph; `on_diagnostics` gets each serialized message on /diagnostics."""
         self._on_flow = on_flow
         self._on_diagnostics = on_diagnostics
-        self._values: dict[str, str] = {}
-        self._counts: dict[str, int] = {}
-        self._num_statuses = 0
+        self.flow_values: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        self.num_statuses = 0
         self._context = Context()
         rclpy.init(context=self._context)
         self._node = rclpy.create_node("mnsf_replay", context=self._context)
@@ -79,12 +70,7 @@ class ReplayLink:
         """Returns itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Leaves the ROS graph."""
         self._executor.shutdown()
         self._node.destroy_node()
@@ -95,21 +81,6 @@ class ReplayLink:
         """Whether the scene flow node listens and will be heard."""
         is_heard = self._publisher.get_subscription_count() > 0
         return bool(is_heard and self._node.count_publishers(self._flow.topic_name) > 0)
-
-    @property
-    def flow_values(self) -> dict[str, str]:
-        """Key to value of the node's latest `flow` status on /diagnostics."""
-        return self._values
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Event to how often it happened, in the node's latest message on /diagnostics."""
-        return self._counts
-
-    @property
-    def num_statuses(self) -> int:
-        """Messages of the node on /diagnostics so far."""
-        return self._num_statuses
 
     def publish(self, raw: bytes) -> int:
         """Publishes a serialized cloud; returns the stamp in its header, nanoseconds.
@@ -140,9 +111,9 @@ class ReplayLink:
             if status.name.endswith(FLOW_STATUS)
         ]
         if values:
-            self._values = values[-1]
-            self._num_statuses += 1
-            self._counts = {
+            self.flow_values = values[-1]
+            self.num_statuses += 1
+            self.counts = {
                 item.key: int(item.value)
                 for status in statuses
                 for item in status.values

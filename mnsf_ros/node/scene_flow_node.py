@@ -10,19 +10,20 @@ from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.cloud_messages import renamed_fields, sweep_from_message
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
-from mnsf_ros.node.input_subscription import InputSubscription
-from mnsf_ros.node.odometry_subscription import OdometrySubscription
-from mnsf_ros.node.parameters import ParameterChanges, declare_parameters, undeclared_overrides
+from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
+from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
@@ -53,22 +54,13 @@ class SceneFlowNode(Node):
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
-        self._changes = ParameterChanges(self, self._settings, self._apply_settings)
+        self.add_on_set_parameters_callback(self._on_parameters)
         self._outputs = FlowOutputs(self)
         self._odometry = OdometrySubscription(
-            self,
-            "~/odometry",
-            self._settings.ego_motion,
-            self._on_bad_odometry,
-            self._guarded,
+            self, "~/odometry", self._settings.ego_motion, self._on_bad_odometry, self._guarded
         )
-        self._input = InputSubscription(
-            self,
-            "~/points",
-            self._settings.node.input_reliability,
-            self._guarded(self._on_cloud),
-            self._on_lost,
-        )
+        reliability, on_cloud = self._settings.node.input_reliability, self._guarded(self._on_cloud)
+        self._input = InputSubscription(self, "~/points", reliability, on_cloud, self._on_lost)
         self._diagnostics = Diagnostics(self.get_name())
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._start_timers()
@@ -117,7 +109,8 @@ class SceneFlowNode(Node):
             self._faults.warn("empty", "a cloud without a finite point is skipped")
             return
         sweep = self._odometry.located(sweep)
-        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=self._is_watched())
+        is_watched = self._settings.node.always_estimate or self._outputs.are_watched
+        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
@@ -125,11 +118,6 @@ class SceneFlowNode(Node):
     def _on_bad_odometry(self, fault: str, text: str) -> None:
         self._pipeline.statistics.count(fault)
         self._faults.warn(fault, f"an odometry message is skipped: {text}")
-
-    def _is_watched(self) -> bool:
-        if self._settings.node.always_estimate:
-            return True
-        return self._outputs.are_watched
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the worker thread."""
@@ -181,11 +169,19 @@ class SceneFlowNode(Node):
         )
         self._diagnostics_publisher.publish(message)
 
-    def _apply_settings(self, settings: Settings) -> None:
-        self._pipeline.change_settings(_with_node_threads(settings))
-        if settings.ego_motion != self._settings.ego_motion:
-            self._odometry.change_settings(settings.ego_motion)
+    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+        try:
+            settings = changed_settings(self._settings, parameters)
+            self._pipeline.change_settings(_with_node_threads(settings))
+            if settings.ego_motion != self._settings.ego_motion:
+                self._odometry.change_settings(settings.ego_motion)
+        except SettingsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         self._settings = settings
+        return SetParametersResult(successful=True)
 
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Returns a callback that logs and counts errors, which would end the node."""

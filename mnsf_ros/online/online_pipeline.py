@@ -52,12 +52,7 @@ class OnlinePipeline:
         on_estimate: Callable[[TripletJob, FlowEstimate], None],
         on_failure: Callable[[TripletJob, Exception], None],
     ) -> None:
-        """Starts the worker thread.
-
-        Args:
-            settings: How to estimate, until `change_settings`.
-            on_estimate: Gets each flow.
-            on_failure: Gets what went wrong with a triplet; the next one is tried all the same.
+        """Starts the worker thread. After a failure the next triplet is tried all the same.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.

@@ -20,7 +20,7 @@ from rosbags.typesys.stores.ros2_jazzy import (
     std_msgs__msg__Header,
 )
 
-from mnsf_ros.geometry.transforms import pose_quaternion
+from mnsf_ros.geometry.pose_messages import pose_quaternion
 from msg_utils.stamps import encode_stamp
 
 if TYPE_CHECKING:

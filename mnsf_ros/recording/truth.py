@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.geometry.transforms import pose_matrix
+from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.errors import MessageError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
 
-from mnsf_ros.node.process_environment import TRANSPORT_PROFILE, prepare_environment
+from mnsf_ros.node.main import TRANSPORT_PROFILE, prepare_environment
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"

@@ -1,0 +1,62 @@
+"""Poses in messages, live and recorded, <-> (4, 4) matrices, with one tolerance."""
+
+from __future__ import annotations
+
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from mnsf_ros.geometry.transforms import FloatArray, is_rigid
+from msg_utils.errors import MessageError
+
+# Any object with the attributes of geometry_msgs/Pose.
+PoseLike: TypeAlias = Any
+
+# Drivers send quaternions rounded to float32 or a few decimals: those are normalised. Outside of
+# this range the four numbers are something else, all zeros most of the time.
+_MIN_NORM: Final = 0.5
+_MAX_NORM: Final = 1.5
+_FARTHEST_M: Final = 1e9  # the difference of two such positions is good to a micrometre
+
+
+def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
+    """Returns the (4, 4) matrix of a geometry_msgs/Pose.
+
+    A quaternion of a norm from 0.5 to 1.5 is normalised.
+
+    Raises:
+        MessageError: If a number is not finite, the position is 1e9 m or more from the origin, or
+            the quaternion has another norm.
+    """
+    p, q = pose.position, pose.orientation
+    position = np.array([p.x, p.y, p.z], dtype=np.float64)
+    quaternion = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
+    if not (np.abs(position) < _FARTHEST_M).all():
+        raise MessageError(
+            f"invalid position {position.tolist()}, expected metres below {_FARTHEST_M:g}"
+        )
+    with np.errstate(over="ignore"):
+        norm = float(np.linalg.norm(quaternion))
+    if not _MIN_NORM < norm < _MAX_NORM:
+        raise MessageError(
+            f"invalid quaternion {quaternion.tolist()} (norm {norm:.4g}, expected 1)"
+        )
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    matrix[:3, 3] = position
+    return matrix
+
+
+def pose_quaternion(matrix: FloatArray) -> tuple[float, float, float, float]:
+    """Returns x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
+
+    Raises:
+        MessageError: If the matrix is not a rotation and a translation.
+    """
+    if not is_rigid(matrix):
+        raise MessageError(f"pose is no rigid motion: {matrix.tolist()}")
+    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat()
+    sign = -1.0 if w < 0 else 1.0
+    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)

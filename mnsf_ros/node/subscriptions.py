@@ -1,0 +1,149 @@
+"""The subscriptions to the lidar and, where the settings want it, to the robot's odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+
+from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
+from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.sweeps.sweep import Sweep
+from msg_utils.errors import MessageError
+from msg_utils.stamps import decode_stamp
+
+# Callbacks only decode and hand over, so waiting messages mean a short stall, not a queue.
+_DEPTH = 5
+
+
+class InputSubscription:
+    """Subscribes best effort, or reliable where every publisher is.
+
+    Reliable transport loses no large clouds, but a reliable subscription gets nothing from a
+    best-effort publisher. `BEST_AVAILABLE` decides once, often before the publisher is there, so
+    this looks again and again: call `refresh` from a timer.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        reliability: str,
+        on_cloud: Callable[[PointCloud2], None],
+        on_lost: Callable[[int], None],
+    ) -> None:
+        """Subscribes with reliability `auto`, `reliable` or `best_effort`.
+
+        `on_lost` gets the number of messages that the transport has just lost.
+        """
+        self._node = node
+        self._topic = topic
+        self._wanted = reliability
+        self._on_cloud = on_cloud
+        self._on_lost = on_lost
+        self._is_reliable = reliability == "reliable"
+        self._subscription = self._subscribe()
+
+    @property
+    def topic(self) -> str:
+        """Full name of the topic, after remapping."""
+        return str(self._subscription.topic_name)
+
+    @property
+    def reliability(self) -> str:
+        """`reliable` or `best_effort`, as subscribed now."""
+        return "reliable" if self._is_reliable else "best_effort"
+
+    @property
+    def num_publishers(self) -> int:
+        """Publishers of the topic that can be seen now."""
+        return int(self._node.count_publishers(self.topic))
+
+    def refresh(self) -> bool:
+        """Subscribes anew if the publishers offer something else; True if it did."""
+        if self._wanted != "auto":
+            return False
+        offered = self._node.get_publishers_info_by_topic(self.topic)
+        # Without publishers best effort, which suits whichever comes.
+        all_reliable = bool(offered) and all(
+            info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in offered
+        )
+        if all_reliable == self._is_reliable:
+            return False
+        self._is_reliable = all_reliable
+        self._node.destroy_subscription(self._subscription)
+        self._subscription = self._subscribe()
+        return True
+
+    def _subscribe(self) -> Any:  # noqa: ANN401 - rclpy's type differs between releases
+        policy = ReliabilityPolicy.RELIABLE if self._is_reliable else ReliabilityPolicy.BEST_EFFORT
+        return self._node.create_subscription(
+            PointCloud2,
+            self._topic,
+            self._on_cloud,
+            QoSProfile(depth=_DEPTH, reliability=policy),
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=lambda event: self._on_lost(int(event.total_count_change))
+            ),
+        )
+
+
+class OdometrySubscription:
+    """Remembers odometry, and tells each sweep where the sensor was."""
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        settings: EgoMotionSettings,
+        on_bad: Callable[[str, str], None],
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+    ) -> None:
+        """Subscribes, unless the settings do without odometry.
+
+        `on_bad` gets the name of the fault of a message that is left out, and what is wrong;
+        `guarded` makes a callback one that raises nothing.
+        """
+        self._node = node
+        self._topic = topic
+        self._on_bad = on_bad
+        self._callback = guarded(self._on_message)
+        self._subscription: Any = None
+        self.change_settings(settings)
+
+    def change_settings(self, settings: EgoMotionSettings) -> None:
+        """Lets other settings hold; what was heard before is forgotten."""
+        self._track = PoseTrack(mount=sensor_mount(settings))
+        is_wanted = settings.source == "odometry"
+        if is_wanted and self._subscription is None:
+            self._subscription = self._node.create_subscription(
+                Odometry, self._topic, self._callback, qos_profile_sensor_data
+            )
+        elif not is_wanted and self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def located(self, sweep: Sweep) -> Sweep:
+        """The sweep with the sensor's pose by odometry, if that is known."""
+        pose = self._track.pose_at(sweep.stamp_ns)
+        return sweep if pose is None else replace(sweep, odometry=pose.world_from_frame)
+
+    def _on_message(self, message: Odometry) -> None:
+        try:
+            stamp_ns = decode_stamp(message.header.stamp)
+            if stamp_ns == 0:
+                raise MessageError("no stamp, expected the time of the pose")
+            pose = StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
+        except MessageError as error:
+            self._on_bad("odometry_undecodable", str(error))
+            return
+        if not self._track.add(pose):
+            self._on_bad("odometry_out_of_order", f"stamp {stamp_ns} is not after the last one")
