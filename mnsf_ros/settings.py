@@ -449,7 +449,8 @@ class Settings:
 
     Attributes:
         explicit: Full names of the settings that were set on top of a preset, to whatever value.
-            Not compared: settings with the same values are equal.
+            Not compared: settings with the same values are equal. Who stores settings stores these,
+            too, because `presets.settings_for` reads them.
     """
 
     method: MethodSettings = MethodSettings()

@@ -10,16 +10,12 @@ _ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
 
 class Batches:
-    """Random rows of a table, or all of them."""
+    """Random rows of a table (M, C), or all of them if the size is 0 or at least M.
+
+    The generator is on the CPU, so that a GPU draws the same rows.
+    """
 
     def __init__(self, rows: torch.Tensor, size: int, generator: torch.Generator) -> None:
-        """Prepares the draws.
-
-        Args:
-            rows: (M, C) what to draw from.
-            size: Rows of a batch; 0, or at least M: all of them.
-            generator: Source of randomness, on the CPU so that a GPU draws the same rows.
-        """
         self._rows = rows
         self._size = size
         self._generator = generator
@@ -39,13 +35,5 @@ class Batches:
 
 @torch.no_grad()
 def evaluate(network: nn.Module, rows: torch.Tensor) -> torch.Tensor:
-    """Applies a network to any number of rows, in pieces that bound the memory.
-
-    Args:
-        network: Maps (M, C) to (M, 3).
-        rows: (N, C).
-
-    Returns:
-        (N, 3), without gradient.
-    """
+    """Applies a network to rows (N, C), in pieces that bound the memory; (N, 3)."""
     return torch.cat([network(part) for part in rows.split(_ROWS_AT_ONCE[rows.device.type])])

@@ -17,6 +17,9 @@ from mnsf_ros.core.optimization import (
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 
+# Below this the loss is noise of the sensor, and its ratio says nothing.
+_SMALLEST_LOSS_M = 0.02
+
 
 def fit_field(
     field: Learner,
@@ -28,13 +31,8 @@ def fit_field(
 ) -> OptimizationResult:
     """Makes a field move the current points onto a target sweep: minimizes mean D(p + g(p), S).
 
-    Args:
-        field: The field to fit, in place.
-        batches: Rows (M, 3): points of the current sweep, metres.
-        target: Distance to the next or to the previous sweep.
-        schedule: How long and with which steps.
-        keep_best: Whether to end with the weights of the lowest loss, where losses can be
-            compared, or with those of the last step.
+    The batches are rows (M, 3): points of the current sweep, metres. With `keep_best` the field
+    ends with the weights of the lowest loss, where losses can be compared, else of the last step.
 
     Raises:
         OptimizationError: If the loss is not finite.
@@ -58,16 +56,8 @@ def fit_jointly(
 ) -> OptimizationResult:
     """Fits all fields in the same steps, as the authors' code does, not the paper.
 
-    The loss is the sum of theirs; whether it still falls is judged by that of the first field
-    alone, so that the others may stop half-way.
-
-    Args:
-        fields: The forward field and the backward fields, which share one optimizer.
-        batches: Rows (M, 3): points of the current sweep, metres.
-        targets: Distance to the sweep of each field.
-        schedule: How long and with which steps.
-        keep_best: Whether to end with the weights of the lowest sum of losses, where losses can
-            be compared, or with those of the last step.
+    The fields share one optimizer, and the loss is the sum of theirs. Whether it still falls is
+    judged by that of the first field alone, so the others may stop half-way.
 
     Raises:
         OptimizationError: If the loss is not finite.
@@ -103,18 +93,10 @@ def still_fits(
 ) -> bool:
     """Whether a field that was fitted to an earlier pair of sweeps explains this one, too.
 
-    Args:
-        field: The carried field.
-        batches: Rows (M, 3): points of the current sweep, metres.
-        target: Distance to the sweep that the field should move the points onto.
-        max_loss_ratio: How much larger than at the end of its fit the loss may be.
+    Its loss may be at most `max_loss_ratio` times that at the end of its fit.
     """
     if field.last_loss is None:
         return False
     points = batches.draw()
     loss = target.mean(points + field.network(points)).item()
     return loss <= max_loss_ratio * max(field.last_loss, _SMALLEST_LOSS_M)
-
-
-# Below this the loss is noise of the sensor, and its ratio says nothing.
-_SMALLEST_LOSS_M = 0.02

@@ -82,13 +82,8 @@ def fit_fusion(
 ) -> OptimizationResult:
     """Makes the fused flow move the current points onto the next sweep.
 
-    Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed.
-
-    Args:
-        fusion: The fusion to fit, in place.
-        batches: Rows (M, 3 + 3 K): point, forward flow, inverted backward flows, metres.
-        target: Distance to the next sweep.
-        schedule: How long and with which steps.
+    Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed. The batches are rows
+    (M, 3 + 3 K): point, forward flow and inverted backward flows, metres.
 
     Raises:
         OptimizationError: If the loss is not finite.

@@ -33,11 +33,6 @@ class Learners:
         """The field toward the next sweep."""
         return self.fields[0]
 
-    @property
-    def backward(self) -> Learner:
-        """The field toward the previous sweep."""
-        return self.fields[1]
-
     @classmethod
     def fresh(
         cls,

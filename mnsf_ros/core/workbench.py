@@ -113,13 +113,8 @@ class Workbench:
     ) -> None:
         """Optimizes a network in place, timed and noted under the name of the stage.
 
-        Args:
-            stage: Name of the stage.
-            learner: Network and optimizer.
-            loss_of: Computes the loss of the network as it is now.
-            schedule: How long and with which steps.
-            keep_best: Whether losses can be compared and the best weights be kept; if not given,
-                where `points` are whole.
+        With `keep_best` losses can be compared and the best weights are kept; the default is to
+        do so where `points` are whole.
 
         Raises:
             OptimizationError: If the loss is not finite.
@@ -132,15 +127,9 @@ class Workbench:
     def flow(
         self, stage: str, network: nn.Module, rows: torch.Tensor | None = None
     ) -> torch.Tensor:
-        """The flow that a fitted network says.
+        """Returns the flow of a fitted network, (P, 3) finite metres.
 
-        Args:
-            stage: Whose time this adds to.
-            network: Maps (N, C) to (N, 3).
-            rows: (P, C) for each position of the current sweep; the positions if not given.
-
-        Returns:
-            (N, 3) finite metres.
+        Its input is one row for each position of the current sweep; by default the position.
 
         Raises:
             OptimizationError: If the flow is not finite.
@@ -157,7 +146,7 @@ class Workbench:
     def fused_flow(
         self, fusion: Learner, flows: Sequence[torch.Tensor], schedule: Schedule
     ) -> torch.Tensor:
-        """Fits g_fusion to f and f' ..., each (N, 3); (N, 3) finite metres, from t to t+1."""
+        """Fits g_fusion to f and f' ..., each (P, 3); (P, 3) finite metres, from t to t+1."""
         with self.stage("fusion"):
             side_by_side = torch.cat(list(flows), dim=1)  # [N, 3 K]
             rows = torch.cat([self.current.positions, side_by_side], dim=1)[self._indices_to_fit]
@@ -167,11 +156,9 @@ class Workbench:
         return self.flow("fusion", fusion.network, side_by_side)
 
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
-        """Makes the result of the (N, 3) flow.
+        """Makes the result of the flow at the positions, (P, 3) metres from t to t+1.
 
-        Args:
-            flow: Metres, from t to t+1.
-            distance_kind: How distances were measured, if not to `next.distance`.
+        `distance_kind` says how distances were measured, if not by `next.distance`.
         """
         return FlowEstimate(
             flow=self.current.whole(flow),

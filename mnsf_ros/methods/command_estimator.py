@@ -44,7 +44,10 @@ def variable_of(method: str) -> str:
 
 
 class CommandEstimator:
-    """Lets another program estimate the flow of the points inside the crop; elsewhere it is 0."""
+    """Lets another program estimate the flow of the kept points.
+
+    The others get zero flow, or NaN where the caller has said which points it asks for.
+    """
 
     traits = MethodTraits(is_external=True)
 
@@ -115,7 +118,8 @@ class CommandEstimator:
         with clock.stage("command"):
             sweeps = (current.points.numpy(), following.points.numpy())
             kept_flow, output = self._run(*sweeps)
-        flow = np.zeros_like(triplet.current.xyz)
+        elsewhere = 0.0 if triplet.current.kept is None else np.nan
+        flow = np.full_like(triplet.current.xyz, elsewhere)
         flow[current.kept] = kept_flow
         times = _TIME_LINE.findall(output)
         times_ms = {"network": float(times[-1])} if times else clock.times_ms

@@ -1,7 +1,7 @@
 """MNSF, the method of the paper: from three sweeps to the flow of the middle one.
 
 `mnsf` follows section 3 step by step. Variants (ablations, more sweeps, the authors' code) are
-settings and the number of fields.
+settings and the number of fields; `mnsf_cycle` has another loss.
 """
 
 from __future__ import annotations
@@ -10,13 +10,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
+from torch import nn
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, still_fits
 from mnsf_ros.core.motion_inversion import invert_motion
+from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
+from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.core.warm_start import Learners
 from mnsf_ros.core.workbench import Workbench
+from mnsf_ros.methods.fields import perceptron_field
 
 
 def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:
@@ -107,3 +112,34 @@ def _inverted(bench: Workbench, backward_flows: Sequence[torch.Tensor]) -> list[
         return list(backward_flows)
     ratios = bench.triplet.interval_ratios[: len(backward_flows)]
     return [invert_motion(flow, ratio) for flow, ratio in zip(backward_flows, ratios, strict=True)]
+
+
+def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
+    """MNSF (cycle consistency) of the paper's tables, with NSFP's cycle term; (N, 3) metres."""
+    (previous,) = bench.before
+    forward_flow = _cycle_flow("forward", bench, bench.next, schedules.forward)
+    backward_flow = _cycle_flow("backward", bench, previous, schedules.backward)
+    inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
+    network = fusion_network(bench.settings.fusion, bench.generator).to(bench.device)
+    fusion = Learner.fresh(network)
+    return bench.fused_flow(fusion, [forward_flow, inverted_flow], schedules.fusion)
+
+
+def _cycle_flow(
+    stage: str, bench: Workbench, target: PreparedSweep, schedule: Schedule
+) -> torch.Tensor:
+    """Minimizes mean D(q, S) + w mean D(q + h(q), S2), with q = p + g(p); (N, 3) metres.
+
+    The inverse field h must bring the moved points back.
+    """
+    weight = bench.settings.mnsf_cycle.weight
+    there, back = (perceptron_field(bench) for _ in range(2))
+
+    def loss_of() -> torch.Tensor:
+        points = bench.points.draw()
+        moved = points + there(points)
+        returned = moved + back(moved)
+        return target.distance.mean(moved) + weight * bench.current.distance.mean(returned)
+
+    bench.fit(stage, Learner.fresh(nn.ModuleList([there, back])), loss_of, schedule)
+    return bench.flow(stage, there)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from mnsf_ros.core.nearest_neighbor import NearestNeighborDistance
 from mnsf_ros.core.optimization import Learner
 from mnsf_ros.core.schedule import Schedules
+from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import (
     FieldMaker,

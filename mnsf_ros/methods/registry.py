@@ -17,8 +17,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods.command_estimator import CommandEstimator
 from mnsf_ros.methods.fnsf import fnsf, fnsf_joint, fnsf_linear, fnsf_time
-from mnsf_ros.methods.mnsf import mnsf
-from mnsf_ros.methods.mnsf_cycle import mnsf_cycle
+from mnsf_ros.methods.mnsf import mnsf, mnsf_cycle
 from mnsf_ros.methods.network_estimator import NetworkEstimator
 from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles

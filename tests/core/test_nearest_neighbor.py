@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from mnsf_ros.core.nearest_neighbor import NearestNeighborDistance
+from mnsf_ros.core.target_distance import NearestNeighborDistance
 
 
 def brute_force(positions, points):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,15 @@ def test_flow_is_what_the_program_writes(script, triplet):
     assert result.kept.all()
     assert list(result.times_ms) == ["prepare", "command"]
     assert result.fits == {}
+
+
+def test_exactly_the_points_asked_for_are_given_and_the_others_are_open(script, triplet):
+    asked = np.arange(20) % 2 == 0
+    given = SweepTriplet(None, replace(triplet.current, kept=asked), triplet.next)
+    result = estimate(script(NETWORK), given)
+    assert result.kept.tolist() == asked.tolist()
+    np.testing.assert_array_equal(result.flow[asked], triplet.current.xyz[asked] * np.float32(30))
+    assert np.isnan(result.flow[~asked]).all()
 
 
 def test_points_outside_the_crop_are_not_given_and_get_none(script, triplet):

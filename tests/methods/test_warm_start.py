@@ -219,7 +219,7 @@ def test_fresh_networks_differ_from_each_other_but_not_from_seed_to_seed():
     def weights(seed):
         generator = torch.Generator().manual_seed(seed)
         fresh = Learners.fresh(SMALL, generator, torch.device("cpu"))
-        return [next(each.network.parameters()) for each in (fresh.forward, fresh.backward)]
+        return [next(each.network.parameters()) for each in fresh.fields]
 
     (forward, backward), (again, _), (other, _) = weights(0), weights(0), weights(1)
     assert torch.equal(forward, again)
