@@ -18,7 +18,7 @@ import torch
 from mnsf_ros import __version__
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
 from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.recording.fingerprint import fingerprint
+from mnsf_ros.recording.bag_files import fingerprint
 from mnsf_ros.settings import Settings, SettingValue
 
 # Layout of the files of a run; those of early versions do not say theirs.
@@ -135,7 +135,7 @@ class RecordingRecord:
         num_sweeps: Number of sweeps that are stored.
         has_checksums: Whether flipped bits within a message would have been noticed.
         damages: What could not be read.
-        fingerprint: See `recording.fingerprint`; None in runs of early versions.
+        fingerprint: See `recording.bag_files`; None in runs of early versions.
     """
 
     name: str

@@ -22,7 +22,7 @@ from mnsf_ros.evaluation.run_record import (
     RunRecord,
     SessionRecord,
 )
-from mnsf_ros.recording.fingerprint import fingerprint, storage_files
+from mnsf_ros.recording.bag_files import fingerprint, storage_files
 
 # What must be the same when a run goes on; paths may move.
 _SAME = ("points", "truth", "odometry", "num_sweeps", "fingerprint")

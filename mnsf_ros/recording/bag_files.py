@@ -1,8 +1,9 @@
-"""Which files make up the recording at a path."""
+"""Which files make up the recording at a path, and whether two of them are the same one."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+import hashlib
+from typing import TYPE_CHECKING, Any, Final
 
 from mnsf_ros.errors import RecordingError
 
@@ -15,6 +16,10 @@ ROS1: Final = ".bag"
 SUFFIXES: Final = (MCAP, ".db3", ROS1)
 COMPRESSED: Final = ".zstd"
 _EXPECTED: Final = "a rosbag2 folder, or a .mcap, .db3 or .bag file"
+# Files of up to 4 MiB are read as a whole. Of larger ones so many parts, from the first bytes to
+# the last: another recording of the same size differs nearly everywhere.
+_NUM_PARTS: Final = 64
+_PART_BYTES: Final = 65_536
 
 
 def stored_files(path: Path) -> list[Path]:
@@ -84,3 +89,42 @@ def _content(entries: list[Path]) -> str:
 def _listed(names: list[str], limit: int = 5) -> str:
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(repr(name) for name in names[:limit]) + more
+
+
+def storage_files(path: Path) -> list[Path]:
+    """Returns the resolved paths of the files with messages of the recording at a path.
+
+    Symbolic links and other spellings of a path give the same. A path without such files, or of
+    nothing at all, gives itself.
+    """
+    path = path.resolve()
+    return [file.resolve() for file in stored_files(path)] or [path]
+
+
+def fingerprint(path: Path) -> dict[str, Any]:
+    """Returns what tells a recording from others wherever it lies, ready for JSON.
+
+    That is the size of its files with messages and a hash of parts of them; `metadata.yaml` may
+    be written again.
+
+    Raises:
+        OSError: A file cannot be read.
+    """
+    files = storage_files(path)
+    hashes = sorted(_hash_of_parts(file) for file in files)
+    return {
+        "num_files": len(files),
+        "num_bytes": sum(file.stat().st_size for file in files),
+        "hash": hashlib.sha256("".join(hashes).encode()).hexdigest()[:16],
+    }
+
+
+def _hash_of_parts(file: Path) -> str:
+    size = file.stat().st_size
+    step = max(_PART_BYTES, (size - _PART_BYTES) / (_NUM_PARTS - 1))
+    parts = hashlib.sha256()
+    with file.open("rb") as stream:
+        for number in range(_NUM_PARTS):
+            stream.seek(round(number * step))
+            parts.update(stream.read(_PART_BYTES))
+    return parts.hexdigest()

@@ -34,12 +34,6 @@ def cloud_message(
 ) -> sensor_msgs__msg__PointCloud2:
     """Returns a sensor_msgs/PointCloud2.
 
-    Args:
-        cloud: Layout and data.
-        stamp_ns: Header stamp in nanoseconds.
-        frame_id: Frame of the coordinates.
-        is_dense: Whether all points are finite.
-
     Raises:
         MessageError: The stamp does not fit a ROS message.
     """

@@ -40,16 +40,22 @@ class StoredMessage(NamedTuple):
     """A message as it is stored.
 
     Attributes:
-        position: Where it is in its file, such as `byte 4711`; may be empty.
+        topic: Name of the topic.
+        msgtype: For example `sensor_msgs/msg/PointCloud2`, empty if unknown.
         received_ns: Receive time in nanoseconds.
         raw: The serialized message.
-        msgtype: For example `sensor_msgs/msg/PointCloud2`.
+        file: The file or folder that it is in.
+        offset: Where its record, or that of its chunk, begins in the file; None if unknown.
+        is_verified: Whether a checksum says that it is what was written.
     """
 
-    position: str
+    topic: str
+    msgtype: str
     received_ns: int
     raw: bytes
-    msgtype: str
+    file: Path
+    offset: int | None = None
+    is_verified: bool = False
 
 
 class BagReader:
@@ -177,7 +183,9 @@ class BagReader:
             try:
                 converted = convert(item.raw, item.msgtype)
             except UNREADABLE as error:
-                yield self._damage(number, topic, error, item.position)
+                where = "" if item.offset is None else f"byte {item.offset}"
+                text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
+                yield Damage(str(item.file), where, text)
                 continue
             yield item.received_ns, converted
             number += 1
@@ -194,12 +202,13 @@ class BagReader:
                 try:
                     found = next(scan, None)
                 except UNREADABLE as error:
-                    yield self._damage(number, topic, error)
+                    text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
+                    yield Damage(str(self.path), "", text)
                     return
                 if found is None:
                     break
                 connection, received_ns, raw = found
-                yield StoredMessage("", received_ns, raw, connection.msgtype)
+                yield StoredMessage(topic, connection.msgtype, received_ns, raw, self.path)
                 number += 1
         expected = self.topics[topic].count
         if start_ns is None and stop_ns is None and number != expected:
@@ -260,10 +269,6 @@ class BagReader:
                 # rosbags reads the files as metadata.yaml lists them.
                 storage.storages.sort(key=lambda file: file.metadata.start_time)
         return source
-
-    def _damage(self, number: int, topic: str, error: Exception, position: str = "") -> Damage:
-        text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
-        return Damage(str(self.path), position, text)
 
 
 def decompressed(raw: bytes) -> bytes:

@@ -80,11 +80,7 @@ def find_topic(
 ) -> str:
     """Returns the topic to read.
 
-    Args:
-        path: The recording, for error texts.
-        topics: What it holds.
-        name: A topic, or None for the only topic of this type that has messages.
-        msgtype: The type that is needed.
+    If no name is given, that is the only topic of this type that has messages.
 
     Raises:
         RecordingError: There is no such topic, it is of another type or empty, or there are

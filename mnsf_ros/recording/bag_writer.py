@@ -130,12 +130,7 @@ class BagWriter:
     ) -> None:
         """Adds a point cloud.
 
-        Args:
-            topic: Topic name.
-            cloud: Layout and data.
-            stamp_ns: Header stamp and receive time in nanoseconds.
-            frame_id: Frame of the coordinates.
-            is_dense: Whether all points are finite.
+        Its header stamp is the receive time, too.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, or writing fails.
@@ -154,12 +149,7 @@ class BagWriter:
     ) -> None:
         """Adds a pose; the velocity in the message stays zero.
 
-        Args:
-            topic: Topic name.
-            pose: (4, 4) pose of the child frame in the frame `frame_id`, in metres.
-            stamp_ns: Header stamp and receive time in nanoseconds.
-            frame_id: The fixed frame.
-            child_frame_id: The moving frame.
+        The pose is (4, 4), of the child frame in the frame `frame_id`, in metres.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, or writing fails.

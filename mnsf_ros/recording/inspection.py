@@ -15,7 +15,7 @@ from mnsf_ros.recording.bag_files import MCAP, ROS1, stored_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage, reason
-from mnsf_ros.recording.salvage.salvage_reader import ENCODINGS, SalvageReader, salvaged_messages
+from mnsf_ros.recording.salvage.salvage_reader import SalvageReader, salvaged_messages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -143,8 +143,7 @@ def _told(watch: Callable[[int, int], None], before: int, total: int, offset: in
 def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
     """Reads a file from front to end, whatever its index says."""
     summary, messages = salvaged_messages(file)
-    channels = [channel for channel in summary.channels.values() if channel.encoding in ENCODINGS]
-    types = {channel.topic: channel.msgtype for channel in channels}
+    types = summary.types()
     counts: Counter[str] = Counter()
     damages: list[Damage] = []
     first_ns, last_ns = float("inf"), float("-inf")
@@ -154,14 +153,13 @@ def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
             if isinstance(message, Damage):
                 damages.append(message)
                 continue
-            watch(message.offset)
-            if message.channel.encoding in ENCODINGS:
-                counts[message.channel.topic] += 1
-                types.setdefault(message.channel.topic, message.channel.msgtype)
-                is_regular = is_regular and message.received_ns >= last_ns
-                first_ns = min(first_ns, message.received_ns)
-                last_ns = max(last_ns, message.received_ns)
-                has_checksums = has_checksums and message.is_verified
+            watch(message.offset or 0)
+            counts[message.topic] += 1
+            types.setdefault(message.topic, message.msgtype)
+            is_regular = is_regular and message.received_ns >= last_ns
+            first_ns = min(first_ns, message.received_ns)
+            last_ns = max(last_ns, message.received_ns)
+            has_checksums = has_checksums and message.is_verified
     except OSError as error:
         damages.append(Damage(str(file), "", f"cannot be read: {reason(error)}"))
     if not damages:

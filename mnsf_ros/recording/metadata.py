@@ -106,15 +106,7 @@ def _of_type(value: object, types: tuple[Any, ...], key: str) -> Any:  # noqa: A
 
 @dataclass
 class WrittenTopic:
-    """A topic of a recording that is being written.
-
-    Attributes:
-        name: Name of the topic.
-        msgtype: For example `sensor_msgs/msg/PointCloud2`.
-        type_hash: Hash of the type's definition, `RIHS01_...`.
-        channel: Number of its channel in the mcap file.
-        count: Number of messages so far.
-    """
+    """A topic of a recording that is being written: its channel in the mcap file, and so on."""
 
     name: str
     msgtype: str
@@ -139,13 +131,7 @@ class WrittenTopic:
 def write_metadata(
     file: Path, topics: Collection[WrittenTopic], first_ns: int, end_ns: int
 ) -> None:
-    """Writes the metadata.yaml for a folder with one mcap file.
-
-    Args:
-        file: The mcap file.
-        topics: What is in it.
-        first_ns: Receive time of the earliest message, nanoseconds.
-        end_ns: That of the latest one.
+    """Writes the metadata.yaml for a folder with one mcap file, beside it.
 
     Raises:
         OSError: It cannot be written.

@@ -19,11 +19,6 @@ def _jazzy() -> Typestore:
 def cdr_from_ros1(raw: bytes, msgtype: str, ros1: Typestore) -> bytes:
     """Returns a ROS 1 message as CDR bytes.
 
-    Args:
-        raw: The message as it is in the bag.
-        msgtype: Its type, for example `sensor_msgs/msg/PointCloud2`.
-        ros1: Definitions of the bag's types.
-
     Raises:
         ValueError: ROS 2 has no type of this name with the same fields.
     """

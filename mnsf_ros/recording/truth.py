@@ -25,13 +25,7 @@ class FlowTruthIndex(Mapping[int, FlowTruth]):
     """Sweep stamp (nanoseconds) -> truth; clouds are read when asked for, not before."""
 
     def __init__(self, reader: BagReader, topic: str, received_ns: dict[int, int]) -> None:
-        """Index truth clouds by stamp.
-
-        Args:
-            reader: An open recording, which must stay open.
-            topic: Topic of the truth clouds.
-            received_ns: Header stamp -> receive time of each truth cloud.
-        """
+        """Takes an open reader, which must stay open, and header stamp -> receive time."""
         self._reader = reader
         self._topic = topic
         self._received_ns = received_ns

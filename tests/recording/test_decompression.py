@@ -26,7 +26,7 @@ from mnsf_ros.decompression import (
 )
 from mnsf_ros.recording.conventions import CLOUD_TYPE
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.recording.salvage.ros1_records import read_ros1_messages
+from mnsf_ros.recording.salvage.ros1_file import read_ros1_messages
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
@@ -17,21 +17,13 @@ from mnsf_ros.recording.bag_reader import (
     decompressed,
 )
 from mnsf_ros.recording.bag_topics import TopicSummary
-from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
+from mnsf_ros.recording.damage import Damage, reason
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
-from mnsf_ros.recording.salvage.mcap_messages import (
-    SalvagedMessage,
-    Summary,
-    read_messages,
-    read_summary,
-)
-from mnsf_ros.recording.salvage.ros1_records import ROS1_ENCODING, read_ros1_messages
-
-# How messages are serialized that can be read.
-ENCODINGS: Final = frozenset({"cdr", ROS1_ENCODING})
+from mnsf_ros.recording.salvage.mcap_file import Summary, read_mcap_messages, read_summary
+from mnsf_ros.recording.salvage.ros1_file import read_ros1_messages
 
 
-def salvaged_messages(file: Path) -> tuple[Summary, Iterator[SalvagedMessage | Damage]]:
+def salvaged_messages(file: Path) -> tuple[Summary, Iterator[StoredMessage | Damage]]:
     """Returns what the index of a file says, and all messages, or a Damage, in its order.
 
     Args:
@@ -40,7 +32,7 @@ def salvaged_messages(file: Path) -> tuple[Summary, Iterator[SalvagedMessage | D
     if file.suffix == ROS1:
         return Summary(), read_ros1_messages(file)
     summary = read_summary(file)
-    return summary, read_messages(file, summary)
+    return summary, read_mcap_messages(file, summary)
 
 
 class SalvageReader(BagReader):
@@ -53,13 +45,7 @@ class SalvageReader(BagReader):
     def __init__(
         self, path: Path | str, files: Sequence[Path], topics: Mapping[str, TopicSummary]
     ) -> None:
-        """Names the recording.
-
-        Args:
-            path: The recording, for error texts.
-            files: Its mcap files in the order of time, or ROS 1 bags.
-            topics: What is in them, see `inspect_recording`.
-        """
+        """Takes mcap files in the order of time, or ROS 1 bags, and what is in them."""
         super().__init__(path)
         self._files = tuple(files)
         self._known_topics = dict(topics)
@@ -74,42 +60,24 @@ class SalvageReader(BagReader):
         return (item for item in found if not isinstance(item, Damage))
 
     def _deserialized(self, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401
-        return self._typestore.deserialize_cdr(raw, msgtype)
+        return self._typestore.deserialize_cdr(self._serialized(raw, msgtype), msgtype)
 
-    def _serialized(self, raw: bytes, _msgtype: str) -> bytes:
-        return raw
+    def _serialized(self, raw: bytes, msgtype: str) -> bytes:
+        if self._files[0].suffix == ROS1:
+            return cdr_from_ros1(raw, msgtype, get_typestore(Stores.ROS1_NOETIC))
+        return decompressed(raw)
 
     def _stored(
         self, topic: str, start_ns: int | None, stop_ns: int | None
     ) -> Iterator[StoredMessage | Damage]:
+        start = float("-inf") if start_ns is None else start_ns
+        stop = float("inf") if stop_ns is None else stop_ns
         for file in self._files:
             try:
-                _, messages = salvaged_messages(file)
-                for message in messages:
-                    if isinstance(message, Damage):
-                        yield message
-                    elif _is_wanted(message, topic, start_ns, stop_ns):
-                        yield self._as_cdr(file, message)
+                for item in salvaged_messages(file)[1]:
+                    if isinstance(item, Damage) or (
+                        item.topic == topic and start <= item.received_ns < stop
+                    ):
+                        yield item
             except OSError as error:
                 yield Damage(str(file), "", f"cannot be read: {reason(error)}")
-
-    def _as_cdr(self, file: Path, message: SalvagedMessage) -> StoredMessage | Damage:
-        channel, position = message.channel, f"byte {message.offset}"
-        try:
-            if channel.encoding == ROS1_ENCODING:
-                noetic = get_typestore(Stores.ROS1_NOETIC)
-                raw = cdr_from_ros1(message.raw, channel.msgtype, noetic)
-            else:
-                raw = decompressed(message.raw)
-        except UNREADABLE as error:
-            text = f"damaged message on {channel.topic!r}: {reason(error)}"
-            return Damage(str(file), position, text)
-        return StoredMessage(position, message.received_ns, raw, channel.msgtype)
-
-
-def _is_wanted(
-    message: SalvagedMessage, topic: str, start_ns: int | None, stop_ns: int | None
-) -> bool:
-    is_found = message.channel.topic == topic and message.channel.encoding in ENCODINGS
-    after_start = start_ns is None or message.received_ns >= start_ns
-    return is_found and after_start and (stop_ns is None or message.received_ns < stop_ns)

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
 from mnsf_ros.decompression import check_size, decompress
+from mnsf_ros.recording.bag_reader import StoredMessage
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
-from mnsf_ros.recording.salvage.mcap_messages import SalvagedMessage, StoredChannel
 
-# How the messages are serialized, beside `cdr` in ROS 2.
-ROS1_ENCODING: Final = "ros1"
 _MAGIC: Final = b"#ROSBAG V2.0\n"
 _LENGTH: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
-_NUMBER: Final = struct.Struct("<I")
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _KNOWN: Final = frozenset({_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION})
 # Larger ones are damaged lengths, which must not ask for all memory there is.
@@ -28,7 +26,8 @@ _MAX_HEAD_BYTES: Final = 2**20
 _COMPRESSIONS: Final = ("bz2", "lz4")
 
 Fields = dict[str, bytes]
-Channels = dict[int, StoredChannel]
+# Number of a connection -> topic and message type.
+Channels = dict[int, tuple[str, str]]
 
 
 class _Record(NamedTuple):
@@ -40,11 +39,10 @@ class _Record(NamedTuple):
     is_cut: bool = False
 
 
-def read_ros1_messages(path: Path) -> Iterator[SalvagedMessage | Damage]:
+def read_ros1_messages(path: Path) -> Iterator[StoredMessage | Damage]:
     """Yields all messages up to the end of the file or the first damage, which comes last.
 
-    Args:
-        path: A ROS 1 bag of version 2.0.
+    The messages are serialized as in ROS 1.
 
     Raises:
         OSError: The file cannot be opened or read.
@@ -60,7 +58,7 @@ def read_ros1_messages(path: Path) -> Iterator[SalvagedMessage | Damage]:
                 record = _read_record(file, size)
                 if record.operation in (_INDEX, _CHUNK_INFO, _BAG):
                     continue
-                yield from _messages(record, channels, offset)
+                yield from _messages(record, path, channels, offset)
                 if record.is_cut:
                     raise ValueError(f"the file is cut short, it has {size} bytes")
         except UNREADABLE as error:
@@ -68,7 +66,10 @@ def read_ros1_messages(path: Path) -> Iterator[SalvagedMessage | Damage]:
 
 
 def _read_record(file: BinaryIO, size: int) -> _Record:
-    fields = _fields(_part(file, size, _MAX_HEAD_BYTES))
+    length = _length(file)
+    if length > _MAX_HEAD_BYTES or file.tell() + length > size:
+        raise ValueError(f"no record begins here, found a head of {length} bytes")
+    fields = _fields(file.read(length))
     operation = fields["op"][0]
     if operation not in _KNOWN:
         raise ValueError(f"no record begins here, found operation {operation}")
@@ -80,62 +81,44 @@ def _read_record(file: BinaryIO, size: int) -> _Record:
     return _Record(operation, fields, file.read(length), is_cut)
 
 
-def _part(file: BinaryIO, size: int, limit: int) -> bytes:
-    length = _length(file)
-    if length > limit or file.tell() + length > size:
-        raise ValueError(f"no record begins here, found a head of {length} bytes")
-    return file.read(length)
-
-
 def _length(file: BinaryIO) -> int:
     (length,) = _LENGTH.unpack(file.read(_LENGTH.size))
     return int(length)
 
 
-def _messages(record: _Record, channels: Channels, offset: int) -> Iterator[SalvagedMessage]:
+def _messages(
+    record: _Record, path: Path, channels: Channels, offset: int
+) -> Iterator[StoredMessage]:
     """The messages in a record of the file: a chunk, or what older recorders wrote without one."""
     if record.operation != _CHUNK:
-        yield from _message(record, channels, offset)
+        yield from _message(record, path, channels, offset)
         return
     data = _decompressed(record)
-    position = 0
-    while position < len(data):
-        found = _record_at(data, position)
-        if found is None:
+    chunk = BytesIO(data)
+    while chunk.tell() < len(data):
+        try:
+            inner = _read_record(chunk, len(data))
+        except UNREADABLE:
             if record.is_cut:
                 return
-            raise ValueError(f"no record {position} bytes into the chunk")
-        inner, position = found
-        yield from _message(inner, channels, offset)
+            raise
+        yield from _message(inner, path, channels, offset)
 
 
-def _record_at(data: bytes, position: int) -> tuple[_Record, int] | None:
-    """The record at a position of a chunk, and where the next one begins; None if it is cut."""
-    parts = []
-    for _ in range(2):
-        begin = position + _LENGTH.size
-        if begin > len(data):
-            return None
-        (length,) = _LENGTH.unpack_from(data, position)
-        position = begin + length
-        if position > len(data):
-            return None
-        parts.append(data[begin:position])
-    fields = _fields(parts[0])
-    return _Record(fields["op"][0], fields, parts[1]), position
-
-
-def _message(record: _Record, channels: Channels, offset: int) -> Iterator[SalvagedMessage]:
+def _message(
+    record: _Record, path: Path, channels: Channels, offset: int
+) -> Iterator[StoredMessage]:
     if record.operation == _CONNECTION:
-        (number,) = _NUMBER.unpack(record.fields["conn"])
+        (number,) = _LENGTH.unpack(record.fields["conn"])
         topic = record.fields["topic"].decode()
         package, _, name = _fields(record.data)["type"].decode().partition("/")
-        channels[number] = StoredChannel(topic, f"{package}/msg/{name}", ROS1_ENCODING)
+        channels[number] = topic, f"{package}/msg/{name}"
     elif record.operation == _MESSAGE:
-        (number,) = _NUMBER.unpack(record.fields["conn"])
+        (number,) = _LENGTH.unpack(record.fields["conn"])
         seconds, nanoseconds = _TIME.unpack(record.fields["time"])
         received_ns = seconds * 1_000_000_000 + nanoseconds
-        yield SalvagedMessage(offset, channels[number], received_ns, record.data, is_verified=False)
+        topic, msgtype = channels[number]
+        yield StoredMessage(topic, msgtype, received_ns, record.data, path, offset)
 
 
 def _fields(head: bytes) -> Fields:
