@@ -130,16 +130,14 @@ def _run(options: argparse.Namespace) -> None:
         resume=options.resume,
         command=tuple(sys.argv),
         say=say,
+        radius=options.radius,
+        num_steps=options.steps,
+        num_directions=options.directions,
+        sizes=tuple(_numbers("sizes", options.sizes)),
+        num_repeats=options.repeats,
+        methods=tuple(options.methods.split(",")),
     )
-    how = {
-        "radius": options.radius,
-        "num_steps": options.steps,
-        "num_directions": options.directions,
-        "sizes": tuple(_numbers("sizes", options.sizes)),
-        "num_repeats": options.repeats,
-        "methods": tuple(options.methods.split(",")),
-    }
-    result, paths = run_study(options.name, study, how)
+    result, paths = run_study(options.name, study)
     for table in result.tables:
         console.print(table.rich())
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):

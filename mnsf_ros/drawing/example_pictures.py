@@ -17,16 +17,14 @@ from mnsf_ros.drawing.flow_panel import (
     BACKGROUND,
     FAINT_INK,
     GRID,
-    INK,
     MAX_POINTS,
     MISSING,
-    SLOW,
     Panel,
     draw_floor,
     draw_panel,
+    draw_wheel,
     full_speed,
 )
-from mnsf_ros.drawing.flow_wheel import draw_wheel
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
 _HEIGHT_PX: Final = 484
@@ -34,7 +32,6 @@ _SIDE_PX: Final = 400
 _BOTTOM_PX: Final = 26
 _LEFTS_PX: Final = (36, 484, 932)
 _FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
-_SLOW_M: Final = 0.1
 _MOST_LETTERS: Final = 22
 _SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
 # An error that counts as an outlier, whatever the true length, has the full color.
@@ -43,8 +40,6 @@ FULL_ERROR_M: Final = 0.3
 _ERROR_COLORS: Final = LinearSegmentedColormap.from_list(
     "error", ["#35507a", "#5c5fa8", "#a35aa6", "#e2636f", "#f79a4b", "#fdf1a0"]
 )
-
-Flow = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,24 +94,21 @@ class ExamplePainter:
     """Draws the flows of one example as PNG files, all with the same scales."""
 
     def __init__(self, example: PicturedExample) -> None:
-        """Looks at all flows to find scales that suit them together."""
         self._example = example
         self._finite = np.isfinite(example.xyz).all(axis=1)
         self._xy = example.xyz[self._finite, :2].astype(np.float64)
         self._view_m = _view(self._xy)
-        flows = [item.flow for item in example.flows]
         # The truth sets the scale: a method that went astray must not make all others grey.
-        flows = flows if example.truth is None else [example.truth]
-        parts = [self._parts(flow) for flow in flows]
-        self._speed_m = full_speed([part[0] for part in parts], _SLOW_M)
-        self._own_speed_m = full_speed([part[1] for part in parts], _SLOW_M)
+        flows = [item.flow for item in example.flows] if example.truth is None else [example.truth]
+        parts = zip(*map(self._parts, flows), strict=True)
+        self._speeds_m = [full_speed(list(part)) for part in parts]
 
     def truth(self) -> bytes | None:
         """Returns the picture of the true flow; None if there is none."""
         if self._example.truth is None:
             return None
         figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
-        self._draw_flow(figure, "truth", np.asarray(self._example.truth))
+        self._draw_flow(figure, "truth", self._example.truth)
         return png_bytes(figure)
 
     def method(self, item: PicturedFlow) -> bytes:
@@ -128,8 +120,7 @@ class ExamplePainter:
         draw_floor(axes, self._example.error_name, _error_note(errors_m), self._view_m)
         _without_labels(axes)
         _draw_errors(axes, self._xy, errors_m)
-        left = (_LEFTS_PX[2] + _SIDE_PX + 8) / _WHOLE_WIDTH_PX
-        _draw_error_scale(figure, left, _BOTTOM_PX / _HEIGHT_PX)
+        _draw_error_scale(figure)
         return png_bytes(figure)
 
     def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:
@@ -140,26 +131,20 @@ class ExamplePainter:
             Panel(f"{name}: flow", "", self._xy, whole, 4.0, 10.0),
             Panel(f"{name}: what moves", "", self._xy, own, 9.0, 3.0),
         )
-        speeds = (self._speed_m, self._own_speed_m)
-        for left, panel, speed in zip(_LEFTS_PX, panels, speeds, strict=False):
+        for left, panel, speed_m in zip(_LEFTS_PX, panels, self._speeds_m, strict=False):
             axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
-            draw_panel(axes, panel, full_speed_m=speed, slow_m=_SLOW_M, view_m=self._view_m)
+            draw_panel(axes, panel, full_speed_m=speed_m, view_m=self._view_m)
             _without_labels(axes)
-            wheel = pixel_axes(figure, left + _SIDE_PX - 70, _BOTTOM_PX + 40, 58)
-            draw_wheel(wheel, speed, neutral=SLOW, ink=INK)
+            draw_wheel(pixel_axes(figure, left + _SIDE_PX - 70, _BOTTOM_PX + 40, 58), speed_m)
 
-    def _parts(self, flow: NDArray[Any]) -> tuple[Flow, Flow]:
+    def _parts(self, flow: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The flow (N, 2) as it is, and without ego motion."""
         example = self._example
         motion = example.next_from_current
         if motion is None:
-            reference = flow if example.truth is None else example.truth
-            motion = fit_rigid_motion(example.xyz, reference)
+            motion = fit_rigid_motion(example.xyz, flow if example.truth is None else example.truth)
         own = residual_flow(example.xyz, flow, motion)
-        return (
-            flow[self._finite, :2].astype(np.float64),
-            own[self._finite, :2].astype(np.float64),
-        )
+        return flow[self._finite, :2].astype(np.float64), own[self._finite, :2].astype(np.float64)
 
 
 def error_colors(errors_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -178,14 +163,14 @@ def _draw_errors(axes: Axes, xy: NDArray[np.float64], errors_m: NDArray[np.float
     axes.scatter(xy[:, 0], xy[:, 1], s=areas, c=error_colors(errors_m), linewidths=0)
 
 
-def _draw_error_scale(figure: Figure, left: float, bottom: float) -> None:
-    """Draws the scale of the colors, its lower left corner at a share of the figure's sides."""
-    axes = figure.add_axes((left, bottom, 0.008, 0.5))
+def _draw_error_scale(figure: Figure) -> None:
+    left = (_LEFTS_PX[2] + _SIDE_PX + 8) / _WHOLE_WIDTH_PX
+    axes = figure.add_axes((left, _BOTTOM_PX / _HEIGHT_PX, 0.008, 0.5))
     bar = figure.colorbar(ScalarMappable(Normalize(0.0, FULL_ERROR_M), _ERROR_COLORS), cax=axes)
     bar.set_ticks([0.0, 0.05, 0.1, 0.2, 0.3], labels=["0", "0.05", "0.1", "0.2", "0.3+"])
     axes.tick_params(colors=FAINT_INK, length=2, labelsize=8, pad=2)
     axes.set_title("m", color=FAINT_INK, fontsize=8, pad=4)
-    bar.ax.spines[:].set_color(GRID)
+    axes.spines[:].set_color(GRID)
 
 
 def _error_note(errors_m: NDArray[np.float64]) -> str:

@@ -1,4 +1,4 @@
-"""One panel of the top view: points from above in the colours of their flow, and arrows."""
+"""Flow seen from above: its colors with their wheel, and one panel of points and arrows."""
 
 from __future__ import annotations
 
@@ -9,22 +9,93 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from mnsf_ros.drawing.flow_wheel import Color, flow_colors
+Color = tuple[float, float, float]
 
 BACKGROUND: Final = "#101216"
 INK: Final = "#e6e6e6"
 FAINT_INK: Final = "#9aa0a8"
+GRID: Final = "#2b3038"
+_FLOOR: Final = "#16191f"
+# RGB of slow points, and of points without flow.
 SLOW: Final[Color] = (0.36, 0.38, 0.42)
 MISSING: Final[Color] = (0.21, 0.22, 0.25)
+# Slower points do not move, metres per sweep.
+SLOW_M: Final = 0.1
 SWEEPS_PER_ARROW: Final = 5
-
-_FLOOR: Final = "#16191f"
-GRID: Final = "#2b3038"
-_SLOW_AREA: Final = 0.8  # of the mark of a point, square typographic points
 MAX_POINTS: Final = 150_000
+
+_SLOW_AREA: Final = 0.8  # of the mark of a point, square typographic points
 _MIN_POINTS_PER_ARROW: Final = 5
+_WHEEL_PIXELS: Final = 161
 # Scales that people can read off a legend, times a power of ten.
 _STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
+
+
+def flow_colors(
+    flow: NDArray[Any], full_speed_m: float, *, neutral: Color = SLOW
+) -> NDArray[np.float64]:
+    """Returns the color of each flow vector: direction is the hue, speed is the saturation.
+
+    Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
+    Opposite directions have opposite hues. The color fades to neutral as the vector shortens.
+
+    Args:
+        flow: (N, 2) or wider, metres; only x and y are looked at.
+        full_speed_m: Length of a vector that gets its full color, metres, above 0. Longer
+            vectors look the same.
+        neutral: RGB of the zero vector, and of vectors that are not finite, each 0 to 1.
+
+    Returns:
+        (N, 3) RGB, each 0 to 1.
+    """
+    x, y = flow[:, 0].astype(np.float64), flow[:, 1].astype(np.float64)
+    speeds = np.hypot(x, y)
+    strengths = np.clip(speeds / full_speed_m, 0.0, 1.0)
+    finite = np.isfinite(speeds)
+    strengths[~finite] = 0.0
+    sixths = np.where(finite, np.arctan2(y, x), 0.0) * (3.0 / np.pi)  # hue, 6 is a full turn
+    # Red, green and blue are the same hat over the hue, a third of a turn apart.
+    from_peak = np.abs((sixths[:, None] - [0.0, 2.0, 4.0] + 3.0) % 6.0 - 3.0)
+    hues = np.clip(2.0 - from_peak, 0.0, 1.0)
+    colors: NDArray[np.float64] = np.asarray(neutral) + strengths[:, None] * (hues - neutral)
+    return colors
+
+
+def wheel_image(num_pixels: int = _WHEEL_PIXELS) -> NDArray[np.float64]:
+    """Returns the wheel of colors, x to the right and y up, full color on its rim.
+
+    (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel.
+    """
+    across = np.linspace(-1.0, 1.0, num_pixels)
+    x, y = np.meshgrid(across, across[::-1])
+    colors = flow_colors(np.column_stack([x.ravel(), y.ravel()]), 1.0)
+    # The rim fades over one pixel, so that it is not jagged.
+    opacities = np.clip((1.0 - np.hypot(x, y)) * (num_pixels / 2), 0.0, 1.0)
+    return np.dstack([colors.reshape(num_pixels, num_pixels, 3), opacities])
+
+
+def draw_wheel(axes: Axes, full_speed_m: float) -> None:
+    """Draws the wheel as a legend into square axes, with the speed of its rim below, metres."""
+    axes.set_axis_off()
+    axes.imshow(wheel_image(), extent=(-1, 1, -1, 1), interpolation="bilinear")
+    axes.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal")
+    arrow = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", xy=(1.0, 0.0), xytext=(0.0, 0.0), arrowprops=arrow)
+    below = f"rim: {full_speed_m:g} m\nper sweep"
+    axes.text(0.0, -1.15, below, color=INK, fontsize=9, ha="center", va="top")
+
+
+def full_speed(flows: list[NDArray[np.float64]]) -> float:
+    """Returns a round speed that most of what moves in flows (N, 2) stays below, metres per sweep.
+
+    What is not finite is left out.
+    """
+    lengths = np.concatenate([np.hypot(flow[:, 0], flow[:, 1]) for flow in flows])
+    moving = lengths[np.isfinite(lengths) & (lengths >= SLOW_M)]
+    # Never so fine that the noise of what stands still looks like motion.
+    wanted = max(float(np.percentile(moving, 95)) if len(moving) else 0.0, 5.0 * SLOW_M)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(next(step * power for step in _STEPS if step * power >= wanted * 0.999))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,58 +119,36 @@ class Panel:
     arrow_cell_m: float
 
 
-def full_speed(flows: list[NDArray[np.float64]], slow_m: float) -> float:
-    """Returns a round speed that most of what moves stays below, metres per sweep.
+def draw_panel(axes: Axes, panel: Panel, *, full_speed_m: float, view_m: float) -> None:
+    """Draws a panel into square axes.
 
     Args:
-        flows: Arrays (N, 2), metres per sweep; what is not finite is left out.
-        slow_m: What is slower does not move.
-    """
-    lengths = np.concatenate([np.hypot(flow[:, 0], flow[:, 1]) for flow in flows])
-    moving = lengths[np.isfinite(lengths) & (lengths >= slow_m)]
-    # Never so fine that the noise of what stands still looks like motion.
-    wanted = max(float(np.percentile(moving, 95)) if len(moving) else 0.0, 5.0 * slow_m)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(next(step * power for step in _STEPS if step * power >= wanted * 0.999))
-
-
-def draw_panel(
-    axes: Axes, panel: Panel, *, full_speed_m: float, slow_m: float, view_m: float
-) -> None:
-    """Draws the panel.
-
-    Args:
-        axes: Where; should be square.
+        axes: Where.
         panel: What.
-        full_speed_m: Speed of the full color, metres per sweep.
-        slow_m: Slower points are grey, metres per sweep.
+        full_speed_m: Speed of the full color, metres per sweep; slow points are grey.
         view_m: The view reaches so far from the sensor to each side, metres.
     """
     draw_floor(axes, panel.title, panel.note, view_m)
-    xy, flow = _in_view(panel, view_m)
-    if len(xy) == 0:
+    rows = np.flatnonzero((np.abs(panel.xy) <= view_m).all(axis=1))
+    if len(rows) > MAX_POINTS:
+        rows = np.sort(np.random.default_rng(0).choice(rows, MAX_POINTS, replace=False))
+    if len(rows) == 0:
         axes.text(0.0, view_m / 2, "no points in view", color=FAINT_INK, fontsize=13, ha="center")
+    xy, flow = panel.xy[rows], panel.flow[rows]
     speeds = np.hypot(flow[:, 0], flow[:, 1])
     missing = ~np.isfinite(speeds)
     axes.scatter(xy[missing, 0], xy[missing, 1], s=_SLOW_AREA, color=[MISSING], linewidths=0)
     order = np.flatnonzero(~missing)
     order = order[np.argsort(speeds[order], kind="stable")]  # the fastest are drawn on top
     xy, flow, speeds = xy[order], flow[order], speeds[order]
-    colors = flow_colors(flow, full_speed_m, neutral=SLOW)
-    colors[speeds < slow_m] = SLOW
+    colors = flow_colors(flow, full_speed_m)
+    colors[speeds < SLOW_M] = SLOW
     fastness = np.clip(speeds / full_speed_m, 0.0, 1.0)
     areas = _SLOW_AREA + (panel.fast_area - _SLOW_AREA) * fastness
     axes.scatter(xy[:, 0], xy[:, 1], s=areas, c=colors, linewidths=0)
-    moving = speeds >= slow_m
+    moving = speeds >= SLOW_M
     _draw_arrows(axes, xy[moving], flow[moving], panel.arrow_cell_m, view_m)
     _draw_sensor(axes, view_m)
-
-
-def _in_view(panel: Panel, view_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    rows = np.flatnonzero((np.abs(panel.xy) <= view_m).all(axis=1))
-    if len(rows) > MAX_POINTS:
-        rows = np.sort(np.random.default_rng(0).choice(rows, MAX_POINTS, replace=False))
-    return panel.xy[rows], panel.flow[rows]
 
 
 def draw_floor(axes: Axes, title: str, note: str, view_m: float) -> None:
@@ -111,8 +160,7 @@ def draw_floor(axes: Axes, title: str, note: str, view_m: float) -> None:
     axes.tick_params(colors=FAINT_INK, length=3)
     axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
-    for spine in axes.spines.values():
-        spine.set_color(GRID)
+    axes.spines[:].set_color(GRID)
     # In points above the panel, so that it looks the same in panels of any size. A dollar sign in
     # a name is a dollar sign.
     above: dict[str, Any] = {
@@ -139,28 +187,11 @@ def _draw_arrows(
     ways = np.clip(flow * SWEEPS_PER_ARROW, -4.0 * view_m, 4.0 * view_m)
     means = [np.bincount(inverse, column) / counts for column in (*xy.T, *ways.T)]
     x, y, to_x, to_y = np.array(means)[:, counts >= _MIN_POINTS_PER_ARROW]
-    axes.quiver(
-        x,
-        y,
-        to_x,
-        to_y,
-        angles="xy",
-        scale_units="xy",
-        scale=1.0,
-        color=INK,
-        width=0.0024,
-        alpha=0.9,
-    )
+    scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0}
+    axes.quiver(x, y, to_x, to_y, **scale, color=INK, width=0.0024, alpha=0.9)
 
 
 def _draw_sensor(axes: Axes, view_m: float) -> None:
     """A triangle at the origin that points ahead."""
-    size = view_m * 0.022
-    axes.fill(
-        [1.6 * size, -size, -0.5 * size, -size],
-        [0.0, size, 0.0, -size],
-        facecolor="#ffffff",
-        edgecolor=BACKGROUND,
-        linewidth=0.8,
-        zorder=5,
-    )
+    x, y = view_m * 0.022 * np.array([[1.6, -1.0, -0.5, -1.0], [0.0, 1.0, 0.0, -1.0]])
+    axes.fill(x, y, facecolor="#ffffff", edgecolor=BACKGROUND, linewidth=0.8, zorder=5)

@@ -18,21 +18,6 @@ _LEVELS: Final = 16
 _GROUP_COLORS: Final = (SERIES[0], "#e2703a", "#8a94a3")
 
 
-@dataclass(frozen=True, eq=False)
-class Heights:
-    """A square of heights around a place.
-
-    Attributes:
-        axis: (G,) steps, symmetric, 0 in the middle.
-        heights: (G, G) rows along the second direction.
-        middle: Height in the middle.
-    """
-
-    axis: NDArray[np.float64]
-    heights: NDArray[np.float64]
-    middle: float
-
-
 @dataclass(frozen=True)
 class LogLine:
     """A line of a chart with two logarithmic scales.
@@ -80,24 +65,30 @@ def grouped_bars(
     return png_bytes(figure, dpi=_DPI)
 
 
-def height_maps(title: str, unit: str, found: Mapping[str, Heights]) -> bytes:
-    """Draws how much heights rise above that in the middle, with the same levels for all."""
-    figure = chart_figure(4.2 * len(found) + 1.0, 5.0)
-    panels = np.atleast_1d(figure.subplots(1, len(found)))
-    rises = [np.maximum(item.heights - item.middle, 0.0) for item in found.values()]
+def height_maps(
+    title: str, maps: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64], float]]
+) -> bytes:
+    """Draws how much losses in metres rise above that in the middle, with the same levels for all.
+
+    Each map has (G,) steps, symmetric, 0 in the middle; (G, G) losses, rows along the second
+    direction; and the loss in the middle.
+    """
+    figure = chart_figure(4.2 * len(maps) + 1.0, 5.0)
+    panels = np.atleast_1d(figure.subplots(1, len(maps)))
+    rises = [np.maximum(losses_m - middle_m, 0.0) for _, losses_m, middle_m in maps.values()]
     highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
     # Denser near the middle; the same levels for all, or the eye would compare nothing.
     levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
     norm = BoundaryNorm(levels, 256, extend="max")
-    for axes, (name, item), rise in zip(panels, found.items(), rises, strict=True):
-        drawn = axes.contourf(item.axis, item.axis, rise, levels, norm=norm, extend="max")
-        axes.contour(item.axis, item.axis, rise, levels, colors="white", linewidths=0.4)
+    for axes, (name, (steps, _, middle_m)), rise in zip(panels, maps.items(), rises, strict=True):
+        drawn = axes.contourf(steps, steps, rise, levels, norm=norm, extend="max")
+        axes.contour(steps, steps, rise, levels, colors="white", linewidths=0.4)
         axes.plot(0.0, 0.0, "r+", markersize=10)
-        axes.set(title=f"{name}\nloss {item.middle:.4f} {unit}", aspect="equal")
+        axes.set(title=f"{name}\nloss {middle_m:.4f} m", aspect="equal")
         axes.set_xlabel("step along a random direction")
     panels[0].set_ylabel("step along another one")
-    ticks = levels[:: max(1, _LEVELS // 8)]
-    bar = figure.colorbar(drawn, ax=list(panels), label=f"rise of the loss ({unit})", ticks=ticks)
+    ticks = levels[:: _LEVELS // 8]
+    bar = figure.colorbar(drawn, ax=list(panels), label="rise of the loss (m)", ticks=ticks)
     bar.set_ticklabels([f"{tick:.2g}" for tick in ticks])
     bar.minorticks_off()
     figure.suptitle(title)

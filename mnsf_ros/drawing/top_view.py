@@ -14,14 +14,13 @@ from mnsf_ros.drawing.flow_panel import (
     BACKGROUND,
     FAINT_INK,
     INK,
-    SLOW,
+    SLOW_M,
     SWEEPS_PER_ARROW,
     Panel,
     draw_panel,
+    draw_wheel,
     full_speed,
 )
-from mnsf_ros.drawing.flow_wheel import draw_wheel
-from mnsf_ros.errors import MnsfError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
 _WIDTH_PX: Final = 1600
@@ -30,10 +29,7 @@ _PANEL_PX: Final = 642
 _LEFT_PX: Final = 62
 _BELOW_PX: Final = 62
 _WHEEL_PX: Final = 78
-
-
-class DrawingError(MnsfError):
-    """Something cannot be drawn as asked."""
+_VIEW_M: Final = 50.0
 
 
 def save_top_view(
@@ -44,8 +40,6 @@ def save_top_view(
     title: str,
     truth: NDArray[Any] | None = None,
     next_from_current: NDArray[np.float64] | None = None,
-    view_m: float = 50.0,
-    slow_m: float = 0.1,
 ) -> None:
     """Draws a flow from above into a PNG file of 1600x800 pixels, or 1600x1600 with truth.
 
@@ -55,83 +49,58 @@ def save_top_view(
     Args:
         path: The file; its folder is made if it is missing.
         xyz: (N, 3) metres, sensor frame of the current sweep. Rows that are not finite and
-            points beyond the view are not drawn; of very many, a random part is.
+            points beyond 50 m are not drawn; of very many, a random part is.
         flow: (N, 3) metres per sweep; rows that are not finite are drawn in dim grey.
         title: One line above the picture.
         truth: (N, 3) pseudo ground truth flow, drawn as a second row in the same colors.
         next_from_current: (4, 4) ego motion; fitted to each flow if None.
-        view_m: The view reaches so far from the sensor to each side, metres.
-        slow_m: Slower points are grey, metres per sweep.
 
     Raises:
-        DrawingError: If the view or the slow limit is not a number above 0.
         SweepError: If an array has another shape.
         OSError: If the file cannot be written.
     """
-    if not (0 < view_m < np.inf and 0 < slow_m < np.inf):
-        raise DrawingError(f"view_m is {view_m!r}, slow_m is {slow_m!r}, expected above 0")
-    rows = [_row("" if truth is None else "estimate", xyz, flow, next_from_current, slow_m)]
+    rows = [_row("" if truth is None else "estimate: ", xyz, flow, next_from_current)]
     if truth is not None:
-        rows.append(_row("truth", xyz, truth, next_from_current, slow_m))
-    figure = _drawn(rows, title, slow_m=slow_m, view_m=view_m)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(png_bytes(figure))
-
-
-def _drawn(rows: list[tuple[Panel, Panel]], title: str, *, slow_m: float, view_m: float) -> Figure:
+        rows.append(_row("truth: ", xyz, truth, next_from_current))
     height_px = len(rows) * _ROW_PX
     figure = pixel_figure(_WIDTH_PX, height_px, BACKGROUND)
     _draw_writing(figure, title, height_px)
     for column in range(2):
         # One scale for estimate and truth, or their colors could not be compared.
-        scale = full_speed([row[column].flow for row in rows], slow_m)
-        for number, row in enumerate(rows):
-            left, bottom = column * _WIDTH_PX // 2 + _LEFT_PX, height_px - (number + 1) * _ROW_PX
-            axes = pixel_axes(figure, left, bottom + _BELOW_PX, _PANEL_PX)
-            draw_panel(axes, row[column], full_speed_m=scale, slow_m=slow_m, view_m=view_m)
-            wheel = pixel_axes(figure, left + _PANEL_PX + 6, bottom + _BELOW_PX + 45, _WHEEL_PX)
-            draw_wheel(wheel, scale, neutral=SLOW, ink=INK)
-    return figure
+        scale = full_speed([row[column].flow for row in rows])
+        left = column * _WIDTH_PX // 2 + _LEFT_PX
+        for number, row in enumerate(rows, start=1):
+            bottom = height_px - number * _ROW_PX + _BELOW_PX
+            axes = pixel_axes(figure, left, bottom, _PANEL_PX)
+            draw_panel(axes, row[column], full_speed_m=scale, view_m=_VIEW_M)
+            draw_wheel(pixel_axes(figure, left + _PANEL_PX + 6, bottom + 45, _WHEEL_PX), scale)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(png_bytes(figure))
 
 
 def _row(
-    name: str,
-    xyz: NDArray[Any],
-    flow: NDArray[Any],
-    next_from_current: NDArray[np.float64] | None,
-    slow_m: float,
+    prefix: str, xyz: NDArray[Any], flow: NDArray[Any], motion: NDArray[np.float64] | None
 ) -> tuple[Panel, Panel]:
     """The two panels of one flow."""
-    motion = fit_rigid_motion(xyz, flow) if next_from_current is None else next_from_current
+    if motion is None:
+        motion = fit_rigid_motion(xyz, flow)
     residual = residual_flow(xyz, flow, motion)
     finite = np.isfinite(xyz).all(axis=1)
-    xyz, flow, residual = xyz[finite], flow[finite], residual[finite]
-    xy = xyz[:, :2].astype(np.float64)
-    prefix = f"{name}: " if name else ""
+    xy, whole, own = (rows[finite, :2].astype(np.float64) for rows in (xyz, flow, residual))
     way_m, turn = float(np.hypot(*motion[:2, 3])), float(np.arctan2(motion[1, 0], motion[0, 0]))
-    num_missing = int(np.count_nonzero(~np.isfinite(flow).all(axis=1)))
-    num_movers = int(np.count_nonzero(np.hypot(residual[:, 0], residual[:, 1]) >= slow_m))
-    missing_note = f" · {num_missing:,} points without flow (dim)" if num_missing else ""
+    num_missing = int(np.count_nonzero(~np.isfinite(flow[finite]).all(axis=1)))
+    num_movers = int(np.count_nonzero(np.hypot(*own.T) >= SLOW_M))
+    note = f"with ego motion: {way_m:.2f} m and {abs(np.degrees(turn)):.1f}° per sweep"
+    if num_missing:
+        note += f" · {num_missing:,} points without flow (dim)"
+    movers_note = (
+        f"without ego motion: {num_movers:,} of {len(xy):,} points faster than {SLOW_M:g} m "
+        "per sweep"
+    )
     return (
-        Panel(
-            f"{prefix}flow",
-            f"with ego motion: {way_m:.2f} m and {abs(np.degrees(turn)):.1f}° "
-            f"per sweep{missing_note}",
-            xy,
-            flow[:, :2].astype(np.float64),
-            fast_area=1.6,
-            arrow_cell_m=10.0,
-        ),
-        Panel(
-            f"{prefix}what moves",
-            f"without ego motion: {num_movers:,} of {len(xy):,} points faster than "
-            f"{slow_m:g} m per sweep",
-            xy,
-            residual[:, :2].astype(np.float64),
-            fast_area=7.0,
-            arrow_cell_m=3.0,
-        ),
+        Panel(f"{prefix}flow", note, xy, whole, fast_area=1.6, arrow_cell_m=10.0),
+        Panel(f"{prefix}what moves", movers_note, xy, own, fast_area=7.0, arrow_cell_m=3.0),
     )
 
 

@@ -18,7 +18,7 @@ from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.tables import further_tables, main_tables
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
@@ -103,7 +103,11 @@ def results_markdown(results: RunResults) -> str:
     ]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
-    parts += ["## Run", "\n".join(f"* {line}" for line in _run_lines(results.record))]
+    *earlier, last = results.record.sessions
+    lines = session_lines(last)
+    if earlier:
+        lines.append(f"* sessions: {len(earlier) + 1}, see run.json")
+    parts += ["## Run", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -178,15 +182,7 @@ def _cell(value: float) -> str:
     return "" if math.isnan(value) else repr(value)
 
 
-def _run_lines(run: RunRecord) -> list[str]:
-    session = run.sessions[-1]
-    versions = ", ".join(f"{name} {number}" for name, number in session.versions.items())
-    lines = [f"started {session.started}"]
-    if session.command:
-        lines.append(f"command: `{' '.join(session.command)}`")
-    lines.append(f"machine: {session.machine}")
-    lines.append(f"versions: {versions}")
-    lines.append(f"git commit: {session.git_commit or 'none, not a checkout'}")
-    if len(run.sessions) > 1:
-        lines.append(f"sessions: {len(run.sessions)}, see run.json")
-    return lines
+def session_lines(session: SessionRecord) -> list[str]:
+    """Returns the facts of a session as lines of Markdown."""
+    facts = session.facts | {"command": f"`{' '.join(session.command)}`"}
+    return [f"* {name}: {text}" for name, text in facts.items() if text != "``"]

@@ -233,6 +233,19 @@ class SessionRecord:
             git_commit=git_commit(),
         )
 
+    @property
+    def facts(self) -> dict[str, str]:
+        """What a reader of results wants to know of it, by name."""
+        versions = (f"{name} {number}" for name, number in self.versions.items())
+        facts = {
+            "started": self.started,
+            "command": " ".join(self.command),
+            "machine": str(self.machine),
+            "versions": ", ".join(versions),
+            "git commit": self.git_commit or "none, not a checkout",
+        }
+        return {name: text for name, text in facts.items() if text}
+
 
 @dataclass(frozen=True)
 class RunRecord:

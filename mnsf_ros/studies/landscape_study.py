@@ -1,12 +1,19 @@
-"""The loss landscape of FNSF against that of MNSF: is the optimum of fused flow a flatter one?"""
+"""The loss landscape of FNSF against that of MNSF: is the optimum of fused flow a flatter one?
+
+A step along a direction is measured in the size of the weights themselves ("filter normalization",
+Li et al. 2018): every row of a weight matrix of the direction has the length of that row of the
+optimum, and biases stay. Without that, networks of different scale could not be compared.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
@@ -16,16 +23,13 @@ from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.drawing.study_charts import Heights, height_maps
+from mnsf_ros.drawing.study_charts import height_maps
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
 from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.settings import Settings
-from mnsf_ros.studies.loss_landscape import Landscape, landscape
-from mnsf_ros.studies.study import StudyOptions, StudyResult
-from mnsf_ros.studies.study_examples import first_example
+from mnsf_ros.studies.study import StudyOptions, StudyResult, first_example
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _TITLE: Final = "Loss landscape around the optimum"
@@ -37,55 +41,18 @@ _TEXT: Final = (
     "last, while forward and backward flow are fixed. The rise is the mean of a step forth and "
     "back, over all directions, with the standard deviation between directions."
 )
-# Ten times the weights themselves; far beyond, layer by layer, the loss is no number any more.
-_MAX_RADIUS: Final = 10.0
-# The optimum and a step to each side.
-_MIN_STEPS: Final = 3
-# One has no deviation between directions.
-_MIN_DIRECTIONS: Final = 2
+
+Loss = Callable[[], torch.Tensor]
+# One tensor for each parameter of a network.
+Direction = list[torch.Tensor]
 
 
-@dataclass(frozen=True)
-class LandscapeOptions:
-    """How to look at a landscape.
-
-    Attributes:
-        radius: The picture reaches so far to each side.
-        num_steps: Steps from one side to the other, an odd number.
-        num_directions: Random directions for the sharpness.
-    """
-
-    radius: float = 0.5
-    num_steps: int = 21
-    num_directions: int = 10
-
-    def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            EvaluationError: If a number is out of its range.
-        """
-        if not 0 < self.radius <= _MAX_RADIUS:
-            raise EvaluationError(
-                f"radius: got {self.radius:g}, expected more than 0, at most {_MAX_RADIUS:g}"
-            )
-        if self.num_steps < _MIN_STEPS or self.num_steps % 2 == 0:
-            raise EvaluationError(
-                f"steps: got {self.num_steps}, expected an odd number, {_MIN_STEPS} or more"
-            )
-        if self.num_directions < _MIN_DIRECTIONS:
-            raise EvaluationError(
-                f"directions: got {self.num_directions}, expected {_MIN_DIRECTIONS} or more"
-            )
-
-
-def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = None) -> StudyResult:
+def run_landscape_study(options: StudyOptions) -> StudyResult:
     """Fits both methods to the first example and looks around their optima.
 
     Raises:
         MnsfError: A recording, a setting or the folder cannot be used, or a fit fails.
     """
-    how = how or LandscapeOptions()
     check_folder(options.out, resume=options.resume)
     if options.settings.ego_motion.removed:
         raise SettingsError(
@@ -94,7 +61,7 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
         )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    bench = fitted_workbench(example.triplet, options.evaluation().method_settings)
+    bench = _fitted_workbench(example.triplet, options.evaluation().method_settings)
     found = {}
     for name, (network, loss_of) in _losses(bench).items():
         options.say(f"looking around {name}")
@@ -102,21 +69,111 @@ def run_landscape_study(options: StudyOptions, how: LandscapeOptions | None = No
             network,
             loss_of,
             seed=options.seed,
-            radius=how.radius,
-            num_steps=how.num_steps,
-            num_directions=how.num_directions,
+            radius=options.radius,
+            num_steps=options.num_steps,
+            num_directions=options.num_directions,
         )
     num_points = len(example.triplet.current.kept_xyz)
     where = f"Sweep {example.number} of {example.recording}, {num_points:,} points."
-    return landscape_result(found, [_TEXT, where, *_unconverged(bench.fits)])
+    return _result(found, [_TEXT, where, *_unconverged(bench.fits)])
 
 
-def fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
-    """Returns a workbench on which MNSF, and with it FNSF, was fitted to a triplet.
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """The loss on a square around an optimum, and how fast it rises in all directions.
 
-    Raises:
-        MnsfError: A sweep or a setting cannot be used, or a fit fails.
+    Attributes:
+        axis: (G,) steps of the square, symmetric, 0 in the middle.
+        losses_m: (G, G) loss, rows along the second direction.
+        loss_m: Loss at the optimum.
+        radii: (R,) lengths of steps along random directions.
+        rises_m: (M, R) mean rise of the loss a step forth and back along each of M directions.
     """
+
+    axis: NDArray[np.float64]
+    losses_m: NDArray[np.float64]
+    loss_m: float
+    radii: NDArray[np.float64]
+    rises_m: NDArray[np.float64]
+
+    @property
+    def sharpness(self) -> NDArray[np.float64]:
+        """(R,) mean rise over all directions, metres."""
+        mean: NDArray[np.float64] = self.rises_m.mean(axis=0)
+        return mean
+
+
+def landscape(
+    network: nn.Module,
+    loss_of: Loss,
+    *,
+    seed: int,
+    radius: float,
+    num_steps: int,
+    num_directions: int,
+) -> Landscape:
+    """Measures the loss around the weights of a network, see `StudyOptions`."""
+    generator = torch.Generator().manual_seed(seed)
+    pair = [random_direction(network, generator) for _ in range(2)]
+    axis = np.linspace(-radius, radius, num_steps, dtype=np.float64)
+    places = [(x, y) for y in axis for x in axis]
+    losses_m = losses_along(network, loss_of, pair, places).reshape(num_steps, num_steps)
+    radii = radius * np.array([0.1, 0.2, 0.5, 1.0])
+    there_and_back = [(sign * step,) for step in radii for sign in (1.0, -1.0)]
+    loss_m = float(losses_along(network, loss_of, [], [()])[0])
+    rises_m = []
+    for _ in range(num_directions):
+        direction = random_direction(network, generator)
+        losses = losses_along(network, loss_of, [direction], there_and_back)
+        rises_m.append(losses.reshape(-1, 2).mean(axis=1) - loss_m)
+    return Landscape(axis, losses_m, loss_m, radii, np.array(rises_m))
+
+
+def random_direction(network: nn.Module, generator: torch.Generator) -> Direction:
+    """Returns a filter-normalized random direction; the generator must be on the CPU."""
+    return [_normalized(weights.detach(), generator) for weights in network.parameters()]
+
+
+def _normalized(weights: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+    if weights.ndim < 2:
+        return torch.zeros_like(weights)
+    drawn = torch.randn(weights.shape, generator=generator).to(weights.device)
+    lengths = torch.linalg.vector_norm(weights.flatten(1), dim=1)
+    drawn_lengths = torch.linalg.vector_norm(drawn.flatten(1), dim=1).clamp(min=1e-12)
+    scales = (lengths / drawn_lengths).view(-1, *[1] * (weights.ndim - 1))
+    normalized: torch.Tensor = drawn * scales
+    return normalized
+
+
+@torch.no_grad()
+def losses_along(
+    network: nn.Module,
+    loss_of: Loss,
+    directions: Sequence[Direction],
+    places: Sequence[Sequence[float]],
+) -> NDArray[np.float64]:
+    """Returns the loss (S,) at S places, each one step along each of the directions.
+
+    The network is at its optimum, and is left there.
+    """
+    weights = list(network.parameters())
+    optimum = [item.clone() for item in weights]
+    losses = []
+    try:
+        for place in places:
+            for number, item in enumerate(weights):
+                item.copy_(optimum[number])
+                for step, direction in zip(place, directions, strict=True):
+                    item.add_(direction[number], alpha=step)
+            losses.append(float(loss_of()))
+    finally:
+        for item, before in zip(weights, optimum, strict=True):
+            item.copy_(before)
+    return np.array(losses)
+
+
+def _fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
+    """A workbench on which MNSF, and with it FNSF, was fitted to a triplet."""
     settings = settings.changed(
         {"warm_start.enabled": False, "fusion.inversion": True, "fusion.kind": "mlp"}
     )
@@ -131,7 +188,6 @@ class MultiFrameField(nn.Module):
     """MNSF as one network: (M, 3) points to their fused flow, (M, 3) metres."""
 
     def __init__(self, bench: Workbench) -> None:
-        """Takes the fitted networks."""
         super().__init__()
         self._forward_field, self._backward_field = (
             field.network for field in bench.learners.fields
@@ -147,12 +203,12 @@ class MultiFrameField(nn.Module):
         return fused
 
 
-def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Callable[[], torch.Tensor]]]:
+def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Loss]]:
     """What is varied to its weights and their loss, over all points at once."""
     points, target = bench.current.points, bench.next.distance
     forward_field, whole = bench.learners.forward.network, MultiFrameField(bench)
 
-    def loss_with(field: nn.Module) -> Callable[[], torch.Tensor]:
+    def loss_with(field: nn.Module) -> Loss:
         return lambda: target.mean(points + field(points))
 
     return {
@@ -174,33 +230,19 @@ def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
     return [f"Note: not converged, so that no optimum is in the middle: {', '.join(cut_off)}."]
 
 
-def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
-    """Puts landscapes into a table, rows and a picture."""
+def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
     radii = next(iter(found.values())).radii
     header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
-    cells = [
-        [
-            name,
-            format_number(item.loss_m, 4),
-            *(
-                f"{mean:.4f} ± {deviation:.4f}"
-                for mean, deviation in zip(item.sharpness, item.rises_m.std(axis=0), strict=True)
-            ),
-        ]
-        for name, item in found.items()
-    ]
-    rows = [
-        (name, "square", x, y, item.losses_m[row, column])
-        for name, item in found.items()
-        for row, y in enumerate(item.axis)
-        for column, x in enumerate(item.axis)
-    ]
-    rows += [
-        (name, f"direction {number}", radius, 0.0, item.loss_m + item.rises_m[number, column])
-        for name, item in found.items()
-        for number in range(len(item.rises_m))
-        for column, radius in enumerate(item.radii)
-    ]
+    cells, rows = [], []
+    for name, item in found.items():
+        pairs = zip(item.sharpness, item.rises_m.std(axis=0), strict=True)
+        rises = (f"{mean:.4f} ± {deviation:.4f}" for mean, deviation in pairs)
+        cells.append([name, format_number(item.loss_m, 4), *rises])
+        for (row, column), loss_m in np.ndenumerate(item.losses_m):
+            rows.append((name, "square", item.axis[column], item.axis[row], loss_m))
+        for (number, column), rise_m in np.ndenumerate(item.rises_m):
+            loss_m = item.loss_m + rise_m
+            rows.append((name, f"direction {number}", item.radii[column], 0.0, loss_m))
     return StudyResult(
         name="landscape",
         title=_TITLE,
@@ -209,8 +251,6 @@ def landscape_result(found: dict[str, Landscape], texts: list[str]) -> StudyResu
         header=("method", "kind", "first_step", "second_step", "loss_m"),
         rows=rows,
         picture=height_maps(
-            _TITLE,
-            "m",
-            {name: Heights(item.axis, item.losses_m, item.loss_m) for name, item in found.items()},
+            _TITLE, {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
         ),
     )

@@ -4,31 +4,48 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Final
 
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import MAX_SWEEPS
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationTask, evaluated_methods
-from mnsf_ros.evaluation.protocol import protocol_text
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import (
+    EvaluatedRecording,
+    EvaluationOptions,
+    EvaluationTask,
+    evaluated_methods,
+)
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import MethodSummary, summarize
+from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.evaluation.results_files import read_results, write_results
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, TaskKey
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
-from mnsf_ros.evaluation.runner import TaskEvent, TaskRun, plan_runs, run_evaluation
+from mnsf_ros.evaluation.runner import (
+    Executor,
+    TaskEvent,
+    TaskRun,
+    plan_runs,
+    run_evaluation,
+    run_serially,
+    task_events,
+)
 from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.studies.study import StudyOptions, StudyResult
-from mnsf_ros.studies.study_examples import first_examples, study_recordings
+from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
 _HEADER: Final = (
     *("variant", "method", "points", "epe_m", "acc5", "acc10", "outliers"),
     *("angle_error_rad", "num_points", "time_ms"),
 )
-GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
+_GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
+_FIGURES: Final = (
+    ("EPE (m), less is better", "epe_m", 1.0),
+    ("Acc5 (%), more is better", "acc5", 100.0),
+)
 
 
 @dataclass(frozen=True)
@@ -107,29 +124,79 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         arguments=options.command,
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
-    kept = _kept_notes(runs, recordings, options, folder, study)
-    watch = _Watch(options, _max_rows(runs, options, study.num_sweeps))
-    execute = first_examples(options.max_examples)
+    max_examples = {
+        recording.name: _max_examples(recording, options, study) for recording in recordings
+    }
+    kept = list(_kept_notes(study, {run.task.key for run in runs}, max_examples, folder))
+    total, numbers = sum(max_examples[run.task.recording.name] for run in runs), count(1)
+
+    def watch(task: EvaluationTask, event: TaskEvent) -> None:
+        if isinstance(event, ResultRow):
+            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else str(event.failure)
+            where = f"{task.method.name}, {event.recording} sweep {event.number}"
+            options.say(f"{next(numbers)} of {total}: {where}: {said}")
+
+    execute = _first_examples(options.max_examples)
     run_evaluation(runs, evaluation, folder, execute=execute, watch=watch)
     results = read_results(folder)
     write_results(folder, results)
     if not any(row.errors for row in results.rows):
         why = f": {results.notes[0]}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
-    summaries = summarize(results.rows, list(study.variants.values()))
-    texts = protocol_text(results.record, summaries)
-    notes = [*map(str, results.notes), *kept]
-    return study_result(study, summaries, [*texts, *(f"Note: {note}" for note in notes)])
+    notes = [f"Note: {note}" for note in (*results.notes, *kept)]
+    return _result(study, results.summaries, [*results.protocol, *notes])
 
 
-def study_result(
+def _max_examples(recording: EvaluatedRecording, options: StudyOptions, study: MethodStudy) -> int:
+    """How many examples there can be: the first and the last sweeps are none."""
+    number = recording.num_sweeps - study.num_sweeps + 1
+    return min(number, options.max_examples or number)
+
+
+def _kept_notes(
+    study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], folder: RunFolder
+) -> Iterator[str]:
+    """Notes on recordings that were finished before, with fewer examples than are wanted now."""
+    num_rows = Counter((row.recording, row.method) for row in folder.rows())
+    for name, wanted in max_examples.items():
+        keys = [(name, method) for method in study.variants.values()]
+        kept = [num_rows[key] for key in keys if key not in left]
+        if kept and min(kept) < wanted:
+            yield (
+                f"{name}: was finished before with {min(kept)} of up to {wanted} examples and is "
+                "left so; another folder would start anew"
+            )
+
+
+def _first_examples(number: int | None) -> Executor:
+    """An Executor that runs tasks one after the other, each only to so many examples."""
+    if number is None:
+        return run_serially
+
+    def execute(
+        runs: Sequence[TaskRun], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        for run in runs:
+            num_left = number - len(run.skipped)
+            events = task_events(run, options) if num_left > 0 else iter([Findings()])
+            for event in events:
+                yield run.task, event
+                num_left -= isinstance(event, ResultRow)
+                if isinstance(event, ResultRow) and num_left == 0:
+                    yield run.task, Findings()
+                    break
+
+    return execute
+
+
+def _result(
     study: MethodStudy, summaries: Sequence[MethodSummary], texts: Sequence[str]
 ) -> StudyResult:
-    """Puts the summaries of the variants into tables and a picture."""
+    """The summaries of the variants as tables and a picture."""
     by_method = {summary.method: summary for summary in summaries}
     named = {name: by_method[m] for name, m in study.variants.items() if m in by_method}
     tables, rows = [], []
-    for group, words in GROUPS.items():
+    for group, words in _GROUPS.items():
         errors = {n: s.errors[group] for n, s in named.items() if group in s.errors}
         if not any(item.num_points for item in errors.values()):
             continue
@@ -140,70 +207,15 @@ def study_result(
             shares = (item.acc5, item.acc10, item.outliers)
             values = (item.epe_m, *shares, item.angle_error_rad, item.num_points)
             rows.append((name, study.variants[name], group, *values, named[name].time_ms))
-    picture = _picture(study, named)
-    return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, picture)
-
-
-def _max_rows(runs: Sequence[TaskRun], options: StudyOptions, num_sweeps: int) -> int:
-    """How many rows there can be."""
-    return sum(_max_examples(run.task.recording, options, num_sweeps) for run in runs)
-
-
-def _max_examples(recording: EvaluatedRecording, options: StudyOptions, num_sweeps: int) -> int:
-    """How many examples there can be: the first and the last sweeps are none."""
-    number = recording.num_sweeps - num_sweeps + 1
-    return min(number, options.max_examples or number)
-
-
-def _kept_notes(
-    runs: Sequence[TaskRun],
-    recordings: Sequence[EvaluatedRecording],
-    options: StudyOptions,
-    folder: RunFolder,
-    study: MethodStudy,
-) -> list[str]:
-    """Notes on recordings that were finished before, with fewer examples than are wanted now."""
-    left = {run.task.key for run in runs}
-    num_rows = Counter((row.recording, row.method) for row in folder.rows())
-    notes = []
-    for recording in recordings:
-        keys = [(recording.name, method) for method in study.variants.values()]
-        kept = [num_rows[key] for key in keys if key not in left]
-        wanted = _max_examples(recording, options, study.num_sweeps)
-        if kept and min(kept) < wanted:
-            notes.append(
-                f"{recording.name}: was finished before with {min(kept)} of up to {wanted} "
-                "examples and is left so; another folder would start anew"
-            )
-    return notes
-
-
-class _Watch:
-    """Says how far a study is."""
-
-    def __init__(self, options: StudyOptions, total: int) -> None:
-        self._options = options
-        self._total = total
-        self._done = 0
-
-    def __call__(self, task: EvaluationTask, event: TaskEvent) -> None:
-        if isinstance(event, ResultRow):
-            self._done += 1
-            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else str(event.failure)
-            where = f"{task.method.name}, {event.recording} sweep {event.number}"
-            self._options.say(f"{self._done} of {self._total}: {where}: {said}")
-
-
-def _picture(study: MethodStudy, named: dict[str, MethodSummary]) -> bytes:
-    parts = (("EPE (m), less is better", "epe_m", 1.0), ("Acc5 (%), more is better", "acc5", 100.0))
     panels = {
         title: {
             words: [
-                getattr(s.errors[group], name) * factor if group in s.errors else math.nan
+                getattr(s.errors[group], figure) * factor if group in s.errors else math.nan
                 for s in named.values()
             ]
-            for group, words in GROUPS.items()
+            for group, words in _GROUPS.items()
         }
-        for title, name, factor in parts
+        for title, figure, factor in _FIGURES
     }
-    return grouped_bars(study.title, list(named), panels)
+    picture = grouped_bars(study.title, list(named), panels)
+    return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, picture)

@@ -1,59 +1,63 @@
-"""Name of a study to what it does."""
+"""Doing a study by its name, and writing a page in Markdown, numbers as CSV, and a chart."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.studies.landscape_study import LandscapeOptions, run_landscape_study
+from mnsf_ros.evaluation.results_files import session_lines
+from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.studies.landscape_study import run_landscape_study
 from mnsf_ros.studies.method_study import METHOD_STUDIES, run_method_study
-from mnsf_ros.studies.stability_study import (
-    StabilityOptions,
-    run_stability_study,
-    stability_settings,
-)
-from mnsf_ros.studies.study import StudyOptions, StudyResult, write_study
+from mnsf_ros.studies.stability_study import run_stability_study, stability_settings
+from mnsf_ros.studies.study import StudyOptions, StudyResult
 
-_METHOD_STUDIES: Final = {study.name: study for study in METHOD_STUDIES}
-STUDY_NAMES: Final = (*_METHOD_STUDIES, "landscape", "stability")
+STUDIES: Final[dict[str, Callable[[StudyOptions], StudyResult]]] = {
+    **{study.name: partial(run_method_study, study) for study in METHOD_STUDIES},
+    "landscape": run_landscape_study,
+    "stability": run_stability_study,
+}
 
 
-def run_study(
-    name: str,
-    options: StudyOptions,
-    how: Mapping[str, Any] | None = None,
-) -> tuple[StudyResult, list[Path]]:
-    """Does a study and writes what came out.
-
-    Args:
-        name: One of `STUDY_NAMES`.
-        options: On what, and how.
-        how: Attributes of LandscapeOptions and StabilityOptions to values; a study takes those
-            that it has.
-
-    Returns:
-        The result, and the files.
+def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:
+    """Does one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
 
     Raises:
         MnsfError: There is no such study, or something that was given cannot be used.
         OSError: Writing fails.
     """
-    how = how or {}
-    if name in _METHOD_STUDIES:
-        result = run_method_study(_METHOD_STUDIES[name], options)
-    elif name == "landscape":
-        result = run_landscape_study(options, LandscapeOptions(**_own(LandscapeOptions, how)))
-    elif name == "stability":
+    if name not in STUDIES:
+        raise SettingsError(f"unknown study {name!r}, expected one of {', '.join(STUDIES)}")
+    if name == "stability":
         options = replace(options, settings=stability_settings(options.settings))
-        result = run_stability_study(options, StabilityOptions(**_own(StabilityOptions, how)))
-    else:
-        raise SettingsError(f"unknown study {name!r}, expected one of {', '.join(STUDY_NAMES)}")
-    return result, write_study(result, options)
+    result = STUDIES[name](options)
+    options.out.mkdir(parents=True, exist_ok=True)
+    paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
+    numbers = io.StringIO()
+    csv.writer(numbers, lineterminator="\n").writerows([result.header, *result.rows])
+    paths[0].write_text(_page(result, options), encoding="utf-8")
+    paths[1].write_text(numbers.getvalue(), encoding="utf-8")
+    paths[2].write_bytes(result.picture)
+    return result, paths
 
 
-def _own(kind: type, how: Mapping[str, Any]) -> dict[str, Any]:
-    names = {field.name for field in fields(kind)}
-    return {name: value for name, value in how.items() if name in names}
+def _page(result: StudyResult, options: StudyOptions) -> str:
+    parts = [f"# {result.title}", *result.texts]
+    parts += [table.markdown().rstrip("\n") for table in result.tables]
+    parts += [f"![{result.title}]({result.name}.png)", "## Run"]
+    facts = {
+        "seed": str(options.seed),
+        "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
+        "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
+    }
+    lines = [f"* {name}: {text}" for name, text in facts.items()]
+    parts.append("\n".join([*session_lines(SessionRecord.now(options.command)), *lines]))
+    lines = [f"| {name} | {value} |" for name, value in options.settings.to_mapping().items()]
+    parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
+    return "\n\n".join(parts) + "\n"

@@ -1,24 +1,30 @@
-"""What a study is done on, and what it writes: a page in Markdown, numbers as CSV, a chart."""
+"""What a study is done on, and what comes out of it."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.run_start import recording_names
 from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
 
-Say = Callable[[str], None]
-
-
-def _silent(text: str) -> None:
-    """Says nothing."""
+# A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
+_BEAMS, _COLUMNS = 32, 1024
+# A simulated street has so many, unless the user says how many.
+_SIMULATED_EXAMPLES: Final = 4
+# Ten times the weights themselves; far beyond, layer by layer, the loss is no number any more.
+_MAX_RADIUS: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,14 @@ class StudyOptions:
         resume: Whether to go on with what is in the folder.
         command: The command line, to be remembered.
         say: Gets one line for each step.
+        radius: The picture of a landscape reaches so far to each side; 1: as far as the weights
+            are long.
+        num_steps: Steps from one side of a landscape to the other, an odd number.
+        num_directions: Random directions in which the sharpness of a landscape is measured.
+        sizes: Numbers of points at which stability is measured, ascending; three or more, for a
+            slope with its standard error.
+        num_repeats: Draws of points for each of them.
+        methods: Whose stability is measured.
     """
 
     out: Path
@@ -46,16 +60,39 @@ class StudyOptions:
     seed: int = 0
     resume: bool = False
     command: tuple[str, ...] = ()
-    say: Say = _silent
+    say: Callable[[str], None] = lambda text: None
+    radius: float = 0.5
+    num_steps: int = 21
+    num_directions: int = 10
+    sizes: tuple[int, ...] = (128, 256, 512, 1024, 2048)
+    num_repeats: int = 5
+    methods: tuple[str, ...] = ("nsfp", "fnsf", "mnsf")
 
     def __post_init__(self) -> None:
         """Checks the values.
 
         Raises:
-            EvaluationError: If a number is out of its range.
+            EvaluationError: If one is out of its range.
         """
-        if self.max_examples is not None and self.max_examples < 1:
-            raise EvaluationError(f"max_examples: got {self.max_examples}, expected 1 or more")
+        sizes, methods = (", ".join(map(str, values)) for values in (self.sizes, self.methods))
+        has_slope = len(self.sizes) >= 3 and list(self.sizes) == sorted(set(self.sizes))
+        has_examples = self.max_examples is None or self.max_examples >= 1
+        is_near = 0 < self.radius <= _MAX_RADIUS
+        has_middle = self.num_steps >= 3 and self.num_steps % 2 == 1
+        for name, value, is_good, expected in (
+            ("max_examples", self.max_examples, has_examples, "1 or more"),
+            ("radius", f"{self.radius:g}", is_near, f"more than 0, at most {_MAX_RADIUS:g}"),
+            ("steps", self.num_steps, has_middle, "an odd number, 3 or more"),
+            # One direction has no deviation.
+            ("directions", self.num_directions, self.num_directions >= 2, "2 or more"),
+            ("sizes", sizes, has_slope, "3 or more numbers in ascending order"),
+            # One point is replaced, and one stays.
+            ("sizes", sizes, min(self.sizes, default=0) >= 2, "2 points or more each"),
+            ("repeats", self.num_repeats, self.num_repeats >= 1, "1 or more"),
+            ("methods", methods, len(set(self.methods)) == len(self.methods), "each once"),
+        ):
+            if not is_good:
+                raise EvaluationError(f"{name}: got {value}, expected {expected}")
 
     def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:
         """Returns the options of the evaluator.
@@ -64,10 +101,7 @@ class StudyOptions:
             EvaluationError: If a number is out of its range.
         """
         return EvaluationOptions(
-            settings=self.settings,
-            num_points=self.num_points,
-            seed=self.seed,
-            num_sweeps=num_sweeps,
+            self.settings, num_points=self.num_points, seed=self.seed, num_sweeps=num_sweeps
         )
 
 
@@ -94,44 +128,45 @@ class StudyResult:
     picture: bytes
 
 
-def write_study(result: StudyResult, options: StudyOptions) -> list[Path]:
-    """Writes NAME.md, NAME.csv and NAME.png into the folder of the study.
+def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[EvaluatedRecording]:
+    """Returns the recordings of a study; without any, writes a simulated one into its folder.
 
     Raises:
-        OSError: Writing fails.
+        RecordingError: A recording cannot be used, has fewer than `num_sweeps` sweeps, or the
+            simulated one cannot be written.
     """
-    options.out.mkdir(parents=True, exist_ok=True)
-    paths = [options.out / f"{result.name}{suffix}" for suffix in (".md", ".csv", ".png")]
-    paths[0].write_text(_page(result, options), encoding="utf-8")
-    paths[1].write_text(_csv(result), encoding="utf-8")
-    paths[2].write_bytes(result.picture)
-    return paths
+    paths = options.recordings or (_simulated_street(options, num_sweeps),)
+    recordings = [
+        choose_topics(inspect_recording(path), name)
+        for path, name in zip(paths, recording_names(paths), strict=True)
+    ]
+    for path, recording in zip(paths, recordings, strict=True):
+        if recording.num_sweeps < num_sweeps:
+            raise RecordingError(
+                f"{path}: has {recording.num_sweeps} sweeps, the study needs {num_sweeps}"
+            )
+    return recordings
 
 
-def _page(result: StudyResult, options: StudyOptions) -> str:
-    parts = [f"# {result.title}", *result.texts]
-    parts += [table.markdown().rstrip("\n") for table in result.tables]
-    parts += [f"![{result.title}]({result.name}.png)", "## Run"]
-    session = SessionRecord.now(options.command)
-    facts = {
-        "command": f"`{' '.join(session.command)}`" if session.command else "",
-        "seed": str(options.seed),
-        "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
-        "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
-        "machine": str(session.machine),
-        "versions": ", ".join(f"{name} {value}" for name, value in session.versions.items()),
-        "git commit": session.git_commit or "none, not a checkout",
-    }
-    parts.append("\n".join(f"* {name}: {text}" for name, text in facts.items() if text))
-    settings = options.settings.to_mapping()
-    lines = [f"| {name} | {value} |" for name, value in settings.items()]
-    parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
-    return "\n\n".join(parts) + "\n"
+def _simulated_street(options: StudyOptions, num_sweeps: int) -> Path:
+    path = options.out / "street"
+    if not path.exists():
+        options.say("simulating a street")
+        # An example lies between the sweeps before it and the one after.
+        total = (options.max_examples or _SIMULATED_EXAMPLES) + num_sweeps - 1
+        settings = SimulationSettings(options.seed, num_beams=_BEAMS, num_columns=_COLUMNS)
+        write_recording(replace(settings, duration_s=total * settings.interval_s), path)
+    return path
 
 
-def _csv(result: StudyResult) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(result.header)
-    writer.writerows(result.rows)
-    return text.getvalue()
+def first_example(options: StudyOptions) -> Example:
+    """Returns the first example of a study.
+
+    Raises:
+        RecordingError: There is none.
+    """
+    for recording in study_recordings(options):
+        with recording.inspection.open() as reader:
+            for example in read_examples(reader, recording, options.evaluation(), Findings()):
+                return example
+    raise RecordingError("the recordings hold no three sweeps in a row")

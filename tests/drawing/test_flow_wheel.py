@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mnsf_ros.drawing.flow_wheel import draw_wheel, flow_colors, wheel_image
+from mnsf_ros.drawing import flow_panel
+from mnsf_ros.drawing.flow_panel import SLOW, draw_wheel, wheel_image
 
 NEUTRAL = (0.3, 0.4, 0.5)
 ANGLES = np.linspace(-np.pi, np.pi, 49)
 DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+
+def flow_colors(flow, full_speed_m, neutral=(1.0, 1.0, 1.0)):
+    """Around white, where hue and saturation have their usual meaning."""
+    return flow_panel.flow_colors(flow, full_speed_m, neutral=neutral)
 
 
 def hsv(colors):
@@ -70,12 +76,12 @@ def test_without_flow_is_neutral():
 
 
 def test_wheel_image_shows_directions_as_the_picture_does():
-    image = wheel_image(101, neutral=NEUTRAL)
+    image = wheel_image(101)
     assert image.shape == (101, 101, 4)
-    np.testing.assert_allclose(image[50, 50], [*NEUTRAL, 1], atol=1e-12)
+    np.testing.assert_allclose(image[50, 50], [*SLOW, 1], atol=1e-12)
     np.testing.assert_array_equal(image[[0, 0, -1, -1], [0, -1, 0, -1], 3], 0)
     right, up = image[50, 95, :3], image[5, 50, :3]
-    expected = flow_colors(np.array([[0.9, 0], [0, 0.9]]), 1.0, neutral=NEUTRAL)
+    expected = flow_colors(np.array([[0.9, 0], [0, 0.9]]), 1.0, neutral=SLOW)
     np.testing.assert_allclose([right, up], expected, atol=1e-12)
 
 

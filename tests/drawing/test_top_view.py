@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from mnsf_ros.drawing.flow_panel import MISSING, SLOW, full_speed
-from mnsf_ros.drawing.flow_wheel import flow_colors
+from mnsf_ros.drawing.flow_panel import MISSING, SLOW, flow_colors, full_speed
 from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.errors import MnsfError
 
@@ -151,8 +150,6 @@ def test_inputs_are_not_changed(tmp_path):
         ({"xyz": CORNERS[:, :2]}, "xyz: got shape (4, 2), expected (N, 3)"),
         ({"truth": CORNERS[:3]}, "flow: got shape (3, 3), expected that of xyz, (4, 3)"),
         ({"next_from_current": np.eye(2)}, "next_from_current is [[1.0, 0.0], [0.0, 1.0]], "),
-        ({"view_m": 0.0}, "view_m is 0.0, slow_m is 0.1, expected above 0"),
-        ({"slow_m": np.nan}, "view_m is 50.0, slow_m is nan, expected above 0"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, options, text):
@@ -176,4 +173,4 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, options, text):
 )
 def test_scale_is_round_and_ignores_what_is_slow_or_rare(speeds, scale):
     flow = np.column_stack([speeds, np.zeros(len(speeds))])
-    assert full_speed([flow, np.zeros((3, 2))], slow_m=0.1) == pytest.approx(scale)
+    assert full_speed([flow, np.zeros((3, 2))]) == pytest.approx(scale)

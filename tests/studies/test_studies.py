@@ -16,7 +16,7 @@ from mnsf_ros.report.run_report import report_run
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.studies.method_study import METHOD_STUDIES
-from mnsf_ros.studies.run_study import STUDY_NAMES, run_study
+from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
 from mnsf_ros.studies.study import StudyOptions
 
@@ -55,11 +55,8 @@ def options(tmp_path, street):
         recordings=(street,),
         num_points=100,
         max_examples=2,
+        **SMALL,
     )
-
-
-def study(name, options):
-    return run_study(name, options, SMALL)
 
 
 def rows_of(paths):
@@ -67,9 +64,9 @@ def rows_of(paths):
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize("name", STUDY_NAMES)
+@pytest.mark.parametrize("name", STUDIES)
 def test_study_writes_page_numbers_and_picture(name, options):
-    result, paths = study(name, options)
+    result, paths = run_study(name, options)
     assert [path.name for path in paths] == [f"{name}.md", f"{name}.csv", f"{name}.png"]
     page = paths[0].read_text()
     assert page.startswith(f"# {result.title}\n")
@@ -83,41 +80,41 @@ def test_study_writes_page_numbers_and_picture(name, options):
 def test_study_is_the_same_the_second_time(name, options, tmp_path):
     tables = []
     for folder in ("one", "two"):
-        _, paths = study(name, replace(options, out=tmp_path / folder))
+        _, paths = run_study(name, replace(options, out=tmp_path / folder))
         rows = rows_of(paths)
         tables.append([{k: v for k, v in row.items() if k != "time_ms"} for row in rows])
     assert tables[0] == tables[1]
 
 
 def test_seed_changes_the_numbers(options, tmp_path):
-    first = rows_of(study("landscape", options)[1])
-    other = rows_of(study("landscape", replace(options, out=tmp_path / "b", seed=1))[1])
+    first = rows_of(run_study("landscape", options)[1])
+    other = rows_of(run_study("landscape", replace(options, out=tmp_path / "b", seed=1))[1])
     assert first != other
 
 
 def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     said = []
     options = replace(options, say=said.append)
-    study("fusion", options)
+    run_study("fusion", options)
     num_rows = len(RunFolder(options.out / "evaluation").read_rows())
     assert num_rows == 2 * 4
     assert said[-1].startswith("8 of 8: mnsf-mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
-        study("fusion", options)
-    study("fusion", replace(options, resume=True))
+        run_study("fusion", options)
+    run_study("fusion", replace(options, resume=True))
     assert len(RunFolder(options.out / "evaluation").read_rows()) == num_rows
 
 
 def test_method_study_takes_all_examples_of_a_recording(options):
     said = []
-    study("fusion", replace(options, max_examples=None, say=said.append))
+    run_study("fusion", replace(options, max_examples=None, say=said.append))
     # Seven sweeps have five with one before and one after.
     assert len(RunFolder(options.out / "evaluation").read_rows()) == 5 * 4
     assert said[-1].startswith("20 of 20: ")
 
 
 def test_method_study_can_be_reported(options):
-    study("depth", options)
+    run_study("depth", options)
     said = []
     folder = options.out / "evaluation"
     results = read_results(RunFolder(folder))
@@ -130,7 +127,7 @@ def test_method_study_can_be_reported(options):
 
 def test_without_recordings_a_street_is_simulated(options):
     options = replace(options, recordings=(), max_examples=1)
-    result, _ = study("landscape", options)
+    result, _ = run_study("landscape", options)
     assert (options.out / "street" / "metadata.yaml").exists()
     assert "of street" in result.texts[1]
 

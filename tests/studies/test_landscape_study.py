@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from mnsf_ros.studies.loss_landscape import landscape, losses_along, random_direction
+from mnsf_ros.studies.landscape_study import landscape, losses_along, random_direction
 
 
 @pytest.fixture
