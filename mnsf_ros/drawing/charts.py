@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from mnsf_ros.drawing.figures import (
     CARD,
-    FAINT_INK,
+    CHART_STYLE,
     INK,
     SERIES,
     chart_figure,
-    chart_style,
     inline_svg,
     shortened,
 )
@@ -53,28 +53,20 @@ class BandChart:
     values: Mapping[str, Sequence[float]]
 
 
+@mpl.rc_context(CHART_STYLE)
 def band_chart(chart: BandChart) -> str:
-    """Returns the chart as inline SVG, one line for each series; colour is never its only mark."""
-    with chart_style():
-        columns = _legend_columns(chart.values, _BAND_WIDTH)
-        height = _BAND_HEIGHT + _LEGEND_ROW * math.ceil(len(chart.values) / columns)
-        figure = chart_figure(_BAND_WIDTH, height)
-        axes = figure.subplots()
-        titles: dict[str, str] = {}
-        for number, (name, values) in enumerate(chart.values.items()):
-            titles |= _draw_series(axes, number, name, values, chart.bands)
-        _set_scale(axes, [v for values in chart.values.values() for v in values], chart.up)
-        axes.set_xticks(range(len(chart.bands)), chart.bands)
-        axes.set_xlim(-0.5, len(chart.bands) - 0.5)
-        axes.set_xlabel(chart.across)
-        axes.grid(axis="y")
-        axes.set_axisbelow(True)
-        axes.tick_params(length=0)
-        axes.tick_params(axis="x", pad=8)  # room for a mark at zero
-        axes.spines[["left", "right", "top"]].set_visible(False)
-        _draw_legend(figure, axes, columns)
-        label = f"{chart.title}: {chart.up} over {chart.across}. The numbers are in a table below."
-        return inline_svg(figure, label, titles)
+    """Returns the chart as inline SVG, one line for each series; color is never its only mark."""
+    figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, chart.values)
+    titles: dict[str, str] = {}
+    for number, (name, values) in enumerate(chart.values.items()):
+        titles |= _draw_series(axes, number, name, values, chart.bands)
+    _set_scale(axes, [v for values in chart.values.values() for v in values], chart.up)
+    axes.set_xticks(range(len(chart.bands)), chart.bands)
+    axes.set(xlim=(-0.5, len(chart.bands) - 0.5), xlabel=chart.across)
+    axes.grid(axis="y")
+    _draw_legend(figure, axes, columns)
+    label = f"{chart.title}: {chart.up} over {chart.across}. The numbers are in a table below."
+    return inline_svg(figure, label, titles)
 
 
 def _draw_series(
@@ -115,9 +107,10 @@ def _set_scale(axes: Axes, values: Sequence[float], up: str) -> None:
         up = f"{up}, logarithmic"
     else:
         axes.set_ylim(0.0, largest * 1.08)
-    axes.set_title(up, loc="left", fontsize=10, color=FAINT_INK)
+    axes.set_title(up)
 
 
+@mpl.rc_context(CHART_STYLE)
 def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     """Returns a bar for each method, its stages stacked, as inline SVG.
 
@@ -127,21 +120,16 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     stages = stage_names(times_ms)
     totals_ms = {name: math.fsum(part.values()) for name, part in times_ms.items()}
     longest_ms = max(totals_ms.values(), default=0.0) or 1.0
-    with chart_style():
-        columns = _legend_columns(stages, _BAR_WIDTH)
-        legend_height = _LEGEND_ROW * math.ceil(len(stages) / columns)
-        figure = chart_figure(_BAR_WIDTH, _BAR_ROW * len(times_ms) + legend_height + 0.15)
-        axes = figure.subplots()
-        titles = _draw_bars(axes, times_ms, stages)
-        for row, total_ms in enumerate(totals_ms.values()):
-            axes.text(total_ms + 0.008 * longest_ms, row, time_text(total_ms), va="center")
-        axes.set_yticks(range(len(times_ms)), [shortened(name) for name in times_ms], color=INK)
-        axes.set(xlim=(0, 1.09 * longest_ms), ylim=(len(times_ms) - 0.5, -0.5), xticks=[])
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        _draw_legend(figure, axes, columns)
-        said = "; ".join(f"{name} {total_ms:.0f} ms" for name, total_ms in totals_ms.items())
-        return inline_svg(figure, f"Mean wall time of an estimate, by stage. {said}.", titles)
+    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAR_ROW * len(times_ms) + 0.15, stages)
+    titles = _draw_bars(axes, times_ms, stages)
+    for row, total_ms in enumerate(totals_ms.values()):
+        axes.text(total_ms + 0.008 * longest_ms, row, time_text(total_ms), va="center")
+    axes.set_yticks(range(len(times_ms)), [shortened(name) for name in times_ms], color=INK)
+    axes.set(xlim=(0, 1.09 * longest_ms), ylim=(len(times_ms) - 0.5, -0.5), xticks=[])
+    axes.spines["bottom"].set_visible(False)
+    _draw_legend(figure, axes, columns)
+    said = "; ".join(f"{name} {total_ms:.0f} ms" for name, total_ms in totals_ms.items())
+    return inline_svg(figure, f"Mean wall time of an estimate, by stage. {said}.", titles)
 
 
 def _draw_bars(
@@ -180,12 +168,15 @@ def time_text(time_ms: float) -> str:
     return f"{time_ms:.0f} ms" if time_ms >= 10 else f"{time_ms:.1f} ms"
 
 
-def _legend_columns(names: Iterable[str], width: float) -> int:
+def _with_legend(width: float, height: float, names: Collection[str]) -> tuple[Figure, Axes, int]:
+    """A figure of so many inches with room for a legend of these names below, and its columns."""
     longest = max((len(shortened(name)) for name in names), default=0)
-    return max(1, int(width / (0.55 + 0.085 * longest)))
+    columns = max(1, int(width / (0.55 + 0.085 * longest)))
+    figure = chart_figure(width, height + _LEGEND_ROW * math.ceil(len(names) / columns))
+    return figure, figure.subplots(), columns
 
 
 def _draw_legend(figure: Figure, axes: Axes, columns: int) -> None:
     handles, names = axes.get_legend_handles_labels()
     if names:
-        figure.legend(handles, names, loc="outside lower left", ncols=columns, fontsize=10)
+        figure.legend(handles, names, loc="outside lower left", ncols=columns)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, Final
 from xml.etree import ElementTree
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -54,7 +52,8 @@ _SVG: Final = "http://www.w3.org/2000/svg"
 _XLINK: Final = "http://www.w3.org/1999/xlink"
 # A style would hold for the whole page.
 _NOT_IN_A_PAGE: Final = ("metadata", "style", "clipPath")
-_CHART_STYLE: Final[dict[str, Any]] = {
+# The look of the charts of a page, for `matplotlib.rc_context` around making and saving them.
+CHART_STYLE: Final[dict[str, Any]] = {
     "svg.fonttype": "none",  # text stays text, in the font of the page
     "svg.hashsalt": "mnsf",  # the same chart is the same file
     "text.parse_math": False,  # a dollar sign in a name is no formula
@@ -62,9 +61,20 @@ _CHART_STYLE: Final[dict[str, Any]] = {
     "text.color": INK,
     "axes.labelcolor": FAINT_INK,
     "axes.edgecolor": LINE,
+    "axes.axisbelow": True,
+    "axes.spines.left": False,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlecolor": FAINT_INK,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10,
     "grid.color": LINE,
     "xtick.color": FAINT_INK,
+    "xtick.major.pad": 8,  # room for a mark at zero
+    "xtick.major.size": 0,
     "ytick.color": FAINT_INK,
+    "ytick.major.size": 0,
+    "legend.fontsize": 10,
     "legend.frameon": False,
 }
 
@@ -72,13 +82,6 @@ _CHART_STYLE: Final[dict[str, Any]] = {
 def shortened(name: str, most_letters: int = _MOST_LETTERS) -> str:
     """Returns a name that fits into a chart."""
     return name if len(name) <= most_letters else f"{name[: most_letters - 1]}…"
-
-
-@contextmanager
-def chart_style() -> Iterator[None]:
-    """Gives the charts that are made and saved inside their common look."""
-    with mpl.rc_context(_CHART_STYLE):
-        yield
 
 
 def pixel_figure(width_px: float, height_px: float, background: str) -> Figure:
@@ -114,7 +117,7 @@ def inline_svg(figure: Figure, label: str, titles: Mapping[str, str]) -> str:
     """Returns a chart as an SVG element for an HTML page, its colours as CSS variables.
 
     Args:
-        figure: Made within `chart_style`.
+        figure: Made in `CHART_STYLE`.
         label: What the chart shows, for those who do not see it.
         titles: Group id (`gid`) of an artist to the text that shows when the mouse is over it.
     """

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,16 +17,8 @@ _LEVELS: Final = 16
 _GROUP_COLORS: Final = (SERIES[0], "#e2703a", "#8a94a3")
 
 
-@dataclass(frozen=True)
-class LogLine:
-    """A line of a chart with two logarithmic scales.
-
-    Attributes:
-        label: Its name.
-        values: x to y, both above 0.
-        color: Number of its color.
-        look: Number of its mark and dashes.
-    """
+class LogLine(NamedTuple):
+    """A line through x and y above 0; `color` and `look` number its color, and mark and dashes."""
 
     label: str
     values: Mapping[int, float]
@@ -36,16 +27,11 @@ class LogLine:
 
 
 def grouped_bars(
-    title: str,
-    rows: Sequence[str],
-    panels: Mapping[str, Mapping[str, Sequence[float]]],
+    title: str, rows: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[float]]]
 ) -> bytes:
-    """Draws horizontal bars, some beside each other in each row.
+    """Draws horizontal bars, some beside each other in each of R rows.
 
-    Args:
-        title: Headline.
-        rows: Names of the R rows, from the top.
-        panels: Title of each panel to name of the group to its R values; NaN where there is none.
+    A panel has a title, and names of groups with R values each, NaN where there is none.
     """
     figure = chart_figure(9.0, 1.2 + 0.5 * len(rows))
     axes_of = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
@@ -98,14 +84,7 @@ def height_maps(
 def log_lines(
     title: str, across: str, sizes: Sequence[int], panels: Mapping[str, Sequence[LogLine]]
 ) -> bytes:
-    """Draws lines over sizes, with one over the size for comparison.
-
-    Args:
-        title: Headline.
-        across: What the sizes are sizes of.
-        sizes: Marks of the horizontal scale, ascending.
-        panels: Title of each panel to its lines.
-    """
+    """Draws panels of lines over ascending sizes, with one over the size for comparison."""
     figure = chart_figure(11.0, 5.0)
     axes_of = np.atleast_1d(figure.subplots(1, len(panels)))
     for axes, (name, lines) in zip(axes_of, panels.items(), strict=True):
