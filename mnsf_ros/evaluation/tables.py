@@ -19,7 +19,7 @@ Better = Callable[[Iterable[float]], float]
 _ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)")
 _ERROR_BETTER: Final[tuple[Better, ...]] = (min, max, max, min, min)
 _TIME_COLUMN: Final = "time (ms)"
-_NO_VALUE: Final = "-"
+NO_VALUE: Final = "-"
 
 _GROUP_TITLES: Final = {
     "all": "All points",
@@ -97,7 +97,7 @@ def errors_table(
 
 def format_number(value: float, decimals: int) -> str:
     """Returns the number with so many decimals, or a dash for NaN."""
-    return _NO_VALUE if math.isnan(value) else f"{value:.{decimals}f}"
+    return NO_VALUE if math.isnan(value) else f"{value:.{decimals}f}"
 
 
 def format_percent(share: float, decimals: int = 1) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import jinja2
 from markupsafe import Markup
@@ -15,20 +15,20 @@ from mnsf_ros import __version__
 from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, time_text
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.drawing.figures import DARK, LIGHT
-from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.result_row import ResultRow
 from mnsf_ros.evaluation.results import MethodSummary, mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
-from mnsf_ros.evaluation.run_record import RecordingRecord, RunIdentity, RunRecord
+from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord
 from mnsf_ros.evaluation.tables import (
+    NO_VALUE,
     TextTable,
     consistency_table,
     format_percent,
     further_tables,
     group_tables,
 )
-from mnsf_ros.report.worst import focus_method, worst_cards, worst_table
+from mnsf_ros.report.worst import focus_method, worst_card, worst_table
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
@@ -38,12 +38,18 @@ _REST: Final = "other"
 # A smaller part of the time outside of all stages is not worth a color.
 _REST_SHARE: Final = 0.02
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
-_Bands = Callable[[MethodSummary], dict[str, FlowErrors]]
+_TEMPLATES: Final = jinja2.Environment(
+    loader=jinja2.PackageLoader("mnsf_ros.report"),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 
 
 def write_report(
     results: RunResults,
-    path: Path | str,
+    path: Path,
     *,
     pictured: Sequence[PicturedExample] = (),
     focus: str | None = None,
@@ -60,26 +66,10 @@ def write_report(
         WritingError: Writing fails.
     """
     focus = focus or focus_method(results)
-    replace_file(Path(path), [report_html(results, pictured, focus)])
-
-
-def report_html(results: RunResults, pictured: Sequence[PicturedExample], focus: str) -> str:
-    """Returns the whole report.
-
-    Args:
-        results: All that the run gave.
-        pictured: Sweeps to show in pictures, the worst one first.
-        focus: Method whose worst sweeps are shown.
-    """
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("mnsf_ros.report"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     rows, summaries, record = results.rows, results.summaries, results.record
-    text = environment.get_template("report.html.j2").render(
+    units = {setting.name: setting.unit for setting in declared_settings()}
+    settings = {**record.identity.settings, **record.identity.crop_and_ground}
+    page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
         dark=DARK,
@@ -96,12 +86,12 @@ def report_html(results: RunResults, pictured: Sequence[PicturedExample], focus:
         times=_times_chart(rows, summaries),
         focus=focus,
         worst=worst_table(rows, focus),
-        cards=worst_cards(rows, pictured),
-        facts=[(name, text) for name, text in _facts(record) if text],
+        cards=[worst_card(rows, example) for example in pictured],
+        facts=_facts(record),
         recordings=[(one.name, _recording_text(one)) for one in record.recordings],
-        settings=_settings(record.identity),
+        settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )
-    return f"{text}\n"
+    replace_file(path, [f"{page}\n"])
 
 
 def _title(record: RunRecord) -> str:
@@ -152,23 +142,14 @@ def best_cells(table: TextTable, references: Iterable[str]) -> set[tuple[int, in
     best = set()
     for column, better in enumerate(table.better):
         values = {
-            place: _number(row[column])
+            place: float(row[column])
             for place, row in enumerate(table.rows)
-            if row[0] not in references
+            if better and row[0] not in references and row[column] != NO_VALUE
         }
-        known = {place: value for place, value in values.items() if not math.isnan(value)}
-        if better is None or len(set(known.values())) < 2:
-            continue
-        best_value = better(known.values())
-        best |= {(place, column) for place, value in known.items() if value == best_value}
+        if better and len(set(values.values())) > 1:
+            best_value = better(values.values())
+            best |= {(place, column) for place, value in values.items() if value == best_value}
     return best
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
 
 
 def _failures(rows: Iterable[ResultRow]) -> list[tuple[str, str]]:
@@ -197,23 +178,25 @@ def _band_charts(
     # One that failed everywhere has no line.
     scored = [s for s in summaries if s.by_range or s.by_speed]
     best_m = min((s.errors["all"].epe_m for s in scored if s.method not in references), default=0)
-    shown = [
-        s
-        for s in scored
-        if s.method not in references
-        or not best_m
-        or s.errors["all"].epe_m <= _OFF_THE_CHART * best_m
-    ]
-    parts: list[tuple[str, str, _Bands]] = [
-        ("Error against range", "distance from the sensor (m)", lambda s: s.by_range),
-        ("Error against speed", "true speed without ego motion (m/s)", lambda s: s.by_speed),
-    ]
+    limit_m = _OFF_THE_CHART * best_m or math.inf
+    shown = [s for s in scored if s.method not in references or s.errors["all"].epe_m <= limit_m]
     charts = []
-    for title, across, bands_of in parts:
-        limits = sorted({limit for s in shown for limit in bands_of(s)}, key=float)
+    for title, across, bands in (
+        (
+            "Error against range",
+            "distance from the sensor (m)",
+            {s.method: s.by_range for s in shown},
+        ),
+        (
+            "Error against speed",
+            "true speed without ego motion (m/s)",
+            {s.method: s.by_speed for s in shown},
+        ),
+    ):
+        limits = sorted({limit for errors in bands.values() for limit in errors}, key=float)
         values = {
-            s.method: [bands_of(s)[x].epe_m if x in bands_of(s) else math.nan for x in limits]
-            for s in shown
+            method: [errors[x].epe_m if x in errors else math.nan for x in limits]
+            for method, errors in bands.items()
         }
         if limits:
             chart = BandChart(title, across, "EPE (m)", band_names(limits), values)
@@ -257,23 +240,20 @@ def stage_times_ms(
     return times_ms
 
 
-def _facts(record: RunRecord) -> list[tuple[str, str]]:
+def _facts(record: RunRecord) -> dict[str, str]:
     identity, sessions = record.identity, record.sessions
-    last = sessions[-1]
-    rate = identity.realtime_rate
-    return [
-        ("started", last.started),
-        ("command", " ".join(last.command)),
-        ("machine", str(last.machine)),
-        ("system", last.machine.system),
-        ("versions", ", ".join(f"{name} {version}" for name, version in last.versions.items())),
-        ("git commit", last.git_commit or "none, not a checkout"),
-        ("seed", str(identity.seed)),
-        ("points per sweep", "all" if identity.num_points is None else f"{identity.num_points:,}"),
-        ("ground from", identity.ground),
-        ("real time", "" if rate is None else f"{rate:g} times, sweeps are dropped as on a robot"),
-        ("sessions", str(len(sessions)) if len(sessions) > 1 else ""),
-    ]
+    facts = {
+        **sessions[-1].facts,
+        "system": sessions[-1].machine.system,
+        "seed": str(identity.seed),
+        "points per sweep": "all" if identity.num_points is None else f"{identity.num_points:,}",
+        "ground from": identity.ground,
+    }
+    if identity.realtime_rate is not None:
+        facts["real time"] = f"{identity.realtime_rate:g} times, sweeps are dropped as on a robot"
+    if len(sessions) > 1:
+        facts["sessions"] = str(len(sessions))
+    return facts
 
 
 def _recording_text(recording: RecordingRecord) -> str:
@@ -282,9 +262,3 @@ def _recording_text(recording: RecordingRecord) -> str:
     if recording.odometry:
         text += f", poses on {recording.odometry}"
     return text + (f"; damaged: {'; '.join(recording.damages)}" if recording.damages else "")
-
-
-def _settings(identity: RunIdentity) -> list[tuple[str, str]]:
-    units: dict[str, Any] = {setting.name: setting.unit for setting in declared_settings()}
-    values = {**identity.settings, **identity.crop_and_ground}
-    return [(name, f"{value} {units.get(name, '')}".strip()) for name, value in values.items()]

@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.core.flow_columns import FLOW_NAMES
 from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
@@ -36,29 +36,21 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.point_cloud2 import decode_points
 
-_FLOW: Final = ("flow_x", "flow_y", "flow_z")
-
 
 class TimeBudget:
-    """Counts from its making on."""
+    """Counts from its making on; `known_s`: method to the seconds of one estimate so far."""
 
     def __init__(
         self, limit_s: float = math.inf, known_s: Mapping[str, float] | None = None
     ) -> None:
-        """Starts the clock.
-
-        Args:
-            limit_s: Seconds to be spent at most, but for the estimate that is under way then.
-            known_s: Method to what one estimate took so far, seconds.
-        """
         self.limit_s = limit_s
-        self._start_s = time.monotonic()
+        self._deadline_s = time.monotonic() + limit_s
         self._known_s = {k: s for k, s in (known_s or {}).items() if math.isfinite(s)}
 
     @property
     def left_s(self) -> float:
         """Seconds that are left."""
-        return self.limit_s - (time.monotonic() - self._start_s)
+        return self._deadline_s - time.monotonic()
 
     def needs_s(self, method: str) -> float:
         """Seconds that one more estimate may take."""
@@ -73,22 +65,15 @@ class TimeBudget:
         """Learns from an estimate how long the next one may take."""
         start_s = time.monotonic()
         yield
-        took_s = time.monotonic() - start_s
-        self._known_s[method] = max(took_s, self.needs_s(method))
+        self._known_s[method] = max(time.monotonic() - start_s, self.needs_s(method))
 
 
 def recorded_examples(
     run_folder: Path, rows: Sequence[ResultRow], methods: Sequence[str]
 ) -> list[PicturedExample]:
-    """Reads flows that `mnsf evaluate --write-flow` has written.
+    """Returns the examples of rows, in their order, whose flow by any of the methods was written.
 
-    Args:
-        run_folder: Folder of the run.
-        rows: The examples wanted, in this order.
-        methods: Whose flows are wanted.
-
-    Returns:
-        The examples for which at least one flow was found.
+    That is what `mnsf evaluate --write-flow` does.
     """
     examples: dict[tuple[str, int], PicturedExample] = {}
     for method in methods:
@@ -97,7 +82,7 @@ def recorded_examples(
             # A run that was interrupted has some of them; pictures of those are better than none.
             with suppress(MnsfError, OSError):
                 _add_recorded(examples, row, method, folder)
-    return [examples[row.recording, row.number] for row in rows if _key(row) in examples]
+    return [examples[_key(row)] for row in rows if _key(row) in examples]
 
 
 def _add_recorded(
@@ -115,12 +100,12 @@ def _add_recorded(
         row.number,
         row.stamp_ns,
         xyz=_columns(cloud, ("x", "y", "z")),
-        truth=None if truth is None else _columns(truth, _FLOW),
+        truth=None if truth is None else _columns(truth, FLOW_NAMES),
     )
     example = examples.setdefault(_key(row), example)
     # Clouds of another size belong to another run, and their rows to other points.
     if len(cloud) == len(example.xyz):
-        example.flows.append(PicturedFlow(method, _columns(cloud, _FLOW), errors_m))
+        example.flows.append(PicturedFlow(method, _columns(cloud, FLOW_NAMES), errors_m))
 
 
 def _cloud(reader: BagReader, topic: str, stamp_ns: int) -> NDArray[np.void] | None:
@@ -137,8 +122,7 @@ def estimated_examples(
     record: RunRecord,
     rows: Sequence[ResultRow],
     methods: Sequence[str],
-    *,
-    budget: TimeBudget | None = None,
+    budget: TimeBudget,
     recordings: Iterable[EvaluatedRecording] | None = None,
 ) -> list[PicturedExample]:
     """Estimates examples again, each from its sweeps alone.
@@ -151,7 +135,7 @@ def estimated_examples(
         rows: The examples wanted, in this order.
         methods: With which methods, the most important one first; those that fail on an example
             are left out of it.
-        budget: How long it may take; None for as long as it takes.
+        budget: How long it may take, but for the estimate that is under way then.
         recordings: Those of the run, if they are known; None to find out what is in them.
 
     Returns:
@@ -160,14 +144,12 @@ def estimated_examples(
     Raises:
         MnsfError: A recording cannot be read any more.
     """
-    options, budget = record.identity.options(), budget or TimeBudget()
-    if recordings is None:
-        recordings = _recordings_of(record, {row.recording for row in rows})
+    options = record.identity.options()
     examples: dict[tuple[str, int], Example] = {}
-    for recording in recordings:
+    for recording in recordings or _recordings_of(record, {row.recording for row in rows}):
         wanted = {row.number for row in rows if row.recording == recording.name}
-        found = _examples(recording, options, wanted, budget) if wanted else ()
-        examples.update({(example.recording, example.number): example for example in found})
+        for example in _examples(recording, options, wanted, budget):
+            examples[recording.name, example.number] = example
     known = [examples[_key(row)] for row in rows if _key(row) in examples]
     pictured = [(example, _pictured(example)) for example in known]
     for method in methods:
@@ -175,17 +157,14 @@ def estimated_examples(
             if budget.allows(method):
                 # Methods are other people's code, too: a bug in one costs its own picture only.
                 with suppress(Exception), budget.estimate(method):
-                    picture.flows.append(_estimated(example, method, options))
+                    estimator = make_method(method, options.method_settings)
+                    flow = estimator.estimate(example.triplet).flow[example.scored]
+                    errors_m = _errors(example, picture, flow)
+                    picture.flows.append(PicturedFlow(method, flow, errors_m, is_again=True))
     return [picture for _, picture in pictured if picture.flows]
 
 
-def _estimated(example: Example, method: str, options: EvaluationOptions) -> PicturedFlow:
-    estimator = make_method(method, options.method_settings)
-    flow = estimator.estimate(example.triplet).flow[example.scored]
-    return PicturedFlow(method, flow, _errors(example, flow), is_again=True)
-
-
-def _recordings_of(record: RunRecord, names: set[str]) -> Iterable[EvaluatedRecording]:
+def _recordings_of(record: RunRecord, names: set[str]) -> Iterator[EvaluatedRecording]:
     for one in record.recordings:
         if one.name in names:
             inspection = inspect_recording(one.path)
@@ -197,48 +176,44 @@ def _examples(
     options: EvaluationOptions,
     wanted: set[int],
     budget: TimeBudget,
-) -> Iterable[Example]:
-    left = set(wanted)
+) -> Iterator[Example]:
+    if not wanted:
+        return
     with recording.inspection.open() as reader:
         for example in read_examples(reader, recording, options, Findings()):
-            if example.number in left:
+            if example.number in wanted:
                 yield example
-                left.discard(example.number)
-            if not left or budget.left_s <= 0:
+            if example.number >= max(wanted) or budget.left_s <= 0:
                 return
 
 
 def _pictured(example: Example) -> PicturedExample:
+    true_flow = None
+    if example.truth is not None:
+        truth = example.truth.of_points(np.flatnonzero(example.scored))
+        true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
     return PicturedExample(
         recording=example.recording,
         number=example.number,
         stamp_ns=example.triplet.current.stamp_ns,
         xyz=example.triplet.current.kept_xyz,
-        truth=_true_flow(example),
+        truth=true_flow,
         next_from_current=example.triplet.next_from_current,
-        error_name="distance to next sweep" if example.truth is None else "end point error",
+        error_name="distance to next sweep" if true_flow is None else "end point error",
     )
 
 
-def _errors(example: Example, flow: NDArray[np.float32]) -> NDArray[np.float64]:
+def _errors(
+    example: Example, picture: PicturedExample, flow: NDArray[np.float32]
+) -> NDArray[np.float64]:
     """The errors (M,) of the flow (M, 3) of the scored points."""
-    true_flow = _true_flow(example)
-    if true_flow is not None:
-        return end_point_errors(flow, true_flow)
+    if picture.truth is not None:
+        return end_point_errors(flow, picture.truth)
     answered = np.isfinite(flow).all(axis=1)
-    moved = example.triplet.current.kept_xyz[answered] + flow[answered]
     distances = np.full(len(flow), np.nan)
-    distances[answered], _ = cKDTree(example.triplet.next.kept_xyz).query(moved)
+    tree = cKDTree(example.triplet.next.kept_xyz)
+    distances[answered], _ = tree.query(picture.xyz[answered] + flow[answered])
     return distances
-
-
-def _true_flow(example: Example) -> NDArray[np.float32] | None:
-    """The true flow (M, 3) of the scored points; NaN where it is not known."""
-    if example.truth is None:
-        return None
-    truth = example.truth.of_points(np.flatnonzero(example.scored))
-    known: NDArray[np.float32] = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
-    return known
 
 
 def _key(row: ResultRow) -> tuple[str, int]:

@@ -14,14 +14,11 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.page import REPORT_FILE, write_report
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
 from mnsf_ros.report.worst import focus_method, worst_rows
-
-Say = Callable[[str], None]
 
 # A long recording is read from its beginning to the example wanted.
 _NEAR_SWEEPS = 200
@@ -36,7 +33,7 @@ def report_run(
     limit_s: float = math.inf,
     recordings: Sequence[EvaluatedRecording] | None = None,
     focus: str | None = None,
-    say: Say = lambda text: None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Path:
     """Writes the report of a run into its folder.
 
@@ -70,44 +67,41 @@ def report_run(
     worst = worst_rows(rows, focus)
     methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
     path = folder / REPORT_FILE
-
-    def write(pictured: Sequence[PicturedExample]) -> None:
-        shown = [_without_empty_flows(example, focus) for example in pictured]
-        write_report(results, path, pictured=shown, focus=focus)
-
     pictured = recorded_examples(folder, worst[:num_pictured], methods)
-    write(pictured)
-    if worst[:num_pictured] and not pictured and estimate_again:
-        if math.isfinite(limit_s):
-            worst = [row for row in worst if row.number < _NEAR_SWEEPS] or worst
-        if recordings is not None:
-            names = {recording.name for recording in recordings}
-            worst = [row for row in worst if row.recording in names]
-        budget = TimeBudget(limit_s, _seconds(rows))
-        wanted = worst[:num_pictured]
-        if math.isfinite(limit_s):
-            # Other programs may take long, or do more than one expects of a picture.
-            external = {method.name for method in record.methods if method.is_external}
-            methods = [method for method in methods if method not in external]
-        if pictured := _estimated(record, wanted, methods, budget, recordings, say):
-            write(pictured)
+    write_report(results, path, pictured=_without_empty_flows(pictured, focus), focus=focus)
+    if pictured or not estimate_again:
+        return path
+    if math.isfinite(limit_s):
+        worst = [row for row in worst if row.number < _NEAR_SWEEPS] or worst
+        # Other programs may take long, or do more than one expects of a picture.
+        external = {method.name for method in record.methods if method.is_external}
+        methods = [method for method in methods if method not in external]
+    if recordings is not None:
+        names = {recording.name for recording in recordings}
+        worst = [row for row in worst if row.recording in names]
+    wanted = worst[:num_pictured]
+    if methods and wanted:
+        times_s = {summary.method: summary.time_ms / 1e3 for summary in results.summaries}
+        budget = TimeBudget(limit_s, times_s)
+        pictured = _estimated(record, wanted, methods, budget, recordings, say)
+    if pictured:
+        write_report(results, path, pictured=_without_empty_flows(pictured, focus), focus=focus)
     return path
 
 
-def _without_empty_flows(example: PicturedExample, focus: str) -> PicturedExample:
+def _without_empty_flows(pictured: list[PicturedExample], focus: str) -> list[PicturedExample]:
     """Leaves out flows that are zero everywhere, of which there is nothing to be seen."""
-    flows = [
-        item for item in example.flows if item.method == focus or np.nan_to_num(item.flow).any()
+    return [
+        replace(
+            example,
+            flows=[
+                item
+                for item in example.flows
+                if item.method == focus or np.nan_to_num(item.flow).any()
+            ],
+        )
+        for example in pictured
     ]
-    return replace(example, flows=flows)
-
-
-def _seconds(rows: Sequence[ResultRow]) -> dict[str, float]:
-    """Method to what an estimate took in the run."""
-    times_ms: dict[str, list[float]] = {}
-    for row in rows:
-        times_ms.setdefault(row.method, []).append(row.time_ms)
-    return {method: mean(times) / 1e3 for method, times in times_ms.items()}
 
 
 def _estimated(
@@ -116,10 +110,9 @@ def _estimated(
     methods: Sequence[str],
     budget: TimeBudget,
     recordings: Sequence[EvaluatedRecording] | None,
-    say: Say,
+    say: Callable[[str], None],
 ) -> list[PicturedExample]:
-    if not methods or not wanted:
-        return []
+    """The examples that get ready in time; says why there are none."""
     if not budget.allows(methods[0]):
         seconds = budget.needs_s(methods[0])
         say(
@@ -130,7 +123,7 @@ def _estimated(
     examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
     say(f"estimating {examples} again for pictures, about {seconds:.0f} s")
     try:
-        found = estimated_examples(record, wanted, methods, budget=budget, recordings=recordings)
+        found = estimated_examples(record, wanted, methods, budget, recordings)
     except MnsfError as error:
         say(f"no pictures: {error}")
         return []

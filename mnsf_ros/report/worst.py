@@ -5,8 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,25 +17,16 @@ from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
 _NUM_LISTED: Final = 10
 _NANOSECONDS: Final = 1e9
 _SAME_M: Final = 1e-3
-_AGAIN: Final = "Estimated again for the picture"
-_ANOTHER: Final = "The picture shows another flow than that of the run: code or machine differ"
-_FROM_SCRATCH: Final = (
-    "These are figures of the run. The picture is a new estimate from these sweeps alone, with a "
-    "mean error of {mean:.3f} m: in the run the method may have continued from its last estimate "
-    "(--write-flow stores that flow), or code or machine differ"
+_AGAIN: Final = ". Estimated again for the picture, from these sweeps alone"
+_ANOTHER: Final = (
+    ". The picture shows another flow than that of the run, with a mean error of {:.3f} m: the "
+    "method had continued from its last estimate (--write-flow stores such flow), or code or "
+    "machine differ"
 )
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A picture of the page.
-
-    Attributes:
-        uri: The picture itself, as a data URI.
-        alt: What it shows, for those who do not see it.
-        caption: The line below it.
-        is_truth: Whether it shows the truth, which has one panel less.
-    """
+class Picture(NamedTuple):
+    """A picture of the page: a data URI, what it shows for those who do not see it, a caption."""
 
     uri: str
     alt: str
@@ -44,8 +34,7 @@ class Picture:
     is_truth: bool = False
 
 
-@dataclass(frozen=True)
-class Card:
+class Card(NamedTuple):
     """A sweep with its pictures."""
 
     title: str
@@ -103,18 +92,13 @@ def _cells(row: ResultRow, has_truth: bool) -> list[str]:
     return [*cells, format_number(nearest_m, 3), format_number(row.time_ms, 0)]
 
 
-def worst_cards(rows: Sequence[ResultRow], pictured: Iterable[PicturedExample]) -> list[Card]:
-    """Returns a card for each sweep, with its truth and the flow of each method."""
-    return [_card(rows, example) for example in pictured]
-
-
-def _card(rows: Sequence[ResultRow], example: PicturedExample) -> Card:
+def worst_card(rows: Sequence[ResultRow], example: PicturedExample) -> Card:
+    """Returns a sweep with pictures of its truth and of the flow of each method."""
     painter = ExamplePainter(example)
     own = {row.method: row for row in rows if (row.recording, row.number) == example.key}
     where = f"sweep {example.number} of {example.recording}"
     pictures = []
-    true_picture = painter.truth()
-    if true_picture is not None:
+    if true_picture := painter.truth():
         alt = f"True flow of {where} in top view, and what moves without ego motion."
         pictures.append(Picture(_uri(true_picture), alt, "Truth", is_truth=True))
     for item in example.flows:
@@ -126,15 +110,14 @@ def _card(rows: Sequence[ResultRow], example: PicturedExample) -> Card:
 
 
 def _caption(item: PicturedFlow, row: ResultRow | None) -> str:
+    """The figures of the run, and whether the picture is one of its flow."""
+    again = _AGAIN if item.is_again else ""
     if row is None:
-        return f"{item.method}. {_AGAIN}" if item.is_again else item.method
-    text = f"{item.method}: {_figures(row)}"
+        return f"{item.method}{again}"
+    text = f"{item.method}: {_figures(row)}{again}"
     known_m = item.error_m[np.isfinite(item.error_m)]
     mean_m = float(known_m.mean()) if len(known_m) else math.nan
-    is_another = abs(mean_m - badness(row)) > _SAME_M
-    if item.is_again:
-        return f"{text}. {_FROM_SCRATCH.format(mean=mean_m) if is_another else _AGAIN}"
-    return f"{text}. {_ANOTHER}" if is_another else text
+    return text + (_ANOTHER.format(mean_m) if abs(mean_m - badness(row)) > _SAME_M else "")
 
 
 def _figures(row: ResultRow) -> str:

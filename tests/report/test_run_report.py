@@ -65,8 +65,8 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
 def test_other_flows_are_estimated_once_more(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     text, said = report_of(folder, num_pictured=2)
-    assert said == ["estimating 2 examples again for pictures, about 0 s"]
-    assert text.count("Estimated again for the picture</figcaption>") == 2
+    assert said == ["estimating 2 examples once more for pictures, about 0 s"]
+    assert text.count("Estimated again for the picture, from these sweeps alone</figcaption>") == 2
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
     assert "The picture shows another flow" not in text
 
@@ -76,7 +76,7 @@ def test_both_sources_give_the_same_pictures(street, tmp_path):
     run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
     rows = [row for row in rows if row.method == "ego"][:1]
     (recorded,) = recorded_examples(folder, rows, METHODS)
-    (estimated,) = estimated_examples(run, rows, METHODS)
+    (estimated,) = estimated_examples(run, rows, METHODS, TimeBudget())
     assert recorded.key == estimated.key
     np.testing.assert_array_equal(recorded.xyz, estimated.xyz)
     np.testing.assert_array_equal(recorded.truth, estimated.truth)
@@ -143,7 +143,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
 def test_no_time_at_all_leaves_a_report(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["zero"])
     run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
-    assert estimated_examples(run, rows, ["zero"], budget=TimeBudget(0.0)) == []
+    assert estimated_examples(run, rows, ["zero"], TimeBudget(0.0)) == []
 
 
 def test_time_of_the_last_estimate_counts():

@@ -124,8 +124,9 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
     assert "EPE 9.000 m" in mnsf
     mean_m = float(flows[0].error_m.mean())
-    assert f"a new estimate from these sweeps alone, with a mean error of {mean_m:.3f} m" in mnsf
-    assert fnsf.endswith(". Estimated again for the picture")
+    assert "Estimated again for the picture, from these sweeps alone" in mnsf
+    assert f"another flow than that of the run, with a mean error of {mean_m:.3f} m" in mnsf
+    assert fnsf.endswith("Estimated again for the picture, from these sweeps alone")
 
 
 def failed(number, method, failure):
