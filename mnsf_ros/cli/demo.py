@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from mnsf_ros.node.main import require_ros
-from mnsf_ros.presets import PRESET_NAMES
+from mnsf_ros.presets import PRESET_NAMES, preset
 
 
 def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -38,16 +38,8 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def _run(options: argparse.Namespace) -> None:
     require_ros()
-    from mnsf_ros.demo.demo_run import DemoOptions, run_demo
+    from mnsf_ros.demo.demo_run import run_demo
     from mnsf_ros.simulation.settings import SimulationSettings
 
-    run_demo(
-        DemoOptions(
-            bag=options.bag,
-            topic=options.topic,
-            preset=options.preset,
-            simulation=SimulationSettings(seed=options.seed, duration_s=options.duration),
-            folder=options.out,
-        ),
-        Console(),
-    )
+    street = SimulationSettings(seed=options.seed, duration_s=options.duration)
+    run_demo(options.bag or street, options.topic, preset(options.preset), options.out, Console())

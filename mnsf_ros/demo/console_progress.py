@@ -14,13 +14,8 @@ from mnsf_ros.simulation.settings import SimulationSettings
 
 def counting_progress(console: Console) -> Progress:
     """A bar with a text, `done/all` and the time left; add a task with its total to it."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=console)
+    text = TextColumn("{task.description}")
+    return Progress(text, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console)
 
 
 def simulate_with_progress(
@@ -34,9 +29,8 @@ def simulate_with_progress(
     check_target(path, overwrite=overwrite)
     with counting_progress(console) as progress:
         task = progress.add_task("simulating a street", total=settings.num_sweeps)
-        write_recording(
-            settings,
-            path,
-            lambda done, _: progress.update(task, completed=done),
-            overwrite=overwrite,
-        )
+
+        def show(num_done: int, _: int) -> None:
+            progress.update(task, completed=num_done)
+
+        write_recording(settings, path, show, overwrite=overwrite)

@@ -1,110 +1,209 @@
-"""The demo: a recording goes through the live node, and what came out is shown."""
+"""The demo: a recording goes through the live node; its flow is recorded, scored and drawn."""
 
 from __future__ import annotations
 
+import math
 import os
-from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
+from mnsf_ros.core.flow_columns import FLOW_NAMES
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
-from mnsf_ros.demo.node_process import NodeProcess, node_process
-from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.demo.scores import drop_hint, figures_table, score_and_draw
+from mnsf_ros.demo.node_process import node_process
+from mnsf_ros.demo.replay import FLOW_TOPIC, ReplayLog, replay
+from mnsf_ros.drawing.top_view import save_top_view
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import summarize
+from mnsf_ros.evaluation.scoring import scored_row
+from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
 from mnsf_ros.node.main import prepare_environment
-from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
+from msg_utils.point_cloud2 import decode_points
+
+_GROUND, _OTHERS = "ground", "without ground"
+_NANOSECONDS: Final = 1e9
 
 
-@dataclass(frozen=True)
-class DemoOptions:
-    """What to show.
-
-    Attributes:
-        bag: Recording to replay; None for a simulated one.
-        topic: Topic of its clouds; None for the only one.
-        preset: Name of the preset that the node runs with.
-        simulation: The recording to simulate if there is no bag.
-        folder: Where everything is written.
-    """
-
-    bag: Path | None
-    topic: str | None
-    preset: str
-    simulation: SimulationSettings
-    folder: Path
-
-
-def run_demo(options: DemoOptions, console: Console) -> None:
+def run_demo(
+    source: Path | SimulationSettings,
+    topic: str | None,
+    settings: Settings,
+    folder: Path,
+    console: Console,
+) -> None:
     """Runs the demo and prints its tables.
+
+    Args:
+        source: Recording to replay, or what to simulate.
+        topic: Topic of its clouds; None for the only one.
+        settings: Those of the node.
+        folder: Where everything is written.
+        console: Where to print.
 
     Raises:
         MnsfError: If the recording cannot be read or the node gives no flow; one line.
     """
-    bag = options.bag or _simulated(options, console)
-    with BagReader(bag) as recording:
-        topic = used_topics(recording.path, recording.topics, options.topic).points
-        options.folder.mkdir(parents=True, exist_ok=True)
-        log = _replayed(recording, topic, options, console)
+    if isinstance(source, SimulationSettings):
+        source = _simulated(source, folder, console)
+    recording = choose_topics(inspect_recording(source), source.name, topic)
+    folder.mkdir(parents=True, exist_ok=True)
+    flow_bag, picture = folder / "flow", folder / "flow.png"
+    log = _replayed(recording, flow_bag, settings, folder, console)
     console.print(figures_table(log).rich())
-    hint = drop_hint(log)
-    if hint is not None:
+    if hint := drop_hint(log):
         console.print(hint, style="yellow", markup=False, highlight=False)
-    picture = options.folder / "flow.png"
-    errors = score_and_draw(bag, topic, _flow_bag(options), preset(options.preset), picture)
+    errors = _score_and_draw(recording, flow_bag, settings, picture)
     if errors is not None:
         console.print(errors.rich())
     console.print(f"picture   {picture}")
-    console.print(f"flow      {_flow_bag(options)} (mcap, for Foxglove or `ros2 bag play`)")
+    console.print(f"flow      {flow_bag} (mcap, for Foxglove or `ros2 bag play`)")
 
 
-def _flow_bag(options: DemoOptions) -> Path:
-    return options.folder / "flow"
-
-
-def _simulated(options: DemoOptions, console: Console) -> Path:
-    settings = options.simulation
-    path = options.folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
+def _simulated(settings: SimulationSettings, folder: Path, console: Console) -> Path:
+    path = folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
     if not path.exists():
         simulate_with_progress(settings, path, console)
     return path
 
 
 def _replayed(
-    recording: BagReader, topic: str, options: DemoOptions, console: Console
+    recording: EvaluatedRecording,
+    flow_bag: Path,
+    settings: Settings,
+    folder: Path,
+    console: Console,
 ) -> ReplayLog:
     prepare_environment()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    folder = options.folder
     parameter_file = folder / "parameters.yaml"
-    parameter_file.write_text(settings_yaml(preset(options.preset), f"Preset {options.preset}."))
+    parameter_file.write_text(settings_yaml(settings, "Settings of the demo."))
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    console.print(f"replaying {topic} of {recording.path}; live on ROS domain {domain}")
-    with ExitStack() as stack:
-        node = stack.enter_context(
-            node_process(["--params-file", str(parameter_file)], folder / "node.log")
-        )
-        writer = stack.enter_context(BagWriter(_flow_bag(options), overwrite=True))
-        progress = stack.enter_context(counting_progress(console))
-        task = progress.add_task("starting the node", total=recording.topics[topic].count)
+    topic, path = recording.points, recording.inspection.path
+    console.print(f"replaying {topic} of {path}; live on ROS domain {domain}")
+    arguments = ["--params-file", str(parameter_file)]
+    with (
+        recording.inspection.open() as reader,
+        node_process(arguments, folder / "node.log") as node,
+        BagWriter(flow_bag, overwrite=True) as writer,
+        counting_progress(console) as progress,
+    ):
+        task = progress.add_task("starting the node", total=recording.num_sweeps)
 
         def show(num_sweeps: int, num_flows: int) -> None:
             text = f"sweeps in, {num_flows} flows out"
             progress.update(task, completed=num_sweeps, description=text)
 
-        log = replay(recording, topic, node, writer, show)
-        _require_flow(log, node)
+        log = replay(reader, topic, node, writer, show)
+        if not log.arrived_s:
+            raise node.failure(
+                f"no flow came out of {len(log.published_s)} sweeps "
+                f"(last failure: {log.last_failure})"
+            )
     return log
 
 
-def _require_flow(log: ReplayLog, node: NodeProcess) -> None:
-    if not log.arrived_s:
-        raise node.failure(
-            f"no flow came out of {len(log.published_s)} sweeps (last failure: {log.last_failure})"
-        )
+def _score_and_draw(
+    recording: EvaluatedRecording, flow_bag: Path, settings: Settings, picture: Path
+) -> TextTable | None:
+    """Scores the recorded flows as the evaluator does; draws the last one. None without truth."""
+    # Ground is scored as well, apart from the rest.
+    options = EvaluationOptions(settings.changed({"ground.remove": False}))
+    rows: list[ResultRow] = []
+    last: tuple[Example, NDArray[np.float32]] | None = None
+    with recording.inspection.open() as reader, BagReader(flow_bag) as flows:
+        for example in read_examples(reader, recording, options, Findings()):
+            flow = _recorded_flow(flows, example)
+            if flow is not None:
+                rows += _scored(example, flow)
+                last = example, flow
+    if last is not None:
+        _draw(picture, *last)
+    return _errors_table(rows)
+
+
+def _recorded_flow(flows: BagReader, example: Example) -> NDArray[np.float32] | None:
+    """The flow (N, 3) of the points of an example; None if the node published none."""
+    current = example.triplet.current
+    stamp_ns = current.stamp_ns
+    for message in flows.messages(FLOW_TOPIC, start_ns=stamp_ns, stop_ns=stamp_ns + 1):
+        points = decode_points(message).ravel()[current.source.rows]
+        return np.stack([points[name].astype(np.float32) for name in FLOW_NAMES], axis=1)
+    return None
+
+
+def _scored(example: Example, flow: NDArray[np.float32]) -> list[ResultRow]:
+    """The errors of the ground points and of all others."""
+    truth = example.truth
+    if truth is None:
+        return []
+    estimate = FlowEstimate(flow, kept=np.asarray(np.isfinite(flow).all(axis=1)))
+    return [
+        scored_row(replace(example, truth=replace(truth, valid=truth.valid & part)), name, estimate)
+        for name, part in ((_OTHERS, ~truth.ground), (_GROUND, truth.ground))
+    ]
+
+
+def _errors_table(rows: list[ResultRow]) -> TextTable | None:
+    if not rows:
+        return None
+    others, ground = (summary.errors for summary in summarize(rows, (_OTHERS, _GROUND)))
+    errors = {
+        _OTHERS: others["all"],
+        "- dynamic": others["dynamic"],
+        "- static": others["static"],
+        _GROUND: ground["all"],
+    }
+    title = f"Errors against the truth of the recording, mean over {len(rows) // 2} flows"
+    return errors_table(errors, title=title, row_title="points")
+
+
+def figures_table(log: ReplayLog) -> TextTable:
+    """Returns what became of the sweeps, and the latency of their flows."""
+    latencies_ms = log.latencies_ms or [math.nan]
+    rows = [
+        ("sweeps in", str(len(log.published_s))),
+        ("flows out", str(len(log.arrived_s))),
+        ("dropped for a newer sweep", str(log.num_dropped)),
+    ]
+    rows += [(name, str(count)) for name, count in log.losses.items() if count]
+    for name, percentile in (("median", 50), ("p95", 95)):
+        latency_ms = float(np.percentile(latencies_ms, percentile))
+        rows.append((f"latency {name} (ms)", format_number(latency_ms, 0)))
+    return TextTable(("figure", "value"), rows, "Replay")
+
+
+def drop_hint(log: ReplayLog) -> str | None:
+    """Returns what to do about dropped sweeps; None if there are none."""
+    if not log.num_dropped:
+        return None
+    num_sweeps = log.num_dropped + len(log.arrived_s)
+    cores = os.cpu_count() or 1
+    return (
+        f"Flow for {len(log.arrived_s)} of {num_sweeps} sweeps: this machine was too slow or busy "
+        f"(load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}), so that the "
+        f"node dropped {log.num_dropped} to stay up to date. Close other programs, or lower "
+        "crop.max_range_m; see docs/performance.md."
+    )
+
+
+def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:
+    truth, current = example.truth, example.triplet.current
+    true_flow = None
+    if truth is not None and truth.valid.any():
+        true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
+    title = f"sweep {current.stamp_ns / _NANOSECONDS:.3f} s"
+    save_top_view(path, current.xyz, flow, title=title, truth=true_flow)

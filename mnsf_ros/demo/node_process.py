@@ -54,12 +54,7 @@ class NodeProcess:
 
 @contextmanager
 def node_process(arguments: Sequence[str], log: Path) -> Iterator[NodeProcess]:
-    """Starts the node and ends it when the block ends.
-
-    Args:
-        arguments: What comes after `--ros-args`.
-        log: File for what the node says.
-    """
+    """Starts the node with arguments after `--ros-args`, what it says in a file, and ends it."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
             [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *arguments],
@@ -72,14 +67,9 @@ def node_process(arguments: Sequence[str], log: Path) -> Iterator[NodeProcess]:
         try:
             yield NodeProcess(process, log)
         finally:
-            _stop(process)
-
-
-def _stop(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-    try:
-        process.wait(_STOP_TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+            process.send_signal(signal.SIGINT)  # does nothing if it has ended
+            try:
+                process.wait(_STOP_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

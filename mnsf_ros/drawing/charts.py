@@ -55,7 +55,7 @@ class BandChart:
 
 @mpl.rc_context(CHART_STYLE)
 def band_chart(chart: BandChart) -> str:
-    """Returns the chart as inline SVG, one line for each series; color is never its only mark."""
+    """Returns the chart as inline SVG, one line for each series; colour is never its only mark."""
     figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, chart.values)
     titles: dict[str, str] = {}
     for number, (name, values) in enumerate(chart.values.items()):

@@ -14,36 +14,24 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 DPI: Final = 100
-# The colors of charts by the CSS variables that stand for them in an HTML page, on light and on
-# dark ground. Of the series there are eight that people with color blindness can tell apart, too.
-LIGHT: Final = {
-    "ink": "#1b2027",
-    "faint": "#59626e",
-    "line": "#d9dee5",
-    "card": "#ffffff",
-    "s0": "#0b62c4",
-    "s1": "#c4450a",
-    "s2": "#14804a",
-    "s3": "#8e3fb3",
-    "s4": "#a86a00",
-    "s5": "#0c7f92",
-    "s6": "#b3245f",
-    "s7": "#5b6470",
+# The colors of charts on light and on dark ground, by the CSS variables that stand for them in an
+# HTML page. Of the series there are eight that people with color blindness can tell apart, too.
+_COLORS: Final = {
+    "ink": ("#1b2027", "#e8eaee"),
+    "faint": ("#59626e", "#a3acb8"),
+    "line": ("#d9dee5", "#323945"),
+    "card": ("#ffffff", "#191d24"),
+    "s0": ("#0b62c4", "#6cb0ff"),
+    "s1": ("#c4450a", "#ff9a62"),
+    "s2": ("#14804a", "#5fd39a"),
+    "s3": ("#8e3fb3", "#cf9bf0"),
+    "s4": ("#a86a00", "#f0bc4e"),
+    "s5": ("#0c7f92", "#5fd0e2"),
+    "s6": ("#b3245f", "#ff86b3"),
+    "s7": ("#5b6470", "#a9b2bf"),
 }
-DARK: Final = {
-    "ink": "#e8eaee",
-    "faint": "#a3acb8",
-    "line": "#323945",
-    "card": "#191d24",
-    "s0": "#6cb0ff",
-    "s1": "#ff9a62",
-    "s2": "#5fd39a",
-    "s3": "#cf9bf0",
-    "s4": "#f0bc4e",
-    "s5": "#5fd0e2",
-    "s6": "#ff86b3",
-    "s7": "#a9b2bf",
-}
+LIGHT: Final = {name: light for name, (light, _) in _COLORS.items()}
+DARK: Final = {name: dark for name, (_, dark) in _COLORS.items()}
 SERIES: Final = tuple(color for name, color in LIGHT.items() if name.startswith("s"))
 INK, FAINT_INK, LINE, CARD = (LIGHT[name] for name in ("ink", "faint", "line", "card"))
 _VARIABLES: Final = {color: name for name, color in LIGHT.items()}

@@ -1,4 +1,4 @@
-"""Flow seen from above: its colors with their wheel, and one panel of points and arrows."""
+"""Flow seen from above: its colours with their wheel, and one panel of points and arrows."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
 def flow_colors(
     flow: NDArray[Any], full_speed_m: float, *, neutral: Color = SLOW
 ) -> NDArray[np.float64]:
-    """Returns the color of each flow vector: direction is the hue, speed is the saturation.
+    """Returns the colour of each flow vector: direction is the hue, speed is the saturation.
 
     Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
-    Opposite directions have opposite hues. The color fades to neutral as the vector shortens.
+    Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
 
     Args:
         flow: (N, 2) or wider, metres; only x and y are looked at.
-        full_speed_m: Length of a vector that gets its full color, metres, above 0. Longer
+        full_speed_m: Length of a vector that gets its full colour, metres, above 0. Longer
             vectors look the same.
         neutral: RGB of the zero vector, and of vectors that are not finite, each 0 to 1.
 
@@ -62,7 +62,7 @@ def flow_colors(
 
 
 def wheel_image(num_pixels: int = _WHEEL_PIXELS) -> NDArray[np.float64]:
-    """Returns the wheel of colors, x to the right and y up, full color on its rim.
+    """Returns the wheel of colours, x to the right and y up, full colour on its rim.
 
     (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel.
     """
@@ -125,7 +125,7 @@ def draw_panel(axes: Axes, panel: Panel, *, full_speed_m: float, view_m: float) 
     Args:
         axes: Where.
         panel: What.
-        full_speed_m: Speed of the full color, metres per sweep; slow points are grey.
+        full_speed_m: Speed of the full colour, metres per sweep; slow points are grey.
         view_m: The view reaches so far from the sensor to each side, metres.
     """
     draw_floor(axes, panel.title, panel.note, view_m)

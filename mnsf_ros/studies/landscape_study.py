@@ -184,37 +184,27 @@ def _fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
     return bench
 
 
-class MultiFrameField(nn.Module):
-    """MNSF as one network: (M, 3) points to their fused flow, (M, 3) metres."""
-
-    def __init__(self, bench: Workbench) -> None:
-        super().__init__()
-        self._forward_field, self._backward_field = (
-            field.network for field in bench.learners.fields
-        )
-        self._fusion = bench.learners.fusion.network
-        self._ratio = bench.triplet.interval_ratio
-
-    def forward(self, points: torch.Tensor) -> torch.Tensor:
-        """Flow at the points."""
-        backward_flow = self._backward_field(points)
-        flows = (self._forward_field(points), invert_motion(backward_flow, self._ratio))
-        fused: torch.Tensor = self._fusion(torch.cat(flows, dim=1))
-        return fused
-
-
 def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Loss]]:
     """What is varied to its weights and their loss, over all points at once."""
     points, target = bench.current.points, bench.next.distance
-    forward_field, whole = bench.learners.forward.network, MultiFrameField(bench)
+    forward_field, backward_field = (field.network for field in bench.learners.fields)
+    fusion = bench.learners.fusion.network
 
-    def loss_with(field: nn.Module) -> Loss:
-        return lambda: target.mean(points + field(points))
+    def fused_flow(points: torch.Tensor) -> torch.Tensor:
+        inverted = invert_motion(backward_field(points), bench.triplet.interval_ratio)
+        flow: torch.Tensor = fusion(torch.cat((forward_field(points), inverted), dim=1))
+        return flow
+
+    def loss_with(flow_of: Callable[[torch.Tensor], torch.Tensor]) -> Loss:
+        return lambda: target.mean(points + flow_of(points))
 
     return {
         "FNSF": (forward_field, loss_with(forward_field)),
-        "MNSF (all weights)": (whole, loss_with(whole)),
-        "MNSF (fusion)": (bench.learners.fusion.network, loss_with(whole)),
+        "MNSF (all weights)": (
+            nn.ModuleList([forward_field, backward_field, fusion]),
+            loss_with(fused_flow),
+        ),
+        "MNSF (fusion)": (fusion, loss_with(fused_flow)),
     }
 
 

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.demo import replay as replay_module
+from mnsf_ros.demo.demo_run import drop_hint, figures_table
 from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.demo.scores import drop_hint, figures_table
 from mnsf_ros.node.replay_link import ReceivedFlow
 
 NUM_SWEEPS = 6

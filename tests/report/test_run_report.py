@@ -65,7 +65,7 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
 def test_other_flows_are_estimated_once_more(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     text, said = report_of(folder, num_pictured=2)
-    assert said == ["estimating 2 examples once more for pictures, about 0 s"]
+    assert said == ["estimating 2 examples again for pictures, about 0 s"]
     assert text.count("Estimated again for the picture, from these sweeps alone</figcaption>") == 2
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
     assert "The picture shows another flow" not in text
