@@ -61,7 +61,7 @@ def _run(options: argparse.Namespace) -> None:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from mnsf_ros.methods import make_method
     from mnsf_ros.sweeps_io.read_sweep import read_sweep
-    from mnsf_ros.sweeps_io.triplet_of_files import triplet_of_files
+    from mnsf_ros.sweeps_io.sweep_in_file import triplet_of_files
     from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
 
     settings = preset(options.preset).changed(parse_assignments(options.assignments))

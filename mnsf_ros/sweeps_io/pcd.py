@@ -25,17 +25,17 @@ _MAX_LITERAL: Final = 32
 _LONG_LENGTH: Final = 7
 # A reference of 3 bytes stands for at most so many.
 _MAX_GROWTH: Final = 264
+_KINDS: Final = {"F": "f", "I": "i", "U": "u"}
+_TYPES: Final = frozenset({"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"})
+_ENCODINGS: Final = ("ascii", "binary", "binary_compressed")
+_MAX_HEADER_LINES: Final = 100
 
 
 def decompress(data: bytes, num_bytes: int) -> bytes:
-    """Decompresses a block.
-
-    Args:
-        data: The compressed bytes.
-        num_bytes: What they give.
+    """Decompresses a block of the LZF format that gives `num_bytes`.
 
     Raises:
-        ValueError: If they give another number of bytes, or refer to what is not there.
+        ValueError: It gives another number of bytes, or refers to what is not there.
     """
     check_size(num_bytes, "the decompressed data")
     if num_bytes > len(data) * _MAX_GROWTH:
@@ -74,11 +74,6 @@ def _copy_reference(data: bytes, place: int, control: int, output: bytearray) ->
     return place + 1
 
 
-_KINDS: Final = {"F": "f", "I": "i", "U": "u"}
-_TYPES: Final = frozenset({"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"})
-_MAX_HEADER_LINES: Final = 100
-
-
 @dataclass(frozen=True)
 class _Field:
     """One field of the points: `count` values of a NumPy type."""
@@ -87,41 +82,36 @@ class _Field:
     type: str
     count: int
 
-    @property
-    def num_bytes(self) -> int:
-        return int(self.type[1:]) * self.count
-
 
 @dataclass(frozen=True)
 class _Header:
     fields: tuple[_Field, ...]
     num_points: int
     encoding: str
-    length: int
 
-    @property
-    def num_bytes(self) -> int:
-        """Bytes of a point."""
-        return sum(field.num_bytes for field in self.fields)
+    def place(self, axis: str) -> int:
+        # Names may come twice: that of padding is "_".
+        return [field.name for field in self.fields].index(axis)
 
 
 def read_pcd(path: Path) -> SweepInFile:
     """Reads the fields x, y and z. The viewpoint in the header is not applied.
 
     Raises:
-        SweepFileError: If the file is missing, damaged, cut short, or has no such fields.
+        SweepFileError: The file is missing, damaged, cut short, or has no such fields.
     """
     content = read_bytes(path)
     with reading(path):
-        header = _parse_header(content)
+        header, body = _parse_header(content)
         names = [field.name for field in header.fields]
         if not {"x", "y", "z"} <= set(names):
             raise SweepFileError(f"{path}: has no field x, y, z; it has {', '.join(names)}")
-        columns = _READERS[header.encoding](header, content[header.length :])
-        return SweepInFile(xyz_of_columns(path, columns))
+        read_columns = _ascii_columns if header.encoding == "ascii" else _binary_columns
+        return SweepInFile(xyz_of_columns(path, read_columns(header, body)))
 
 
-def _parse_header(content: bytes) -> _Header:
+def _parse_header(content: bytes) -> tuple[_Header, bytes]:
+    """The header and what comes after it."""
     entries: dict[str, list[str]] = {}
     place = 0
     for _ in range(_MAX_HEADER_LINES):
@@ -133,11 +123,11 @@ def _parse_header(content: bytes) -> _Header:
         if words and not words[0].startswith("#"):
             entries[words[0]] = words[1:]
         if words[:1] == ["DATA"]:
-            return _header(entries, place)
+            return _header(entries), content[place:]
     raise ValueError("its header has no line DATA")
 
 
-def _header(entries: dict[str, list[str]], length: int) -> _Header:
+def _header(entries: dict[str, list[str]]) -> _Header:
     names, sizes, kinds = (entries[key] for key in ("FIELDS", "SIZE", "TYPE"))
     counts = entries.get("COUNT", ["1"] * len(names))
     fields = []
@@ -149,63 +139,40 @@ def _header(entries: dict[str, list[str]], length: int) -> _Header:
     shape = [int(entries[key][0]) for key in ("WIDTH", "HEIGHT")]
     num_points = int(entries["POINTS"][0]) if "POINTS" in entries else math.prod(shape)
     encoding = " ".join(entries["DATA"])
-    if encoding not in _READERS:
-        raise ValueError(f"its data is {encoding!r}, expected one of {', '.join(_READERS)}")
+    if encoding not in _ENCODINGS:
+        raise ValueError(f"its data is {encoding!r}, expected one of {', '.join(_ENCODINGS)}")
     if num_points < 0:
         raise ValueError(f"it has {num_points} points")
-    return _Header(tuple(fields), num_points, encoding, length)
+    return _Header(tuple(fields), num_points, encoding)
 
 
 def _ascii_columns(header: _Header, body: bytes) -> list[NDArray[Any]]:
-    places: dict[str, int] = {}
-    start = 0
-    for field in header.fields:
-        places.setdefault(field.name, start)
-        start += field.count
-    return parse_rows(body, header.num_points, [places[axis] for axis in "xyz"])
+    counts = [field.count for field in header.fields]
+    starts = [sum(counts[: header.place(axis)]) for axis in "xyz"]
+    return parse_rows(body, header.num_points, starts)
 
 
 def _binary_columns(header: _Header, body: bytes) -> list[NDArray[Any]]:
-    _check_length(header, len(body))
-    layout = [
-        (f"{number}", f"<{field.type}", (field.count,)) for number, field in _numbered(header)
-    ]
-    points = np.frombuffer(body, np.dtype(layout), header.num_points)
-    return [points[f"{_place(header, axis)}"][:, 0] for axis in "xyz"]
-
-
-def _compressed_columns(header: _Header, body: bytes) -> list[NDArray[Any]]:
-    compressed, expanded = struct.unpack_from("<II", body)
-    if compressed > len(body) - 8:
-        raise ValueError(f"is cut short: {len(body) - 8} of {compressed} compressed bytes")
-    content = decompress(body[8 : 8 + compressed], expanded)
-    _check_length(header, len(content))
-    # Field after field, each for all points.
-    columns, start = {}, 0
-    for number, field in _numbered(header):
-        values = np.frombuffer(content, f"<{field.type}", header.num_points * field.count, start)
-        columns[number] = values.reshape(header.num_points, field.count)
-        start += field.num_bytes * header.num_points
-    return [columns[_place(header, axis)][:, 0] for axis in "xyz"]
-
-
-_READERS: Final = {
-    "ascii": _ascii_columns,
-    "binary": _binary_columns,
-    "binary_compressed": _compressed_columns,
-}
-
-
-def _numbered(header: _Header) -> list[tuple[int, _Field]]:
-    # Names may come twice: that of padding is "_".
-    return list(enumerate(header.fields))
-
-
-def _place(header: _Header, axis: str) -> int:
-    return [field.name for field in header.fields].index(axis)
-
-
-def _check_length(header: _Header, num_bytes: int) -> None:
-    expected = header.num_bytes * header.num_points
-    if num_bytes < expected:
-        raise ValueError(f"is cut short: {num_bytes} of {expected} bytes of points")
+    # Point after point, or if compressed field after field, each for all points.
+    is_compressed = header.encoding == "binary_compressed"
+    if is_compressed:
+        compressed, expanded = struct.unpack_from("<II", body)
+        if compressed > len(body) - 8:
+            raise ValueError(f"is cut short: {len(body) - 8} of {compressed} compressed bytes")
+        body = decompress(body[8 : 8 + compressed], expanded)
+    sizes = [int(field.type[1:]) * field.count for field in header.fields]
+    expected = sum(sizes) * header.num_points
+    if len(body) < expected:
+        raise ValueError(f"is cut short: {len(body)} of {expected} bytes of points")
+    values = np.frombuffer(body, np.uint8, expected)
+    columns = []
+    for axis in "xyz":
+        place = header.place(axis)
+        field, start, end = header.fields[place], sum(sizes[:place]), sum(sizes[: place + 1])
+        if is_compressed:
+            found = values[start * header.num_points : end * header.num_points]
+        else:
+            found = values.reshape(header.num_points, sum(sizes))[:, start:end]
+        column = np.frombuffer(found.tobytes(), f"<{field.type}")
+        columns.append(column.reshape(header.num_points, field.count)[:, 0])
+    return columns

@@ -47,7 +47,7 @@ def read_ply(path: Path) -> SweepInFile:
     """Reads the properties x, y and z of the element vertex.
 
     Raises:
-        SweepFileError: If the file is missing, damaged, cut short, or has no such points.
+        SweepFileError: The file is missing, damaged, cut short, or has no such points.
     """
     columns = read_vertices(path)
     if not {"x", "y", "z"} <= columns.keys():
@@ -59,33 +59,32 @@ def read_vertices(path: Path) -> dict[str, NDArray[Any]]:
     """Reads all properties of the element vertex: name to (N,) values, float64 in ascii files.
 
     Raises:
-        SweepFileError: If the file is missing, damaged, cut short, or has no such element.
+        SweepFileError: The file is missing, damaged, cut short, or has no such element.
     """
     content = read_bytes(path)
     with reading(path):
-        lines, start = _header_lines(content)
+        lines, body = _header_and_body(content)
         byte_order, elements = _parse_header(lines)
         before, points = _points_and_before(elements)
-        body = content[start:]
         if byte_order:
             columns = _binary_columns(body, before, points, byte_order)
         else:
             num_lines = sum(element.num_rows for element in before)
-            places = range(len(points.columns))
-            columns = parse_rows(_without_lines(body, num_lines), points.num_rows, places)
+            rows = body.split(b"\n", num_lines)[num_lines:]
+            columns = parse_rows(b"".join(rows), points.num_rows, range(len(points.columns)))
         # From the last: of two properties with the same name the first counts.
         names = [name for name, _ in points.columns]
         return dict(reversed(list(zip(names, columns, strict=True))))
 
 
-def _header_lines(content: bytes) -> tuple[list[list[str]], int]:
-    """The words of each line, and where the rows start."""
+def _header_and_body(content: bytes) -> tuple[list[list[str]], bytes]:
+    """The words of each line of the header, and the bytes after it."""
     end = content.find(b"end_header")
     after = content.find(b"\n", end)
     if not content.startswith(b"ply") or end < 0 or after < 0:
         raise ValueError("it has no header from 'ply' to 'end_header'")
     lines = content[:end].decode("utf-8", errors="replace").splitlines()
-    return [line.split() for line in lines], after + 1
+    return [line.split() for line in lines], content[after + 1 :]
 
 
 def _parse_header(lines: list[list[str]]) -> tuple[str, list[_Element]]:
@@ -133,8 +132,3 @@ def _binary_columns(
         raise ValueError(f"is cut short: it has {available} of {points.num_rows} points")
     rows = np.frombuffer(body[start:], dtype, points.num_rows)
     return [rows[f"{place}"] for place in range(len(points.columns))]
-
-
-def _without_lines(body: bytes, number: int) -> bytes:
-    lines = body.split(b"\n", number)
-    return lines[number] if len(lines) > number else b""

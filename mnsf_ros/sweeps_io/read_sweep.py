@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,63 +23,50 @@ from mnsf_ros.sweeps_io.sweep_in_file import (
 )
 
 _NUSCENES_ENDING: Final = ".pcd.bin"
-_KITTI_COLUMNS: Final = 4
-_NUSCENES_COLUMNS: Final = 5
-_BYTES: Final = 4
 _MAX_RING: Final = 127
+_USUAL_NAMES: Final = ("xyz", "points", "pc")
+# Nanoseconds since 1970 have 19 digits until the year 2286; the first data sets have 18.
+_STAMP_DIGITS: Final = (18, 19)
 
 
 def read_bin(path: Path) -> SweepInFile:
     """Reads rows of x, y, z and intensity; with the ending .pcd.bin there is a ring, too.
 
     Raises:
-        SweepFileError: If the file is missing, empty, cut within a row, or of the other kind.
+        SweepFileError: The file is missing, empty, cut within a row, or of the other kind.
     """
-    is_nuscenes = path.name.lower().endswith(_NUSCENES_ENDING)
-    num_columns = _NUSCENES_COLUMNS if is_nuscenes else _KITTI_COLUMNS
     content = read_bytes(path)
+    is_nuscenes = path.name.lower().endswith(_NUSCENES_ENDING)
     if not is_nuscenes and _has_rings(content):
         raise SweepFileError(
             f"{path}: its rows are x, y, z, intensity and ring, as those of nuScenes: let its name "
             f"end with {_NUSCENES_ENDING}"
         )
-    row_bytes = _BYTES * num_columns
-    if len(content) % row_bytes:
+    num_columns = 5 if is_nuscenes else 4
+    if len(content) % (4 * num_columns):
         raise SweepFileError(
             f"{path}: has {len(content)} bytes, expected rows of {num_columns} float32, a multiple "
-            f"of {row_bytes}"
+            f"of {4 * num_columns}"
         )
-    return SweepInFile(xyz_of_table(path, "the table", _table(content, num_columns)))
+    table = np.frombuffer(content, dtype="<f4").reshape(-1, num_columns)
+    return SweepInFile(xyz_of_table(path, "the table", table))
 
 
 def _has_rings(content: bytes) -> bool:
     """Whether each fifth number is the number of a ring, as no coordinate ever is."""
-    if len(content) % (_BYTES * _NUSCENES_COLUMNS):
+    if len(content) % 20:
         return False
-    table = _table(content, _NUSCENES_COLUMNS)
+    table = np.frombuffer(content, dtype="<f4").reshape(-1, 5)
     rings, others = table[:, -1], table[:, :3]
     are_rings = np.isin(rings, np.arange(_MAX_RING + 1)).all()
     return bool(are_rings and (others != np.round(others)).any())
-
-
-def _table(content: bytes, num_columns: int) -> NDArray[Any]:
-    return np.frombuffer(content, dtype="<f4").reshape(-1, num_columns)
-
-
-_USUAL_NAMES: Final = ("xyz", "points", "pc")
-_NO_PYARROW: Final = (
-    "feather files are read with pyarrow, which is not installed; install it with: "
-    "python -m pip install pyarrow"
-)
-# Nanoseconds since 1970 have 19 digits until the year 2286; the first data sets have 18.
-_STAMP_DIGITS: Final = (18, 19)
 
 
 def read_npy(path: Path) -> SweepInFile:
     """Reads an array (N, 3) or wider, or one with the named fields x, y and z.
 
     Raises:
-        SweepFileError: If the file is missing, damaged, or holds something else.
+        SweepFileError: The file is missing, damaged, or holds something else.
     """
     content = read_bytes(path)
     with reading(path):
@@ -93,12 +79,8 @@ def read_npz(path: Path, name: str = "") -> SweepInFile:
 
     `stamp_ns` (an integer) and `pose` (4, 4) beside it belong to the sweep.
 
-    Args:
-        path: The archive.
-        name: Name of the array; may be left empty.
-
     Raises:
-        SweepFileError: If the file is missing or damaged, has no such array, or several that fit.
+        SweepFileError: The file is missing or damaged, has no such array, or several that fit.
     """
     read_bytes(path)
     with reading(path), open_archive(path) as archive:
@@ -145,19 +127,21 @@ def read_feather(path: Path) -> SweepInFile:
     """Reads the columns x, y and z; a name that is a number of nanoseconds is the stamp.
 
     Raises:
-        SweepFileError: If the file is missing or damaged, lacks a column, or pyarrow is missing.
+        SweepFileError: The file is missing or damaged, lacks a column, or pyarrow is missing.
     """
     read_bytes(path)
     try:
         with reading(path):
-            columns = read_feather_columns(path, "xyz")
+            xyz = xyz_of_columns(path, read_feather_columns(path, "xyz").values())
             is_stamp = path.stem.isdecimal() and len(path.stem) in _STAMP_DIGITS
-            stamp_ns = int(path.stem) if is_stamp else 0
-            return SweepInFile(xyz_of_columns(path, [columns[axis] for axis in "xyz"]), stamp_ns)
+            return SweepInFile(xyz, int(path.stem) if is_stamp else 0)
     except ModuleNotFoundError as error:
         if error.name != "pyarrow":
             raise
-        raise SweepFileError(f"{path}: {_NO_PYARROW}") from error
+        raise SweepFileError(
+            f"{path}: feather files are read with pyarrow, which is not installed; install it "
+            "with: python -m pip install pyarrow"
+        ) from error
 
 
 READERS: Final[Mapping[str, Callable[[Path], SweepInFile]]] = {
@@ -173,17 +157,16 @@ READERS: Final[Mapping[str, Callable[[Path], SweepInFile]]] = {
 def read_sweep(name: str) -> SweepInFile:
     """Reads the sweep in a file, whose ending says the format.
 
-    Args:
-        name: A path; for one of several arrays in an npz file `FILE.npz:ARRAY`.
+    The name is a path; for one of several arrays in an npz file it is `FILE.npz:ARRAY`.
 
     Raises:
-        SweepFileError: If the file is missing or damaged, or of no known format.
+        SweepFileError: The file is missing or damaged, or of no known format.
     """
-    path, read = Path(name), None
     file_name, colon, array = name.rpartition(":")
     if colon and file_name.endswith(".npz"):
-        path, read = Path(file_name), partial(read_npz, name=array)
-    reader = read or READERS.get(path.suffix.lower())
+        return read_npz(Path(file_name), array)
+    path = Path(name)
+    reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise SweepFileError(f"{path}: expected a file that ends with {', '.join(READERS)}")
     return reader(path)

@@ -1,4 +1,4 @@
-"""What a file says about one sweep, and the one error for all files that do not."""
+"""What files say about sweeps, and the one error for all files that do not."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # LookupError and TypeError: on files laid out otherwise. MemoryError: a damaged header may ask for
 # any size. SyntaxError: NumPy parses headers as Python source, and XML errors are of this kind.
@@ -36,6 +36,8 @@ UNREADABLE: Final = (
     zipfile.BadZipFile,
 )
 _MAX_LENGTH: Final = 200
+# More than lidars measure of a point; that many columns and fewer rows are points side by side.
+_MAX_COLUMNS: Final = 16
 
 
 def reason(error: BaseException) -> str:
@@ -50,18 +52,10 @@ def reason(error: BaseException) -> str:
 
 
 def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArray[Any]]:
-    """Parses some columns of the first rows.
-
-    Args:
-        text: Rows, with blanks between the numbers.
-        num_rows: Rows to parse.
-        places: Columns wanted, counted from 0.
-
-    Returns:
-        The columns, (N,) float64 each.
+    """Parses some columns, counted from 0, of the first rows of a text: (N,) float64 each.
 
     Raises:
-        ValueError: If there are fewer rows, a row is too short, or something is no number.
+        ValueError: There are fewer rows, a row is too short, or something is no number.
     """
     lines = [line for line in text.splitlines() if not line.isspace() and line][:num_rows]
     if len(lines) < num_rows:
@@ -69,10 +63,6 @@ def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArra
     if not lines:
         return [np.zeros(0) for _ in places]
     return list(np.loadtxt(lines, usecols=tuple(places), ndmin=2, comments=None).T)
-
-
-# More than lidars measure of a point; that many columns and fewer rows are points side by side.
-_MAX_COLUMNS: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,43 +85,42 @@ class SweepInFile:
         return np.asarray(np.isfinite(self.xyz).all(axis=1))
 
     def sweep(self) -> Sweep:
-        """The measured points as a sweep."""
+        """Returns the measured points as a sweep."""
         xyz = np.ascontiguousarray(self.xyz[self.measured])
         return Sweep(xyz, self.stamp_ns, odometry=self.pose)
 
 
-def xyz_of_columns(path: Path, columns: list[NDArray[Any]]) -> NDArray[np.float32]:
-    """Puts three columns of numbers, (N,) each, side by side as (N, 3) float32.
+def xyz_of_columns(path: Path, columns: Iterable[NDArray[Any]]) -> NDArray[np.float32]:
+    """Puts columns x, y and z of numbers, (N,) each, side by side as (N, 3) float32.
 
     Raises:
-        SweepFileError: If a column does not hold numbers.
+        SweepFileError: A column does not hold numbers.
     """
-    for name, column in zip("xyz", columns, strict=True):
+    found = list(columns)
+    for name, column in zip("xyz", found, strict=True):
         if column.dtype.kind not in "fiu":
             raise SweepFileError(f"{path}: {name} is of {column.dtype}, expected numbers")
     # Beyond float32 it becomes infinity: a row without a measurement.
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.stack([column.astype(np.float32) for column in columns], axis=1)
+        return np.stack([column.astype(np.float32) for column in found], axis=1)
 
 
 def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float32]:
-    """The first three columns of an array with at least three, (N, 3) float32.
-
-    An array of rows with named fields has to name x, y and z.
+    """Returns the first three columns of a table, or its fields x, y and z, as (N, 3) float32.
 
     Raises:
-        SweepFileError: If the array is not of that kind.
+        SweepFileError: The array is no table with so many columns.
     """
     if table.dtype.names is not None:
-        return xyz_of_columns(path, [table[axis].ravel() for axis in "xyz"])
-    if table.ndim != 2 or table.shape[1] < 3:
-        raise SweepFileError(f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider")
-    if table.shape[0] < table.shape[1] > _MAX_COLUMNS:
+        return xyz_of_columns(path, (table[axis].ravel() for axis in "xyz"))
+    is_table = table.ndim == 2 and table.shape[1] >= 3
+    is_transposed = is_table and table.shape[0] < table.shape[1] > _MAX_COLUMNS
+    if not is_table or is_transposed:
+        hint = ": one row for each point; is it transposed?" if is_transposed else ""
         raise SweepFileError(
-            f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider: one row for each "
-            "point; is it transposed?"
+            f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider{hint}"
         )
-    return xyz_of_columns(path, [table[:, axis] for axis in range(3)])
+    return xyz_of_columns(path, table.T[:3])
 
 
 @contextmanager
@@ -144,10 +133,10 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of a file.
+    """Returns the content of a file.
 
     Raises:
-        SweepFileError: If there is none, or it is empty.
+        SweepFileError: There is none, or it is empty.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
         # A named pipe would keep us waiting for ever.
@@ -157,3 +146,40 @@ def read_bytes(path: Path) -> bytes:
     if not content:
         raise SweepFileError(f"{path}: is empty")
     return content
+
+
+def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:
+    """Makes a triplet of two sweeps or more in the order of time.
+
+    The last one is the next sweep, the one before it the current one. If these two have poses,
+    they say how the sensor moved.
+
+    Raises:
+        SweepFileError: There are fewer than two, one has no point, their stamps are out of
+            order, or a pose cannot be inverted.
+    """
+    if len(sweeps) < 2:
+        raise SweepFileError(f"got {len(sweeps)} sweeps, expected two at least")
+    for number, sweep in enumerate(sweeps, start=1):
+        if not sweep.measured.any():
+            raise SweepFileError(f"sweep {number} of {len(sweeps)} has no finite point")
+    stamps = [sweep.stamp_ns for sweep in sweeps]
+    if all(stamps) and stamps != sorted(set(stamps)):
+        raise SweepFileError(f"the sweeps are not in the order of time: {stamps} ns")
+    *before, current, following = sweeps
+    motion = None
+    if current.pose is not None and following.pose is not None:
+        try:
+            motion = np.linalg.inv(following.pose) @ current.pose
+        except np.linalg.LinAlgError as error:
+            raise SweepFileError(
+                f"the pose of the next sweep cannot be inverted: {error}"
+            ) from error
+    newest_first = [sweep.sweep() for sweep in reversed(before)]
+    return SweepTriplet(
+        previous=newest_first[0] if newest_first else None,
+        current=current.sweep(),
+        next=following.sweep(),
+        earlier=tuple(newest_first[1:]),
+        next_from_current=motion,
+    )

@@ -42,7 +42,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     """Says before the work whether a flow can be written there.
 
     Raises:
-        SweepFileError: If the ending names no format, or a file is there that may not be replaced.
+        SweepFileError: The ending names no format, or a file is there that may not be replaced.
     """
     if path.suffix.lower() not in WRITERS:
         raise SweepFileError(f"{path}: expected a file that ends with {', '.join(WRITERS)}")
@@ -56,7 +56,7 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
     """Writes the file complete, or not at all.
 
     Raises:
-        SweepFileError: If it cannot be written, or a file is there that may not be replaced.
+        SweepFileError: It cannot be written, or a file is there that may not be replaced.
     """
     check_target(path, overwrite=overwrite)
     draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
@@ -78,11 +78,7 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
 
 
 def _put_in_place(draft: Path, path: Path) -> None:
-    """Gives the draft its name, unless a file got that name while the draft was written.
-
-    Raises:
-        FileExistsError: If one did.
-    """
+    """Gives the draft its name, unless a file got that name meanwhile: FileExistsError."""
     try:
         # Unlike a rename, a link never replaces anything.
         path.hardlink_to(draft)
