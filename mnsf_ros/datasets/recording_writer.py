@@ -9,20 +9,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
 from mnsf_ros.errors import DatasetError, RecordingError
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import (
-    ODOMETRY_FRAME,
-    POINTS_TOPIC,
-    TRUTH_FLOW_TOPIC,
-    TRUTH_ODOMETRY_TOPIC,
-)
 from mnsf_ros.recording.new_folder import check_target
-from msg_utils.point_cloud2 import encode_columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -124,7 +115,7 @@ def write_recording(
     ):
         for sweep, following in _with_next(source.sweeps):
             truth = sweep_truth(sweep, following, settings)
-            _write_sweep(writer, source.frame_id, sweep, truth)
+            writer.write_sweep(sweep.xyz, sweep.columns, truth, sweep.pose, source.frame_id)
             summary.add(sweep, truth)
             if progress is not None:
                 progress(summary.num_sweeps)
@@ -165,23 +156,6 @@ def _with_next(
         current = following
     if current is not None:
         yield current, None
-
-
-def _write_sweep(writer: BagWriter, frame_id: str, sweep: LabelledSweep, truth: FlowTruth) -> None:
-    columns = {name: sweep.xyz[:, axis] for axis, name in enumerate("xyz")}
-    points = encode_columns({**columns, **sweep.columns}, 1, len(sweep))
-    is_dense = bool(np.isfinite(sweep.xyz).all())
-    stamp_ns = sweep.stamp_ns
-    writer.write_cloud(POINTS_TOPIC, points, stamp_ns, frame_id, is_dense=is_dense)
-    writer.write_cloud(
-        TRUTH_FLOW_TOPIC,
-        truth.encode(sweep.xyz),
-        stamp_ns,
-        frame_id,
-        is_dense=is_dense and bool(truth.valid.all()),
-    )
-    if sweep.pose is not None:
-        writer.write_odometry(TRUTH_ODOMETRY_TOPIC, sweep.pose, stamp_ns, ODOMETRY_FRAME, frame_id)
 
 
 @contextmanager

@@ -6,26 +6,34 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
-from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.conventions import (
+    CLOUD_TYPE,
+    ODOMETRY_FRAME,
+    ODOMETRY_TYPE,
+    POINTS_TOPIC,
+    TRUTH_FLOW_TOPIC,
+    TRUTH_ODOMETRY_TOPIC,
+)
 from mnsf_ros.recording.damage import reason
 from mnsf_ros.recording.metadata import WrittenTopic, write_metadata
 from mnsf_ros.recording.new_folder import new_folder
 from msg_utils.errors import MessageError
+from msg_utils.point_cloud2 import EncodedCloud, encode_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from types import TracebackType
 
-    import numpy as np
     from numpy.typing import NDArray
 
-    from msg_utils.point_cloud2 import EncodedCloud
+    from mnsf_ros.recording.flow_truth import FlowTruth
 
 _LATEST_NS: Final = 2**63 - 1
 
@@ -138,6 +146,29 @@ class BagWriter:
         with self._guarded():
             message = cloud_message(cloud, stamp_ns, frame_id, is_dense=is_dense)
         self._write(topic, CLOUD_TYPE, stamp_ns, message)
+
+    def write_sweep(
+        self,
+        xyz: NDArray[np.float32],
+        columns: Mapping[str, NDArray[Any]],
+        truth: FlowTruth,
+        pose: NDArray[np.floating[Any]] | None,
+        frame_id: str,
+    ) -> None:
+        """Adds a sweep on the usual topics: points (N, 3) with more columns (N,), truth and pose.
+
+        Raises:
+            RecordingError: The numbers of points differ, or writing fails.
+        """
+        stamp_ns, axes = truth.stamp_ns, {name: xyz[:, axis] for axis, name in enumerate("xyz")}
+        points = encode_columns({**axes, **columns}, 1, len(xyz))
+        is_dense = bool(np.isfinite(xyz).all())
+        is_known = is_dense and bool(truth.valid.all())
+        self.write_cloud(POINTS_TOPIC, points, stamp_ns, frame_id, is_dense=is_dense)
+        flow = truth.encode(xyz)
+        self.write_cloud(TRUTH_FLOW_TOPIC, flow, stamp_ns, frame_id, is_dense=is_known)
+        if pose is not None:
+            self.write_odometry(TRUTH_ODOMETRY_TOPIC, pose, stamp_ns, ODOMETRY_FRAME, frame_id)
 
     def write_odometry(
         self,

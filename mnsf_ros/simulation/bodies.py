@@ -34,13 +34,9 @@ class ShapeKind(IntEnum):
 
 @dataclass(frozen=True)
 class Shape:
-    """One solid of a body.
+    """One solid of a body, with half sizes in metres along its own x, y and z.
 
-    Attributes:
-        kind: Which solid.
-        half_extents: Half sizes along the shape's own x, y and z in metres. A cylinder stands
-            along z with radius `half_extents[0]`; a sphere has radius `half_extents[0]`.
-        body_from_shape: (4, 4) pose of the shape on its body.
+    A cylinder stands along z with radius `half_extents[0]`; a sphere has radius `half_extents[0]`.
     """
 
     kind: ShapeKind
@@ -71,17 +67,7 @@ def sphere(x: float, y: float, z: float, radius: float) -> Shape:
 def entry_ranges(
     kind: ShapeKind, half_extents: FloatArray, origin: FloatArray, directions: Directions
 ) -> FloatArray:
-    """Returns how far each ray travels until it enters the shape.
-
-    Args:
-        kind: Which solid.
-        half_extents: (3,) half sizes in metres, see `Shape`.
-        origin: (3,) start of all rays in the shape's frame.
-        directions: Three equally shaped arrays: x, y and z of each ray's direction.
-
-    Returns:
-        Array of the directions' shape; `inf` for rays that miss or start inside.
-    """
+    """Returns how far each ray travels until it enters the shape, `inf` if it never does."""
     # Rays beside something round have no entry: the root is NaN, which compares as a miss.
     with np.errstate(invalid="ignore"):
         if kind == ShapeKind.SPHERE:
@@ -107,7 +93,7 @@ def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray,
 def _clip(
     near: FloatArray, far: FloatArray, half: float, start: float, direction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Narrow the interval [near, far] to the layer between -half and +half of one axis."""
+    """Narrows the interval [near, far] to the layer between -half and +half of one axis."""
     enter, leave = _slab(half, start, direction)
     return np.maximum(near, enter), np.minimum(far, leave)
 

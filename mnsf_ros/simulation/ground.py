@@ -20,16 +20,10 @@ _BISECTIONS = 14
 def ground_hits(
     street: Street, origin: FloatArray, directions: FloatArray, max_range_m: float
 ) -> tuple[FloatArray, NDArray[np.uint8]]:
-    """Find where rays meet the ground.
+    """Returns (N,) where rays meet the ground, `inf` for misses, and (N,) surface classes, 0 there.
 
-    Args:
-        street: The ground plan.
-        origin: (3,) start of all rays in world metres, above the sidewalks.
-        directions: (N, 3) unit directions in the world frame.
-        max_range_m: Longer rays count as misses.
-
-    Returns:
-        (N,) ranges in metres, `inf` for misses, and (N,) surface classes, 0 for misses.
+    The rays start at (3,) world metres, above the sidewalks, in (N, 3) unit directions; those
+    longer than `max_range_m` are misses.
     """
     ranges = np.full(len(directions), np.inf)
     classes = np.zeros(len(directions), dtype=np.uint8)
@@ -84,14 +78,9 @@ def intensities(
     reflectivity: FloatArray,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Returns (N,) intensities from 0 to 255.
+    """Returns (N,) intensities from 0 to 255 of points (N, 3) in world metres, with speckle.
 
-    Args:
-        street: The ground plan, for the painted lines.
-        world: (N, 3) points in world metres.
-        class_id: (N,) surface class of each point.
-        reflectivity: (N,) mean intensity of the body each point is on; ignored on the ground.
-        rng: Source of the speckle.
+    The (N,) reflectivity is the mean intensity of the body each point is on, ignored on the ground.
     """
     brightness = reflectivity.copy()
     brightness[class_id == SurfaceClass.SIDEWALK] = _SIDEWALK

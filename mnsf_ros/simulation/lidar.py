@@ -23,10 +23,7 @@ MIN_RANGE_M = 0.9
 class Rays:
     """The rays of one revolution in the lidar frame, as C azimuth columns of B beams.
 
-    Attributes:
-        cos_azimuth: (C,) cosine of each column's azimuth; columns run from -pi to pi.
-        sin_azimuth: (C,) sine of the same.
-        elevations: (B,) angle above the horizontal in radians, increasing: beam 0 points lowest.
+    Columns run from -pi to pi. Elevations (B,) are in radians, increasing: beam 0 points lowest.
     """
 
     cos_azimuth: FloatArray
@@ -48,12 +45,7 @@ class Rays:
         return cls(np.cos(azimuth), np.sin(azimuth), elevations)
 
     def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
-        """Returns x, y and z of the unit directions of a window's rays in another frame.
-
-        Args:
-            frame_from_lidar: (3, 3) rotation.
-            window: The columns and beams wanted.
-        """
+        """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
         columns, beams = window
         cos_azimuth, sin_azimuth = self.cos_azimuth[columns, None], self.sin_azimuth[columns, None]
         elevations = self.elevations[beams]
@@ -69,15 +61,10 @@ Window = tuple[slice, slice]
 
 
 class ShapeTable:
-    """All shapes of a scene, ready to be cast together.
-
-    Attributes:
-        half_extents: (K, 3) half sizes in metres.
-        body_of_shape: (K,) which body each shape belongs to.
-    """
+    """All K shapes of a scene, with the number of the body of each, ready to be cast together."""
 
     def __init__(self, shapes: list[Shape], body_of_shape: list[int]) -> None:
-        """Stack the shapes; `body_of_shape` has one entry per shape."""
+        """Stacks the shapes; `body_of_shape` has one entry per shape."""
         self.half_extents = np.array([shape.half_extents for shape in shapes]).reshape(-1, 3)
         self.body_of_shape = np.array(body_of_shape, dtype=np.int32)
         self._kinds = [shape.kind for shape in shapes]
@@ -86,15 +73,10 @@ class ShapeTable:
     def cast(
         self, rays: Rays, lidar_from_body: FloatArray, max_range_m: float
     ) -> tuple[FloatArray, NDArray[np.int32]]:
-        """Find the first shape each ray meets.
+        """Returns (C, B) ranges to the first shape of each ray and (C, B) body numbers.
 
-        Args:
-            rays: C columns of B beams.
-            lidar_from_body: (bodies, 4, 4) pose of every body in the lidar frame.
-            max_range_m: Shapes entirely beyond are skipped.
-
-        Returns:
-            (C, B) ranges in metres, `inf` where nothing is met, and (C, B) body numbers, -1 there.
+        They are `inf` metres and -1 where nothing is met. Shapes entirely beyond `max_range_m` are
+        skipped. `lidar_from_body` is (bodies, 4, 4).
         """
         num_columns, num_beams = len(rays.cos_azimuth), len(rays.elevations)
         ranges = np.full((num_columns, num_beams), np.inf)

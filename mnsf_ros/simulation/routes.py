@@ -1,4 +1,4 @@
-"""Where things drive and walk: routes, speeds along them, and the drive of the ego vehicle."""
+"""Where things drive and walk: routes, speeds along them, and that they do not meet."""
 
 from __future__ import annotations
 
@@ -9,15 +9,19 @@ import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, planar_pose, tilt
 
+SENSOR_HEIGHT_M = 1.73
+EGO_LENGTH_M = 4.4
+EGO_WIDTH_M = 1.8
+BRAKING_M_S2 = 3.0
+ACCELERATION_M_S2 = 2.5
+
 
 @dataclass(frozen=True)
 class Route:
-    """A curve in the plane, known by closely spaced points.
+    """A curve in the plane: closely spaced points (M, 2) in world metres, M at least 2.
 
-    Attributes:
-        points: (M, 2) points in world metres, M at least 2.
-        arc_m: (M,) distance along the curve from the first point, increasing.
-        yaw: (M,) direction of travel in radians, without jumps.
+    `arc_m` (M,) is the distance along the curve from the first point, `yaw` (M,) the direction of
+    travel in radians, without jumps.
     """
 
     points: FloatArray
@@ -55,9 +59,7 @@ class Route:
 class SpeedProfile:
     """Speed over time: linear between breakpoints, constant before the first and after the last.
 
-    Attributes:
-        times_s: (P,) increasing breakpoints in seconds.
-        speeds_m_s: (P,) speed at the breakpoints in m/s.
+    (P,) increasing breakpoints in seconds and the speeds there in m/s.
     """
 
     times_s: FloatArray
@@ -83,13 +85,9 @@ class SpeedProfile:
 
 @dataclass(frozen=True)
 class Trip:
-    """One thing traveling: a route, a speed profile and where on the route it starts.
+    """One thing traveling along a route.
 
-    Attributes:
-        route: The curve that is followed.
-        profile: How fast.
-        start_arc_m: Arc length at the profile's first breakpoint, in metres.
-        delay_s: The whole trip happens this much later.
+    At the first breakpoint of the profile, `delay_s` later, it is at the arc length `start_arc_m`.
     """
 
     route: Route
@@ -108,13 +106,6 @@ class Trip:
         return planar_pose(x, y, yaw)
 
 
-SENSOR_HEIGHT_M = 1.73
-EGO_LENGTH_M = 4.4
-EGO_WIDTH_M = 1.8
-BRAKING_M_S2 = 3.0
-ACCELERATION_M_S2 = 2.5
-
-
 @dataclass(frozen=True)
 class Stop:
     """A halt before a crossing, from one time to another, in seconds of the recording."""
@@ -125,11 +116,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class EgoMotion:
-    """The trip of the vehicle with the sway of its suspension.
+    """The planar trip of the sensor with the sway of the vehicle's suspension.
 
-    Attributes:
-        trip: The planar motion of the sensor.
-        sway: (3, 3) rows pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.
+    The rows of `sway` (3, 3) are pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.
     """
 
     trip: Trip
@@ -157,15 +146,10 @@ def braking_distance(speed_m_s: float) -> float:
 def drive_with_stops(
     speed_m_s: float, stops_m: list[float], wait_s: float
 ) -> tuple[SpeedProfile, list[Stop]]:
-    """Plan a drive that halts after each of the given distances.
+    """Plans a drive that halts after each of the given distances for `wait_s`.
 
-    Args:
-        speed_m_s: Cruising speed; 0 stands still the whole time.
-        stops_m: Increasing distances from the start, far enough apart to speed up and brake.
-        wait_s: How long each halt lasts.
-
-    Returns:
-        The speeds, and when the halts happen.
+    The distances increase from the start, far enough apart to speed up and brake. With speed 0 the
+    vehicle stands still the whole time. Returns the speeds, and when the halts happen.
     """
     if speed_m_s == 0.0:
         return SpeedProfile.steady(0.0), [Stop(3.0, 3.0 + wait_s) for _ in stops_m]
@@ -182,3 +166,50 @@ def drive_with_stops(
         stops.append(Stop(halt_at, leave_at))
         traveled = distance + speed_m_s**2 / (2 * ACCELERATION_M_S2)
     return SpeedProfile(np.array(times), np.array(speeds)), stops
+
+
+@dataclass(frozen=True)
+class _Track:
+    """Discs (T, K, 2) that cover a footprint over time, and the corners of what they ever cover."""
+
+    centers: FloatArray
+    radius_m: float
+    low: FloatArray
+    high: FloatArray
+
+
+class Clearance:
+    """Keeps moving things apart: a trip is accepted only if it never meets an accepted one."""
+
+    def __init__(self, end_s: float, *, margin_m: float = 0.05, step_s: float = 0.1) -> None:
+        """Watches over times from 0 to `end_s`; each thing keeps `margin_m` around itself."""
+        self._times_s = np.arange(0.0, end_s + step_s, step_s)
+        self._margin_m = margin_m
+        self._tracks: list[_Track] = []
+
+    def accept(self, trip: Trip, length_m: float, width_m: float) -> bool:
+        """Adds the trip of a rectangle unless it meets an accepted one; says whether it did."""
+        track = self._track(trip, length_m, width_m)
+        if any(_meet(track, other) for other in self._tracks):
+            return False
+        self._tracks.append(track)
+        return True
+
+    def _track(self, trip: Trip, length_m: float, width_m: float) -> _Track:
+        count = max(1, math.ceil(length_m / width_m))
+        spacing = length_m / count
+        radius = math.hypot(spacing, width_m) / 2 + self._margin_m
+        offsets = (np.arange(count) + 0.5) * spacing - length_m / 2
+        planar = trip.planar(self._times_s)
+        ahead = np.stack([np.cos(planar[:, 2]), np.sin(planar[:, 2])], axis=1)
+        centers = planar[:, None, :2] + offsets[None, :, None] * ahead[:, None, :]
+        low = centers.min(axis=(0, 1)) - radius
+        return _Track(centers, radius, low, centers.max(axis=(0, 1)) + radius)
+
+
+def _meet(one: _Track, other: _Track) -> bool:
+    if np.any(one.low > other.high) or np.any(other.low > one.high):
+        return False
+    apart = one.centers[:, :, None, :] - other.centers[:, None, :, :]
+    nearest = np.min(np.einsum("tijk,tijk->tij", apart, apart))
+    return bool(nearest < (one.radius_m + other.radius_m) ** 2)

@@ -8,6 +8,16 @@ from dataclasses import dataclass
 from mnsf_ros.errors import SettingsError
 
 BEAM_CHOICES = (16, 32, 64, 128)
+_RANGES = {
+    "seed": (0, 2**63 - 1),
+    "duration_s": (0.1, 120),
+    "rate_hz": (1, 50),
+    "num_columns": (36, 8192),
+    "range_noise_m": (0, 1),
+    "dropout": (0, 1),
+    "ego_speed_m_s": (0, 20),
+    "max_range_m": (5, 300),
+}
 
 
 @dataclass(frozen=True)
@@ -40,20 +50,15 @@ class SimulationSettings:
     max_range_m: float = 120.0
 
     def __post_init__(self) -> None:
-        _check_integer("seed", self.seed, 0, 2**63 - 1)
-        _check_number("duration_s", self.duration_s, 0.1, 120.0)
-        _check_number("rate_hz", self.rate_hz, 1.0, 50.0)
+        for name, (low, high) in _RANGES.items():
+            kind = int if name in ("seed", "num_columns") else float
+            _check(name, getattr(self, name), kind, low, high)
         if self.num_beams not in BEAM_CHOICES or isinstance(self.num_beams, bool):
             raise SettingsError(
                 f"num_beams: expected one of {BEAM_CHOICES}, got {self.num_beams!r}"
             )
-        _check_integer("num_columns", self.num_columns, 36, 8192)
-        _check_number("range_noise_m", self.range_noise_m, 0.0, 1.0)
-        _check_number("dropout", self.dropout, 0.0, 1.0)
         if self.dropout == 1.0:
             raise SettingsError("dropout: must be below 1, or no point is left")
-        _check_number("ego_speed_m_s", self.ego_speed_m_s, 0.0, 20.0)
-        _check_number("max_range_m", self.max_range_m, 5.0, 300.0)
 
     @property
     def num_sweeps(self) -> int:
@@ -66,15 +71,10 @@ class SimulationSettings:
         return 1.0 / self.rate_hz
 
 
-def _check_integer(name: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise SettingsError(f"{name}: expected an integer, got {value!r}")
+def _check(name: str, value: object, kind: type, low: float, high: float) -> None:
+    allowed = int if kind is int else int | float
+    if isinstance(value, bool) or not isinstance(value, allowed) or not math.isfinite(value):
+        expected = "an integer" if kind is int else "a finite number"
+        raise SettingsError(f"{name}: expected {expected}, got {value!r}")
     if not low <= value <= high:
         raise SettingsError(f"{name}: expected {low} to {high}, got {value}")
-
-
-def _check_number(name: str, value: object, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SettingsError(f"{name}: expected a finite number, got {value!r}")
-    if not low <= value <= high:
-        raise SettingsError(f"{name}: expected {low:g} to {high:g}, got {value:g}")

@@ -33,13 +33,7 @@ _ROUTE_STEP_M = 0.5
 
 @dataclass(frozen=True)
 class Centerline:
-    """The middle of the street: y = amplitude * sin(2 pi x / wavelength + phase).
-
-    Attributes:
-        amplitude_m: How far the street swings to each side.
-        wavelength_m: Length of one swing.
-        phase: Where the swing starts, in radians.
-    """
+    """The middle of the street: y = amplitude * sin(2 pi x / wavelength + phase)."""
 
     amplitude_m: float
     wavelength_m: float
@@ -75,13 +69,7 @@ class Centerline:
 
 @dataclass(frozen=True)
 class Crossing:
-    """A side street that crosses the main street at a right angle.
-
-    Attributes:
-        x: World x of the crossing point in metres.
-        y: World y of the crossing point in metres.
-        heading: Direction of the main street there, in radians.
-    """
+    """A side street that crosses the main street, heading there in radians, at a right angle."""
 
     x: float
     y: float

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
-from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
 from mnsf_ros.simulation.ground import ground_hits, intensities
 from mnsf_ros.simulation.lidar import Rays, ShapeTable
 from mnsf_ros.simulation.scene import Scene, build_scene
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
-# The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
-DYNAMIC_SPEED_M_S = 0.5
 _ALL = (slice(None), slice(None))
 
 
@@ -72,7 +70,7 @@ class SweepSimulator:
     """Takes sweeps of one scene, in any order."""
 
     def __init__(self, settings: SimulationSettings) -> None:
-        """Build the scene."""
+        """Builds the scene."""
         self.settings = settings
         self.scene: Scene = build_scene(settings)
         bodies = self.scene.bodies

@@ -9,8 +9,15 @@ import numpy as np
 
 from mnsf_ros.simulation import models
 from mnsf_ros.simulation.bodies import Body, Model
-from mnsf_ros.simulation.clearance import Clearance
-from mnsf_ros.simulation.routes import EGO_LENGTH_M, EGO_WIDTH_M, Route, SpeedProfile, Stop, Trip
+from mnsf_ros.simulation.routes import (
+    EGO_LENGTH_M,
+    EGO_WIDTH_M,
+    Clearance,
+    Route,
+    SpeedProfile,
+    Stop,
+    Trip,
+)
 from mnsf_ros.simulation.street import BICYCLE_LATERAL_M, LANE_LATERAL_M, Crossing, Street
 
 if TYPE_CHECKING:
@@ -41,14 +48,10 @@ def straight_over(
 def right_turn(
     street: Street, crossing: Crossing, at_s: float, main_speed_m_s: float, *, leaving: bool
 ) -> Trip:
-    """Returns a right turn of an oncoming car whose middle is at `at_s`.
+    """Returns a right turn of an oncoming car whose middle is at `at_s` seconds.
 
-    Args:
-        street: The main street.
-        crossing: Where the side street is.
-        at_s: Time of the middle of the turn in seconds.
-        main_speed_m_s: Speed on the main street, that of the oncoming stream.
-        leaving: From the main street into the side street, otherwise the other way round.
+    It leads from the main street, where the car goes with the oncoming stream, into the side street
+    if it is `leaving`, otherwise the other way round.
     """
     center = LANE_LATERAL_M + _TURN_RADIUS_M
     main_reach = street.end_x - crossing.x if leaving else crossing.x - street.start_x
@@ -100,7 +103,7 @@ class Traffic:
     def __init__(
         self, street: Street, ego: Trip, duration_s: float, rng: np.random.Generator
     ) -> None:
-        """Start with the ego vehicle alone on the street."""
+        """Starts with the ego vehicle alone on the street."""
         self.bodies: list[Body] = []
         self._street = street
         self._ego = ego
@@ -112,38 +115,32 @@ class Traffic:
         self._clearance.accept(ego, EGO_LENGTH_M, EGO_WIDTH_M)
 
     def add_crossing(self, crossing: Crossing, stop: Stop) -> None:
-        """Add what moves at a side street around the time the ego vehicle waits there."""
+        """Adds what moves at a side street around the time the ego vehicle waits there."""
         rng, street = self._rng, self._street
         # In a recording that ends before the halt the crossing happens early, far ahead.
         middle = min((stop.begin_s + stop.end_s) / 2, 0.6 * self._duration_s)
         speeds = rng.uniform(6.0, 8.0, 2)
         shifts = rng.permutation(np.linspace(-2.0, 2.5, 12))
         leaving = bool(rng.integers(2))
-        self._first_free(
-            models.car(rng),
-            (
-                straight_over(street, crossing, middle + shift, speeds[0], toward_left=True)
-                for shift in (0.0, 0.3, -0.3, 0.6)
-            ),
+        leftward = (
+            straight_over(street, crossing, middle + shift, speeds[0], toward_left=True)
+            for shift in (0.0, 0.3, -0.3, 0.6)
         )
+        turns = (
+            right_turn(street, crossing, middle + shift, self._oncoming_m_s, leaving=leaving)
+            for shift in shifts
+        )
+        rightward = (
+            straight_over(street, crossing, middle + shift, speeds[1], toward_left=False)
+            for shift in shifts - 1.0
+        )
+        self._first_free(models.car(rng), leftward)
         self._first_free(models.pedestrian(rng), zebra_walks(street, crossing, stop))
-        self._first_free(
-            models.car(rng),
-            (
-                right_turn(street, crossing, middle + shift, self._oncoming_m_s, leaving=leaving)
-                for shift in shifts
-            ),
-        )
-        self._first_free(
-            models.van(rng),
-            (
-                straight_over(street, crossing, middle + shift, speeds[1], toward_left=False)
-                for shift in shifts - 1.0
-            ),
-        )
+        self._first_free(models.car(rng), turns)
+        self._first_free(models.van(rng), rightward)
 
     def add_companions(self) -> None:
-        """Add cars that drive the ego vehicle's own trip some seconds earlier or later."""
+        """Adds cars that drive the ego vehicle's own trip some seconds earlier or later."""
         ego = self._ego
         for delay in (-5.5, 5.5, -10.5, 11.5):
             trips = (
@@ -153,7 +150,7 @@ class Traffic:
             self._first_free(models.car(self._rng), trips)
 
     def add_cyclists(self, reach_x: float) -> None:
-        """Add cyclists on both sides between the start and `reach_x` (metres)."""
+        """Adds cyclists on both sides between the start and `reach_x` (metres)."""
         rng = self._rng
         for forward, first_x in ((True, 9.0), (False, 26.0)):
             lateral = -BICYCLE_LATERAL_M if forward else BICYCLE_LATERAL_M
@@ -166,7 +163,7 @@ class Traffic:
                 self._first_free(models.cyclist(rng), trips)
 
     def add_oncoming(self, reach_x: float) -> None:
-        """Add a stream of oncoming cars long enough to meet the ego vehicle all the time."""
+        """Adds a stream of oncoming cars long enough to meet the ego vehicle all the time."""
         rng, speed = self._rng, self._oncoming_m_s
         route = self._street.lane(LANE_LATERAL_M, forward=False)
         x, end = -50.0, reach_x + 60.0 + speed * self._duration_s
@@ -178,7 +175,7 @@ class Traffic:
             )
 
     def add_walkers(self, reach_x: float) -> None:
-        """Add people on both sidewalks from behind the start to beyond `reach_x` (metres)."""
+        """Adds people on both sidewalks from behind the start to beyond `reach_x` (metres)."""
         rng = self._rng
         for side in (1.0, -1.0):
             routes = [
@@ -194,7 +191,7 @@ class Traffic:
                 x += 0.8 + float(rng.exponential(7.0))
 
     def _first_free(self, model: Model, trips: Iterable[Trip]) -> None:
-        """Send the model on the first trip that meets nothing; drop it if there is none."""
+        """Sends the model on the first trip that meets nothing; drop it if there is none."""
         for trip in trips:
             if self._clearance.accept(trip, model.length_m, model.width_m):
                 self.bodies.append(Body(model, trip))
