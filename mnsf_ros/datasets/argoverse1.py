@@ -24,11 +24,7 @@ _OCCLUDED: Final = 100
 
 
 def open_log(source: Path) -> SweepSource:
-    """Opens the folder of a log, with `lidar`, `poses` and mostly `per_sweep_annotations_amodal`.
-
-    Raises:
-        DatasetError: There are no sweeps.
-    """
+    """Opens a log with folders `lidar`, `poses`, and mostly `per_sweep_annotations_amodal`."""
     files = numbered_files(source / "lidar", "PC_*.ply", "PC_")
     sweeps = (_sweep(source, file, stamp_ns) for stamp_ns, file in files.items())
     return SweepSource("egovehicle", len(files), sweeps)

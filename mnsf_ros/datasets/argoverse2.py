@@ -42,9 +42,6 @@ def open_log(source: Path, labels: Path | None = None) -> SweepSource:
     Args:
         source: The folder.
         labels: Folder of the scene flow labels of this log, to use instead of boxes.
-
-    Raises:
-        DatasetError: Something that is needed is missing or damaged.
     """
     files = numbered_files(source / "sensors" / "lidar", "*.feather")
     flows = {} if labels is None else _flow_files(labels, list(files))

@@ -1,4 +1,8 @@
-"""All formats that can be read, by the name a user calls them, and what to say about a source."""
+"""All formats that can be read, by the name a user calls them, and what to say about a source.
+
+Each opener raises a DatasetError if something that is needed is missing or damaged; so does
+reading the sweeps.
+"""
 
 from __future__ import annotations
 

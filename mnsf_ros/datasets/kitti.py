@@ -29,9 +29,6 @@ def open_drive(source: Path) -> SweepSource:
     """Opens a folder like `2011_09_26/2011_09_26_drive_0005_sync`.
 
     The calibration is in it or in the folder above.
-
-    Raises:
-        DatasetError: Something that is needed is missing or damaged.
     """
     files = numbered_files(source / "velodyne_points" / "data", "*.bin")
     drive = _Drive(source, first=next(iter(files)))

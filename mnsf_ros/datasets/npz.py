@@ -38,11 +38,7 @@ _BETWEEN_FILES_NS: Final = 10_000_000_000
 
 
 def open_sweeps(source: Path) -> SweepSource:
-    """Opens a folder of npz files, by name in the order of time, and possibly `boxes.json`.
-
-    Raises:
-        DatasetError: There is no sweep, or the boxes are damaged.
-    """
+    """Opens a folder of npz files, by name in the order of time, and possibly `boxes.json`."""
     files = files_in(source, "*.npz")
     box_file = source / "boxes.json"
     boxes = _read_boxes(box_file) if box_file.is_file() else {}
@@ -103,9 +99,6 @@ def open_triplets(source: Path) -> SweepSource:
     """Opens an npz file, or all files of a folder and its subfolders one after the other.
 
     Each has pc1, pc2, pc3 and flow23 (flow12), or pc1, pc2 and flow.
-
-    Raises:
-        DatasetError: There is none.
     """
     if not source.exists():
         raise DatasetError(f"{source}: no such file or folder")

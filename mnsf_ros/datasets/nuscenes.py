@@ -198,9 +198,6 @@ def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
         source: The folder with `sweeps`, `samples` and the tables in `v1.0-…`, or the folder
             of the tables in it.
         sequence: Name of the scene, needed if there are several.
-
-    Raises:
-        DatasetError: Something that is needed is missing or damaged.
     """
     tables = _tables_folder(source)
     scenes = dict(_table(tables, "scene", "name", "token"))

@@ -40,15 +40,10 @@ class LidarTrack:
     def advance(
         self, world_from_vehicle: FloatArray, by_flow: FloatArray | None
     ) -> FloatArray | None:
-        """Goes on to the next sweep, which may be the first one.
+        """Returns `world_from_sweep` of the next sweep, None from where on it is not known.
 
-        Args:
-            world_from_vehicle: (4, 4) the pose that the file has.
-            by_flow: (4, 4) motion from this sweep to the one after it, as the flow of what
-                stands still has it; None if there is no such flow.
-
-        Returns:
-            (4, 4) `world_from_sweep`, None from where on it is not known any more.
+        The file has the pose `world_from_vehicle`. `by_flow` is the motion from this sweep to the
+        one after it, as the flow of what stands still has it; None if there is no such flow.
         """
         if self._last is not None and self._pose is not None:
             last_pose, motion = self._last
@@ -76,11 +71,7 @@ _MIN_BACKGROUND: Final = 100
 
 
 def open_file(source: Path) -> SweepSource:
-    """Opens an `.h5` file.
-
-    Raises:
-        DatasetError: It is missing, damaged or laid out in another way.
-    """
+    """Opens an `.h5` file."""
     h5py = require("h5py")
     with reading(source):
         if not source.is_file():

@@ -56,21 +56,11 @@ def sweep_truth(
 def box_of_points(
     xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float, ground: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Finds the box that each point belongs to.
+    """Returns (N,) the index of the box that each point (N, 3) belongs to, -1 for none.
 
-    Labelled boxes are tight, so points a little outside belong to them, too; but the ground
-    around an object does not move along with it. A point that several boxes reach belongs to
-    the one that it is deepest inside.
-
-    Args:
-        xyz: (N, 3) metres. A row that is not finite belongs to no box.
-        boxes: Boxes in the frame of the points; hidden ones own no points.
-        margin_m: By how much the length, the width and the height of a box grow, in metres:
-            half of it on either side.
-        ground: (N,) bool, points that belong to a box only if inside it as labelled.
-
-    Returns:
-        (N,) index into `boxes`, -1 for no box.
+    Labelled boxes are tight, so they grow by `margin_m` in length, width and height, half of it on
+    either side; but the ground (N,) around an object does not move along with it. A point that
+    several boxes reach belongs to the one that it is deepest inside. Hidden boxes own no points.
     """
     owner = np.full(len(xyz), -1, dtype=np.int64)
     overshoot = np.full(len(xyz), np.inf)

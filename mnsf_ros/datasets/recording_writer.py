@@ -24,15 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass
 class TruthSummary:
-    """Counts over sweeps.
+    """Counts of sweeps (all, with a pose, with labels) and points (all, valid, of these dynamic).
 
-    Attributes:
-        num_sweeps: All sweeps.
-        num_posed: Sweeps with a pose.
-        num_labelled: Sweeps with boxes, though possibly with no object, or with given flow.
-        num_points: All points.
-        num_valid: Points with valid flow.
-        num_dynamic: Points with valid flow that move by themselves.
+    A sweep has labels if it has boxes, though possibly with no object, or given flow.
     """
 
     num_sweeps: int = 0

@@ -165,9 +165,6 @@ def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
         source: The folder of a split, with `lidar`, `lidar_pose`, `lidar_calibration`,
             `vehicle_pose` and mostly `lidar_box` in it.
         sequence: Name of the segment, needed if there are several.
-
-    Raises:
-        DatasetError: Something that is needed is missing or damaged.
     """
     names = [file.stem for file in files_in(source / "lidar", "*.parquet")]
     file_name = f"{choose(sequence, names, source / 'lidar', 'segment')}.parquet"

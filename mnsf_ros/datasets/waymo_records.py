@@ -119,11 +119,7 @@ def parse(name: str, data: bytes) -> Any:  # noqa: ANN401
 
 
 def open_segment(source: Path) -> SweepSource:
-    """Opens a file like `segment-….tfrecord`.
-
-    Raises:
-        DatasetError: There is no such file.
-    """
+    """Opens a file like `segment-….tfrecord`."""
     if not source.is_file():
         raise DatasetError(f"{source}: no such file; expected the .tfrecord file of a segment")
     return SweepSource(FRAME_ID, None, _sweeps(source))

@@ -139,7 +139,7 @@ def draw_sway(rng: np.random.Generator) -> FloatArray:
 
 
 def braking_distance(speed_m_s: float) -> float:
-    """Returns the metres needed to brake from a speed to a halt."""
+    """Returns the metres needed to brake to a halt."""
     return speed_m_s**2 / (2 * BRAKING_M_S2)
 
 

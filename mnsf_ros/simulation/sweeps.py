@@ -33,16 +33,12 @@ class SimulatedSweep:
     (x forward, y left, z up), except that the flow leads into the next sweep's lidar frame.
 
     Attributes:
-        xyz: (N, 3) float32 measured points in metres.
-        intensity: (N,) float32 from 0 to 255.
-        ring: (N,) uint16 beam number, 0 is the lowest.
-        flow: (N, 3) float32 metres: xyz + flow is where that piece of surface is in the next
-            sweep, in the next sweep's lidar frame. Ego motion is part of it.
-        dynamic: (N,) bool, the surface itself moves faster than `DYNAMIC_SPEED_M_S`.
-        ground: (N,) bool, asphalt, sidewalk or curb.
-        class_id: (N,) uint8, see `SurfaceClass`.
+        xyz: (N, 3) measured points in metres.
+        intensity: (N,) from 0 to 255.
+        ring: (N,) beam number, 0 is the lowest.
+        flow, dynamic, ground, class_id: As in `FlowTruth`.
         stamp_ns: Time of the sweep in nanoseconds.
-        world_from_sensor: (4, 4) float64 pose of the lidar.
+        world_from_sensor: (4, 4) pose of the lidar.
     """
 
     xyz: NDArray[np.float32]

@@ -1,4 +1,7 @@
-"""Sweeps in single files, whatever their format."""
+"""Sweeps in single files, whatever their format.
+
+Every reader raises a SweepFileError if a file is missing, damaged, or laid out in another way.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,7 @@ _STAMP_DIGITS: Final = (18, 19)
 
 
 def read_bin(path: Path) -> SweepInFile:
-    """Reads rows of x, y, z and intensity; with the ending .pcd.bin there is a ring, too.
-
-    Raises:
-        SweepFileError: The file is missing, empty, cut within a row, or of the other kind.
-    """
+    """Reads rows of x, y, z and intensity; with the ending .pcd.bin there is a ring, too."""
     content = read_bytes(path)
     is_nuscenes = path.name.lower().endswith(_NUSCENES_ENDING)
     if not is_nuscenes and _has_rings(content):
@@ -63,11 +62,7 @@ def _has_rings(content: bytes) -> bool:
 
 
 def read_npy(path: Path) -> SweepInFile:
-    """Reads an array (N, 3) or wider, or one with the named fields x, y and z.
-
-    Raises:
-        SweepFileError: The file is missing, damaged, or holds something else.
-    """
+    """Reads an array (N, 3) or wider, or one with the named fields x, y and z."""
     content = read_bytes(path)
     with reading(path):
         array = read_array(BytesIO(content), len(content))
@@ -78,9 +73,6 @@ def read_npz(path: Path, name: str = "") -> SweepInFile:
     """Reads one array of an archive: the one named, a usual one, or the only one that fits.
 
     `stamp_ns` (an integer) and `pose` (4, 4) beside it belong to the sweep.
-
-    Raises:
-        SweepFileError: The file is missing or damaged, has no such array, or several that fit.
     """
     read_bytes(path)
     with reading(path), open_archive(path) as archive:
@@ -124,11 +116,7 @@ def _pose(archive: ArrayArchive) -> NDArray[np.float64]:
 
 
 def read_feather(path: Path) -> SweepInFile:
-    """Reads the columns x, y and z; a name that is a number of nanoseconds is the stamp.
-
-    Raises:
-        SweepFileError: The file is missing or damaged, lacks a column, or pyarrow is missing.
-    """
+    """Reads the columns x, y and z; a name that is a number of nanoseconds is the stamp."""
     read_bytes(path)
     try:
         with reading(path):

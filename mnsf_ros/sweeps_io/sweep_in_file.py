@@ -67,12 +67,9 @@ def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArra
 
 @dataclass(frozen=True, eq=False)
 class SweepInFile:
-    """The points of a file, row for row, before anything is left out.
+    """The points (N, 3) of a file in metres, row for row; those not measured are not finite.
 
-    Attributes:
-        xyz: (N, 3) float32, metres; rows without a measurement are not finite.
-        stamp_ns: Time of the sweep, integer nanoseconds; 0 where the file does not say.
-        pose: (4, 4) from the sensor to the world; None where the file does not say.
+    Where the file does not say, `stamp_ns` is 0 and `pose` (from the sensor to the world) is None.
     """
 
     xyz: NDArray[np.float32]

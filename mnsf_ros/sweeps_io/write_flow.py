@@ -21,14 +21,10 @@ _PLY_COLUMNS: Final = ("x", "y", "z", "flow_x", "flow_y", "flow_z")
 
 @dataclass(frozen=True, eq=False)
 class FlowToWrite:
-    """What is written.
+    """What is written: points (N, 3) of the current sweep and their flow (N, 3), both in metres.
 
-    Attributes:
-        xyz: (N, 3) float32, metres, sensor frame of the current sweep.
-        flow: (N, 3) float32, metres until the next sweep; NaN where there is no point.
-        kept: (N,) bool, the points inside the crop that are not ground.
-        method: Name of the method.
-        settings: Full name of each setting to its value.
+    The flow is NaN where there is no point. `kept` (N,) are the points inside the crop that are not
+    ground, `settings` have full names.
     """
 
     xyz: NDArray[np.float32]
