@@ -270,9 +270,9 @@ def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
 
 def test_settings_of_the_estimator():
     estimator = make_method("mnsf", SHORT)
-    assert estimator.settings is SHORT
+    assert estimator.settings == SHORT
     assert estimator.with_settings(preset("paper")).settings == preset("paper")
-    assert estimator.settings is SHORT
+    assert estimator.settings == SHORT
 
 
 @pytest.mark.parametrize("which", ["previous", "current", "next"])
