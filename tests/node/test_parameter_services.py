@@ -7,7 +7,7 @@ import pytest
 import torch
 from rcl_interfaces.msg import ParameterType, ParameterValue
 
-from mnsf_ros.settings import Settings, declared_settings
+from mnsf_ros.settings import Settings, declared_setting, declared_settings
 
 
 @pytest.fixture(autouse=True)
@@ -35,9 +35,7 @@ def run_drive(peer, drive):
 def test_every_setting_is_a_parameter_with_its_description_and_range(peer):
     assert {setting.name for setting in declared_settings()} <= peer.parameter_names()
     described = peer.describe("crop.max_range_m")
-    assert described.description == (
-        "Leave out points farther than this, measured in the horizontal plane [m]"
-    )
+    assert described.description == f"{declared_setting('crop.max_range_m').text} [m]"
     (range_m,) = described.floating_point_range
     assert (range_m.from_value, range_m.to_value) == (1.0, 1000.0)
     (layers,) = peer.describe("field.num_hidden_layers").integer_range
