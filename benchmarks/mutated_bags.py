@@ -44,7 +44,7 @@ from mnsf_ros.evaluation.options import (
     choose_topics,
     evaluated_methods,
 )
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording

@@ -12,7 +12,7 @@ from kitti_examples import SCALES
 from paper_figures import Measured, measured_of
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
 from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
 

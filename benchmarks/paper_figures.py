@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from kitti_examples import MOMENTS
 
 from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 
 PARTS = ("all", "dynamic", "static")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from kitti_examples import MOMENTS, SCALES
 
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from paper_plan import preset_of
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import SettingValue

@@ -37,3 +37,7 @@ class RecordingError(MnsfError):
 
 class DatasetError(MnsfError):
     """Files of a data set are missing, damaged, or laid out in another way."""
+
+
+class EvaluationError(MnsfError, ValueError):
+    """Flows, masks, table rows or the files of a run do not fit together, or cannot be scored."""

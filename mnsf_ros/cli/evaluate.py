@@ -172,8 +172,8 @@ def _num_points(text: str) -> int | None:
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation_run import evaluate, new_folder
     from mnsf_ros.evaluation.options import EvaluationOptions
-    from mnsf_ros.evaluation.path_text import path_text
     from mnsf_ros.evaluation.run_folder import WritingError
+    from mnsf_ros.evaluation.run_record import path_text
 
     console = PatientConsole()
     if options.out is None:
@@ -187,7 +187,7 @@ def _run(options: argparse.Namespace) -> int:
         num_points=options.num_points,
         every=options.every,
         seed=options.seed,
-        use_true_ground=options.ground == "truth",
+        ground=options.ground,
         realtime_rate=options.realtime,
         check_cycle=options.check_cycle,
         flow_folder=options.out / "flow" if options.write_flow else None,

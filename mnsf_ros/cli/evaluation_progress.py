@@ -21,11 +21,9 @@ from rich.progress import (
 from rich.text import Text
 
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import EvaluationTask
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import mean
-from mnsf_ros.evaluation.run_folder import TaskKey
-from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted, TaskRun
+from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
+from mnsf_ros.evaluation.results import ResultRow, mean
+from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted
 
 
 class _SweepRateColumn(TextColumn):
@@ -42,14 +40,14 @@ class _SweepRateColumn(TextColumn):
 class EvaluationProgress:
     """One bar for all tasks, counted in sweeps."""
 
-    def __init__(self, progress: Progress, runs: Sequence[TaskRun], every: int) -> None:
+    def __init__(self, progress: Progress, runs: Sequence[EvaluationTask], every: int) -> None:
         """Starts at what is there already."""
         self._every = every
         self._progress = progress
         self._num_left = len(runs)
-        self._times_ms: dict[TaskKey, dict[int, float]] = {run.task.key: {} for run in runs}
-        self._done = Counter({run.task.key: len(run.skipped) for run in runs})
-        total = sum(self._num_sweeps(run.task) for run in runs)
+        self._times_ms: dict[TaskKey, dict[int, float]] = {run.key: {} for run in runs}
+        self._done = Counter({run.key: len(run.skipped) for run in runs})
+        total = sum(self._num_sweeps(run) for run in runs)
         self._bar = progress.add_task(self._text(), total=total, completed=self._done.total())
 
     def watch(self, task: EvaluationTask, event: TaskEvent) -> None:
@@ -105,7 +103,7 @@ def checking_progress(console: Console, name: str) -> Iterator[Callable[[int, in
 
 @contextmanager
 def evaluation_progress(
-    console: Console, runs: Sequence[TaskRun], every: int
+    console: Console, runs: Sequence[EvaluationTask], every: int
 ) -> Iterator[EvaluationProgress]:
     """Shows a bar with the sweeps done, their rate and the time left.
 

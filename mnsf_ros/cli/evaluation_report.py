@@ -9,9 +9,9 @@ from rich.console import Console
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluatedRecording
-from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import path_text
 from mnsf_ros.evaluation.tables import main_tables, work_table
 
 _PICTURES_LIMIT_S: Final = 60.0

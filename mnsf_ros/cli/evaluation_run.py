@@ -17,8 +17,8 @@ from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
 from mnsf_ros.cli.evaluation_report import conclude, warn
 from mnsf_ros.errors import RecordingError, SettingsError
-from mnsf_ros.evaluation.examples import MAX_SWEEPS
 from mnsf_ros.evaluation.options import (
+    MAX_SWEEPS,
     EvaluatedRecording,
     EvaluationOptions,
     choose_topics,

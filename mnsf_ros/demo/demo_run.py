@@ -21,8 +21,7 @@ from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, choose_topics
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import summarize
+from mnsf_ros.evaluation.results import ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
 from mnsf_ros.node.main import prepare_environment

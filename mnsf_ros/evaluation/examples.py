@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions
+from mnsf_ros.evaluation.options import (
+    MAX_SWEEPS,
+    EvaluatedRecording,
+    EvaluationOptions,
+    num_sweeps_needed,
+)
 from mnsf_ros.evaluation.tracks import (
     CloudRows,
     TruthTrack,
@@ -29,8 +34,6 @@ from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
-# The paper's largest ablation uses five sweeps: t-3 to t+1.
-MAX_SWEEPS: Final = 5
 # Half of the static points are off by more where odometry and truth contradict each other.
 _MAX_CONTRADICTION_M: Final = 0.1
 
@@ -86,7 +89,7 @@ def read_examples(
         findings,
         truth=truth,
         poses=poses,
-        num_sweeps=options.num_sweeps_in(recording),
+        num_sweeps=num_sweeps_needed(options, recording.num_sweeps),
     )
     sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
     return builder.examples(in_stamp_order(sweeps))
@@ -111,7 +114,7 @@ def kept_points(
     """
     settings = options.settings
     kept = crop_mask(xyz, settings.crop)
-    if settings.ground.remove and options.use_true_ground and true_ground is not None:
+    if settings.ground.remove and options.ground == "truth" and true_ground is not None:
         kept &= ~true_ground
     elif settings.ground.remove:
         inside = np.flatnonzero(kept)

@@ -25,7 +25,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 
 _STRICT: Final = 0.05  # metres, and share of the true length
 _RELAXED: Final = 0.10

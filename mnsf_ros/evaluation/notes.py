@@ -1,4 +1,4 @@
-"""What makes the figures of a run less certain, or explains a gap in them."""
+"""What to know beside the figures of a run: how they were made, and what casts doubt on them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,111 @@ from itertools import chain
 from typing import Final
 
 from mnsf_ros.evaluation.findings import Event
-from mnsf_ros.evaluation.options import num_sweeps_needed
-from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
+from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
+from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord, SessionRecord
+from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.settings import Settings, SettingValue
 
 _MAX_NAMES: Final = 4
-_EVENTS: Final = frozenset(event.value for event in Event)
+# Set by the evaluator itself.
+_OWN: Final = ("compute.seed", "compute.num_threads")
+_EVENTS: Final = {event.value: event.text for event in Event}
+_NO_EVENTS: Final = (Event.SWEEPS_READ.value, Event.SWEEPS_READ.text)
+
+
+def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[str]:
+    """Returns sentences on what was evaluated and how."""
+    options = run.options
+    return [
+        _means_text(len(run.recordings), summaries, options.every),
+        _points_text(options, [one.truth is not None for one in run.recordings]),
+        _settings_text(options.settings, summaries),
+        _time_text(options, summaries),
+    ]
+
+
+def nearest_preset(settings: Settings) -> tuple[str, dict[str, SettingValue]]:
+    """Returns the name of a preset, and the settings of a run that differ or were set by hand."""
+    values = {k: value for k, value in settings.to_mapping().items() if k not in _OWN}
+    changes = {
+        name: {
+            k: value
+            for k, value in values.items()
+            if preset(name).value_of(k) != value or k in settings.explicit
+        }
+        for name in PRESET_NAMES
+    }
+    nearest = min(changes, key=lambda name: len(changes[name]))
+    return nearest, changes[nearest]
+
+
+def _means_text(num_recordings: int, summaries: Sequence[MethodSummary], every: int) -> str:
+    counts = sorted({summary.num_examples for summary in summaries})
+    examples = " to ".join(f"{count:,}" for count in dict.fromkeys(counts[:1] + counts[-1:]))
+    recordings = "1 recording" if num_recordings == 1 else f"{num_recordings} recordings"
+    noun = "example" if counts == [1] else "examples"
+    text = f"Unweighted mean over {examples or 'no'} {noun} from {recordings}"
+    if every > 1:
+        text += f", one in {every}"
+    text += ". An example is a triplet of consecutive sweeps"
+    missing = sum(summary.num_failed + summary.num_dropped for summary in summaries)
+    if missing:
+        text += f". Examples without a flow, not in any mean: {missing:,}"
+    if len(counts) > 1:
+        text += ". Methods differ in the number of examples: compare with care"
+    return f"{text}."
+
+
+def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
+    crop = options.settings.crop
+    text = (
+        f"Scored points: range {crop.min_range_m:g} to {crop.max_range_m:g} m, "
+        f"height {crop.min_height_m:g} to {crop.max_height_m:g} m"
+    )
+    if options.settings.ground.remove:
+        source = "height map"
+        if options.ground == "truth" and any(has_truth):
+            source = "flag in the truth"
+            if not all(has_truth):
+                source += ", height map where there is no truth"
+        text += f", without ground ({source})"
+    number = options.num_points
+    chosen = "all" if number is None else f"{number:,} random points of each sweep"
+    return f"{text}; {chosen}, the same for all methods. Seed {options.seed}."
+
+
+def _settings_text(settings: Settings, summaries: Sequence[MethodSummary]) -> str:
+    name, changed = nearest_preset(settings)
+    changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
+    warm = "on" if settings.warm_start.enabled else "off"
+    # Of a preset for another method they do not take the warm start.
+    others = [one.method for one in summaries if one.starts.get("warm") and warm == "off"]
+    warm += f", but on for {', '.join(others)}" if others else ""
+    return f"Settings: preset {name}{f' with {changes}' if changes else ''}. Warm start: {warm}."
+
+
+def _time_text(options: EvaluationOptions, summaries: Sequence[MethodSummary]) -> str:
+    devices = sorted({device for summary in summaries for device in summary.devices})
+    threads = options.settings.compute.num_threads
+    text = "Time: wall time of one estimate without the choice of points, device synchronized"
+    if devices:
+        text += f", on {' and '.join(devices)}"
+    if "cpu" in devices:
+        text += f" with {threads} thread{'' if threads == 1 else 's'}"
+    if options.realtime_rate is not None:
+        text += (
+            f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
+            "times: a triplet still waiting when the next one arrives is dropped, as in the live "
+            "node"
+        )
+    limited = sum(summary.stop_reasons.get("time_budget", 0) for summary in summaries)
+    if limited:
+        text += (
+            f". {limited:,} optimizations reached their time budget, so errors depend on the speed "
+            "of the machine"
+        )
+    return f"{text}."
 
 
 class NoteKind(Enum):
@@ -57,13 +156,7 @@ class Note:
 def notes_of(
     run: RunRecord, finished: Iterable[FinishedTask], rows: Iterable[ResultRow] = ()
 ) -> list[Note]:
-    """Returns one note for each thing to know.
-
-    Args:
-        run: What was run.
-        finished: What was noticed in each finished task.
-        rows: What came out; methods that gave no flow say why.
-    """
+    """Returns one note for each thing to know."""
     finished, rows = list(finished), list(rows)
     notes = {
         NoteKind.DAMAGE: _damages(run, finished),
@@ -102,10 +195,9 @@ def _without_truth(recordings: Iterable[RecordingRecord]) -> Iterator[str]:
 def _events(finished: Iterable[FinishedTask]) -> Iterator[str]:
     for task in finished:
         for name, count in task.counts.items():
-            # Runs of early versions have texts in place of names.
-            text = Event(name).text if name in _EVENTS else name
-            if text != Event.SWEEPS_READ.text:
-                yield f"{task.recording}: {text}: {count:,}."
+            if name not in _NO_EVENTS:
+                # Runs of early versions have texts in place of names.
+                yield f"{task.recording}: {_EVENTS.get(name, name)}: {count:,}."
 
 
 def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterator[str]:
@@ -113,7 +205,7 @@ def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterat
     for task in finished:
         if task.num_examples == 0:
             there = num_sweeps[task.recording]
-            needed = num_sweeps_needed(run.identity.num_sweeps, there)
+            needed = num_sweeps_needed(run.options, there)
             yield (
                 f"No example: {task.recording} contains no {needed} consecutive sweeps with at "
                 f"most buffer.max_interval_s between them (sweeps in all: {there:,}). --pairs "

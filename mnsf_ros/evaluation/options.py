@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, SettingsError
 from mnsf_ros.methods import make_method, method_names
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.inspection import Inspection
 from mnsf_ros.settings import Settings
 
-ALL_POINTS: Final = "all"
+TaskKey = tuple[str, str]
+
+# The paper's largest ablation uses five sweeps: t-3 to t+1.
+MAX_SWEEPS: Final = 5
 
 
 @dataclass(frozen=True)
@@ -46,33 +48,10 @@ class EvaluatedRecording:
 
 @dataclass(frozen=True)
 class EvaluatedMethod:
-    """A method with what it says of itself under the settings of the run.
-
-    Attributes:
-        name: Its name.
-        traits: What it says of itself.
-    """
+    """A method with what it says of itself under the settings of the run."""
 
     name: str
     traits: MethodTraits
-
-
-@dataclass(frozen=True)
-class EvaluationTask:
-    """One method on one recording.
-
-    Attributes:
-        recording: The recording.
-        method: The method.
-    """
-
-    recording: EvaluatedRecording
-    method: EvaluatedMethod
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """Name of the recording and of the method."""
-        return self.recording.name, self.method.name
 
 
 @dataclass(frozen=True)
@@ -80,10 +59,13 @@ class EvaluationOptions:
     """How to evaluate.
 
     Attributes:
-        settings: How to estimate.
+        settings: How to estimate. Once the options are made, they hold the seed and a fixed number
+            of threads, because sums in another order give other last digits, and early stopping on
+            a noisy loss makes large differences of them. In real time it is the node's number.
         num_points: Number of random points of each sweep that are scored; None for all.
         seed: Of the random points and of the methods.
-        use_true_ground: Use the ground flag of the truth where there is truth.
+        ground: What tells ground from other points: the flag in the truth, where there is truth,
+            or the settings.
         realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
             to estimate all of them.
         check_cycle: Estimate the backward flow, too, and compare: twice the work.
@@ -93,12 +75,15 @@ class EvaluationOptions:
             shorter, it is the length of the recording.
         every: Score every N-th example only, beginning with the first of a recording. Methods that
             carry state estimate the examples in between, too.
+
+    Raises:
+        EvaluationError: If a number is out of its range.
     """
 
     settings: Settings
     num_points: int | None = None
     seed: int = 0
-    use_true_ground: bool = True
+    ground: Literal["truth", "settings"] = "truth"
     realtime_rate: float | None = None
     check_cycle: bool = False
     flow_folder: Path | None = None
@@ -106,11 +91,6 @@ class EvaluationOptions:
     every: int = 1
 
     def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            EvaluationError: If a number is out of its range.
-        """
         if self.num_points is not None and self.num_points < 1:
             raise EvaluationError(f"num_points: got {self.num_points}, expected 1 or more, or all")
         if not 0 <= self.seed <= 2_147_483_647:
@@ -122,28 +102,15 @@ class EvaluationOptions:
             raise EvaluationError("--every cannot be combined with --realtime")
         if rate is not None and not 0 < rate < math.inf:
             raise EvaluationError(f"realtime rate: got {rate}, must be above 0")
-
-    def num_sweeps_in(self, recording: EvaluatedRecording) -> int:
-        """Returns the minimum number of sweeps of an example of a recording."""
-        return num_sweeps_needed(self.num_sweeps, recording.num_sweeps)
+        values: dict[str, Any] = {"compute.seed": self.seed}
+        if self.settings.compute.num_threads == 0:
+            is_node = rate is not None
+            values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
+        object.__setattr__(self, "settings", self.settings.changed(values))
 
     def is_scored(self, place: int) -> bool:
         """Whether an example, by its place among those of its recording, is to be scored."""
         return place % self.every == 0
-
-    @property
-    def method_settings(self) -> Settings:
-        """The settings that the methods get.
-
-        The number of threads is fixed, because sums in another order give other last digits, and
-        early stopping on a noisy loss makes large differences of them. In real time it is that of
-        the node.
-        """
-        values: dict[str, Any] = {"compute.seed": self.seed}
-        if self.settings.compute.num_threads == 0:
-            is_node = self.realtime_rate is not None
-            values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
-        return self.settings.changed(values)
 
     def is_indivisible(self, method: EvaluatedMethod) -> bool:
         """Whether a task must be done in one go, because rows depend on those before them."""
@@ -151,24 +118,48 @@ class EvaluationOptions:
         return is_replay or method.traits.carries_state
 
 
+@dataclass(frozen=True)
+class EvaluationTask:
+    """One method on one recording.
+
+    Attributes:
+        recording: The recording.
+        method: The method.
+        skipped: Numbers of the sweeps whose rows are there already.
+        attempt: How often it has been tried before.
+    """
+
+    recording: EvaluatedRecording
+    method: EvaluatedMethod
+    skipped: frozenset[int] = frozenset()
+    attempt: int = 0
+
+    @property
+    def key(self) -> TaskKey:
+        """Name of the recording and of the method."""
+        return self.recording.name, self.method.name
+
+    def again(self, done: Iterable[int], options: EvaluationOptions) -> EvaluationTask:
+        """Returns the next attempt, which leaves out what is done, if that can be left out."""
+        is_indivisible = options.is_indivisible(self.method)
+        skipped = frozenset() if is_indivisible else self.skipped.union(done)
+        return replace(self, skipped=skipped, attempt=self.attempt + 1)
+
+
 def evaluated_methods(
     names: Iterable[str], options: EvaluationOptions, *, is_remote: bool = False
 ) -> list[EvaluatedMethod]:
     """Asks each method what it says of itself, so that a wrong name is found before a run.
 
-    Args:
-        names: Names of methods.
-        options: How they will estimate.
-        is_remote: Whether they run on other machines: what they need need not be on this one.
+    With `is_remote` methods run on other machines: what they need need not be on this one.
 
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
-    return [EvaluatedMethod(name, _traits(name, options, is_remote)) for name in names]
+    return [EvaluatedMethod(name, _traits(name, options.settings, is_remote)) for name in names]
 
 
-def _traits(name: str, options: EvaluationOptions, is_remote: bool) -> MethodTraits:
-    settings = options.method_settings
+def _traits(name: str, settings: Settings, is_remote: bool) -> MethodTraits:
     if is_remote:
         # The device may be on the machines of the cluster only.
         settings = settings.changed({"compute.device": "cpu"})
@@ -181,9 +172,9 @@ def _traits(name: str, options: EvaluationOptions, is_remote: bool) -> MethodTra
         raise
 
 
-def num_sweeps_needed(wanted: int, there: int) -> int:
+def num_sweeps_needed(options: EvaluationOptions, there: int) -> int:
     """Returns the minimum number of sweeps of an example; all if a recording has fewer."""
-    return max(2, min(wanted, there))
+    return max(2, min(options.num_sweeps, there))
 
 
 def choose_topics(
@@ -195,12 +186,8 @@ def choose_topics(
 ) -> EvaluatedRecording:
     """Finds out which topics of a recording to use.
 
-    Args:
-        inspection: What is in the recording.
-        name: What to call it in results.
-        points: Topic of the sweeps; None for the only one that it can be.
-        truth: Topic of the true flow; None for that of `docs/recordings.md`, if it is there.
-        odometry: Topic of the sensor's poses; None for that of `docs/recordings.md`, likewise.
+    Topics that are None are chosen: the only one that can be that of the sweeps; truth and
+    odometry as in `docs/recordings.md`, if they are there.
 
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.

@@ -13,10 +13,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted, TaskRun, task_events
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted, task_events
 
 # Number of a task and of its attempt.
 Place = tuple[int, int]
@@ -41,13 +41,13 @@ class Mailbox:
 def post_events(
     mailbox: Any,  # noqa: ANN401 - a handle of an actor
     place: Place,
-    run: TaskRun,
+    task: EvaluationTask,
     options: EvaluationOptions,
 ) -> None:
     """Runs a task and posts its events. Runs on the cluster."""
     import ray
 
-    for event in task_events(run, options):
+    for event in task_events(task, options):
         # Waits until it is there, so that nothing is on its way when the task ends.
         ray.get(mailbox.post.remote(place, event))
 
@@ -88,7 +88,7 @@ class RayCluster:
         self._num_gpus = num_gpus
 
     def __call__(
-        self, runs: Sequence[TaskRun], options: EvaluationOptions
+        self, tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         """Runs all tasks and yields what they give, as it gets ready.
 
@@ -96,13 +96,13 @@ class RayCluster:
             EvaluationError: There is no such cluster, or no node of it can run a task.
         """
         with self._connected():
-            num_cpus = options.method_settings.compute.num_threads
+            num_cpus = options.settings.compute.num_threads
             self._check_nodes(num_cpus)
             # Ray would try again by itself, but then nobody would know which rows are there.
             needs = {"num_cpus": num_cpus, "num_gpus": self._num_gpus, "max_retries": 0}
             work = self._ray.remote(**needs)(post_events)
             dispatch = _Dispatch(self._ray, work, start_mailbox(self._ray), options)
-            yield from dispatch.run(runs)
+            yield from dispatch.run(tasks)
 
     @contextmanager
     def _connected(self) -> Iterator[None]:
@@ -145,18 +145,18 @@ class _Dispatch:
         self._work = work
         self._mailbox = mailbox
         self._options = options
-        self._under_way: dict[Any, tuple[int, TaskRun]] = {}
+        self._under_way: dict[Any, tuple[int, EvaluationTask]] = {}
         self._done: dict[int, set[int]] = {}
 
-    def run(self, runs: Sequence[TaskRun]) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    def run(self, tasks: Sequence[EvaluationTask]) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         """Runs all tasks and yields their events; all give up where the cluster itself is lost."""
-        for number, run in enumerate(runs):
-            self._start(number, run)
+        for number, task in enumerate(tasks):
+            self._start(number, task)
         try:
             yield from self._events()
         except self._ray.exceptions.RayError as error:
-            for _, run in self._under_way.values():
-                yield run.task, TaskFailed(f"the Ray cluster is lost: {_first_line(error)}")
+            for _, task in self._under_way.values():
+                yield task, TaskFailed(f"the Ray cluster is lost: {_first_line(error)}")
 
     def _events(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         while self._under_way:
@@ -167,33 +167,33 @@ class _Dispatch:
                 if event is not None:
                     yield event
 
-    def _start(self, number: int, run: TaskRun) -> None:
+    def _start(self, number: int, task: EvaluationTask) -> None:
         self._done[number] = set()
-        place = number, run.attempt
-        reference = self._work.remote(self._mailbox, place, run, self._options)
-        self._under_way[reference] = number, run
+        place = number, task.attempt
+        reference = self._work.remote(self._mailbox, place, task, self._options)
+        self._under_way[reference] = number, task
 
     def _posted(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        current = {(number, run.attempt): run for number, run in self._under_way.values()}
+        current = {(number, task.attempt): task for number, task in self._under_way.values()}
         for place, event in self._ray.get(self._mailbox.empty.remote()):
             # A worker that was taken for lost may still be writing.
             if place in current:
                 if isinstance(event, ResultRow):
                     self._done[place[0]].add(event.number)
-                yield current[place].task, event
+                yield current[place], event
 
     def _end(self, reference: Any) -> tuple[EvaluationTask, TaskEvent] | None:  # noqa: ANN401
-        number, run = self._under_way.pop(reference)
+        number, task = self._under_way.pop(reference)
         try:
             self._ray.get(reference)
         except self._ray.exceptions.RayError as error:
             reason = _first_line(error)
         else:
             return None
-        if run.attempt + 1 >= MAX_ATTEMPTS:
-            return run.task, TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
-        self._start(number, run.again(frozenset(self._done[number]), self._options))
-        return run.task, TaskRestarted(reason)
+        if task.attempt + 1 >= MAX_ATTEMPTS:
+            return task, TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
+        self._start(number, task.again(self._done[number], self._options))
+        return task, TaskRestarted(reason)
 
 
 def _first_line(error: Exception) -> str:

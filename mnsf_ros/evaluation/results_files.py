@@ -11,13 +11,9 @@ from functools import cached_property
 from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.notes import Note, notes_of
-from mnsf_ros.evaluation.options import ALL_POINTS
-from mnsf_ros.evaluation.protocol import nearest_preset, protocol_text
-from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
-from mnsf_ros.evaluation.results import MethodSummary, summarize
-from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.notes import Note, nearest_preset, notes_of, protocol_text
+from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.tables import further_tables, main_tables
 
@@ -142,17 +138,17 @@ def _csv_lines(summary: MethodSummary) -> Iterator[list[object]]:
 
 def _origin(run: RunRecord) -> dict[str, str]:
     """How, with what and where a run was made; what sessions do not agree on is listed."""
-    identity, sessions = run.identity, run.sessions
-    name, changes = nearest_preset(identity)
+    options, sessions = run.options, run.sessions
+    name, changes = nearest_preset(options.settings)
     return {
-        "seed": str(identity.seed),
+        "seed": str(options.seed),
         "preset": name,
         "changed_settings": "; ".join(f"{key} = {value}" for key, value in changes.items()),
-        "num_threads": str(identity.settings["compute.num_threads"]),
-        "points_given": ALL_POINTS if identity.num_points is None else str(identity.num_points),
-        "ground": identity.ground,
-        "realtime_rate": str(identity.realtime_rate or ""),
-        "every": str(identity.every),
+        "num_threads": str(options.settings.compute.num_threads),
+        "points_given": str(options.num_points or "all"),
+        "ground": options.ground,
+        "realtime_rate": str(options.realtime_rate or ""),
+        "every": str(options.every),
         **{
             f"{package}_version": _each_once(one.versions.get(package, "") for one in sessions)
             for package in ("mnsf_ros", "torch")

@@ -3,31 +3,49 @@
 `run.json` says what was run. `rows.jsonl` has one row per line, in the order in which they got
 ready; `tasks.jsonl` one line per finished task, with what was noticed. Both only ever grow while
 a run lasts, so that an interruption costs nothing but the line being written.
+
+A number that is not finite is `null`, so that any program can read the files.
 """
 
 from __future__ import annotations
 
 import fcntl
+import json
+import math
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
-from mnsf_ros.evaluation.errors import EvaluationError
+import cattrs
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+from cattrs.v import format_exception
+
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.result_row import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_json import from_json, to_json
-from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.options import EvaluationOptions, TaskKey
+from mnsf_ros.evaluation.results import DROPPED, FailureKind, FinishedTask, ResultRow
+from mnsf_ros.evaluation.run_record import RunRecord, path_text
+from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.settings import Settings, SettingValue, declared_settings
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
 TASKS_FILE: Final = "tasks.jsonl"
 _LOCK_FILE: Final = ".lock"
 
-TaskKey = tuple[str, str]
 Kind = TypeVar("Kind")
+
+_MAX_SHOWN: Final = 80
+_NAMES: Final = {
+    ResultRow: "a result row",
+    FinishedTask: "a finished task",
+    RunRecord: "the record of a run",
+}
+# Reference rows of runs that do not say so themselves.
+_OLD_REFERENCES: Final = ("zero", "ego")
 
 
 class WritingError(EvaluationError):
@@ -213,3 +231,146 @@ def _writing(file: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
+
+
+def to_json(value: object, *, indent: int | None = None) -> str:
+    """Returns a typed object as JSON, without a newline at its end."""
+    return json.dumps(plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+
+
+def from_json(text: str, kind: type[Kind]) -> Kind:
+    """Returns the typed object that a text holds.
+
+    Raises:
+        EvaluationError: It is not one; says in one line what is wrong.
+    """
+    try:
+        values = json.loads(text)
+    except ValueError as error:
+        raise _not_one(kind, str(error), text) from error
+    return structured(values, kind)
+
+
+def plain(value: object) -> Any:  # noqa: ANN401 - whatever JSON can hold
+    """Returns a typed object as dictionaries, lists and values of JSON."""
+    return _CONVERTER.unstructure(value)
+
+
+def structured(values: Any, kind: type[Kind]) -> Kind:  # noqa: ANN401 - whatever JSON can hold
+    """Returns the typed object of dictionaries and lists; the counterpart of `plain`.
+
+    Raises:
+        EvaluationError: A key is unknown or missing, or a value has another type.
+    """
+    try:
+        if not isinstance(values, dict):
+            raise TypeError("expected an object with named values")
+        return _CONVERTER.structure(_of_this_version(values, kind), kind)
+    except Exception as error:  # cattrs raises groups of whatever its hooks raise
+        reason = cattrs.transform_error(error, path="", format_exception=_reason)[0]
+        raise _not_one(kind, reason, json.dumps(values, ensure_ascii=False)) from error
+
+
+def _not_one(kind: type, reason: str, text: str) -> EvaluationError:
+    return EvaluationError(
+        f"is not {_NAMES.get(kind, kind.__name__)} ({reason}): {text[:_MAX_SHOWN]!r}"
+    )
+
+
+def _of_this_version(values: dict[str, Any], kind: type) -> dict[str, Any]:
+    """What an earlier version has written, in the layout of this one."""
+    if kind is ResultRow and isinstance(reason := values.get("failure"), str):
+        failure = DROPPED.kind if reason == DROPPED.text else FailureKind.FAILED
+        return values | {"failure": {"kind": failure.value, "text": reason} if reason else None}
+    if kind is RunRecord and "identity" in values:
+        values = {"format": 1, **values}
+        values["options"] = _old_options(values.pop("identity"))
+        values["methods"] = [_old_method(method) for method in values["methods"]]
+    return values
+
+
+def _old_options(identity: dict[str, Any]) -> dict[str, Any]:
+    """The options of a run: `settings` was what methods got, `crop_and_ground` chose points."""
+    options = dict(identity)
+    told = {**options.pop("settings"), **options.pop("crop_and_ground")}
+    explicit = options.pop("explicit", None) or []
+    known = {one.name: told[one.name] for one in declared_settings() if one.name in told}
+    presets = [preset(name).to_mapping() for name in PRESET_NAMES]
+    nearest = max(presets, key=lambda values: sum(values[k] == x for k, x in known.items()))
+    num_points = None if options["num_points"] == "all" else options["num_points"]
+    settings = {"values": {**nearest, **known}, "explicit": explicit}
+    return options | {"settings": settings, "num_points": num_points}
+
+
+def _old_method(method: str | dict[str, Any]) -> dict[str, Any]:
+    """A method that was its name, or a name with what is a trait now."""
+    if isinstance(method, str):
+        return {"name": method, "traits": {"is_reference": method in _OLD_REFERENCES}}
+    traits = {key: value for key, value in method.items() if key != "name"}
+    return {"name": method["name"], "traits": traits}
+
+
+def _converter() -> cattrs.Converter:
+    converter = cattrs.Converter(forbid_extra_keys=True)
+    for kind, check in ((float, _float), (int, _int), (str, _str), (bool, _bool)):
+        converter.register_structure_hook(kind, lambda value, _, check=check: check(value))
+    converter.register_structure_hook_func(lambda kind: kind == SettingValue, _setting)
+    converter.register_unstructure_hook(float, lambda x: x if math.isfinite(x) else None)
+    converter.register_structure_hook(Settings, lambda values, _: _settings(**values))
+    converter.register_unstructure_hook(
+        Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
+    )
+    # A resumed run may write flow or not, as it likes.
+    omitted = override(omit=True)
+    structure = make_dict_structure_fn(
+        EvaluationOptions, converter, _cattrs_forbid_extra_keys=True, flow_folder=omitted
+    )
+    unstructure = make_dict_unstructure_fn(EvaluationOptions, converter, flow_folder=omitted)
+    converter.register_structure_hook(EvaluationOptions, structure)
+    converter.register_unstructure_hook(EvaluationOptions, unstructure)
+    return converter
+
+
+def _settings(values: dict[str, object], explicit: list[str]) -> Settings:
+    return replace(Settings().changed(values), explicit=frozenset(explicit))
+
+
+def _reason(error: BaseException, kind: type | None) -> str:
+    """What one of our hooks found, or cattrs itself."""
+    is_ours = isinstance(error, (TypeError, ValueError)) and bool(error.args)
+    return str(error) if is_ours else format_exception(error, kind)
+
+
+def _float(value: object) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise TypeError(f"got {value!r}, expected a number")
+    return float(value)
+
+
+def _int(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"got {value!r}, expected a whole number")
+    return value
+
+
+def _str(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"got {value!r}, expected text")
+    return value
+
+
+def _bool(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError(f"got {value!r}, expected true or false")
+    return value
+
+
+def _setting(value: object, _: object) -> SettingValue:
+    if not isinstance(value, (bool, int, float, str)):
+        raise TypeError(f"got {value!r}, expected the value of a setting")
+    return value
+
+
+_CONVERTER: Final = _converter()

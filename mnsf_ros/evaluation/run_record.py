@@ -1,4 +1,4 @@
-"""What a run was: settings, seed, recordings, versions, machine and commit."""
+"""What a run was: options, methods, recordings, versions, machine and commit."""
 
 from __future__ import annotations
 
@@ -8,118 +8,32 @@ import platform
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import torch
 
 from mnsf_ros import __version__
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
-from mnsf_ros.evaluation.path_text import path_text
 from mnsf_ros.recording.bag_files import fingerprint
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.settings import SettingValue
 
-# Layout of the files of a run; those of early versions do not say theirs.
-FORMAT: Final = 2
-OLD_FORMAT: Final = 1
+# Layout of the files of a run; those of another layout can be read, but not resumed.
+FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
 
 
-@dataclass(frozen=True)
-class RunIdentity:
-    """All that rows depend on, apart from recording and method.
+def path_text(path: Path | str) -> str:
+    r"""Returns a path, or text with paths in it, as text that every file and terminal can hold.
 
-    Two runs with the same identity may put their rows together.
-
-    Attributes:
-        settings: What the methods get.
-        crop_and_ground: Settings by which the points to score are chosen.
-        num_points: Random points of each sweep; None for all.
-        seed: Of the random points and of the methods.
-        ground: What tells ground from other points: the truth, or the settings.
-        realtime_rate: Rate of the replay in real time; None if no time was played.
-        check_cycle: Whether the backward flow was estimated, too.
-        num_sweeps: Sweeps that an example has at least.
-        every: Only one in so many examples was scored.
-        explicit: Names of the settings that were set on top of a preset: those that `online`
-            takes, too. None in runs of early versions.
+    Python keeps the bytes of a file name that its locale cannot decode as lone surrogates. Those
+    that are UTF-8 after all are decoded, so that the text is the same in every locale; the others
+    are shown as `\xff`.
     """
-
-    settings: dict[str, SettingValue]
-    crop_and_ground: dict[str, SettingValue]
-    num_points: int | None
-    seed: int
-    ground: Literal["truth", "settings"]
-    realtime_rate: float | None
-    check_cycle: bool
-    num_sweeps: int
-    every: int = 1
-    explicit: list[str] | None = None
-
-    @classmethod
-    def of(cls, options: EvaluationOptions) -> RunIdentity:
-        """Returns the identity of a run with these options."""
-        settings = options.settings.to_mapping()
-        return cls(
-            settings=dict(options.method_settings.to_mapping()),
-            crop_and_ground={
-                name: value
-                for name, value in settings.items()
-                if name.startswith(("crop.", "ground."))
-            },
-            num_points=options.num_points,
-            seed=options.seed,
-            ground="truth" if options.use_true_ground else "settings",
-            realtime_rate=options.realtime_rate,
-            check_cycle=options.check_cycle,
-            num_sweeps=options.num_sweeps,
-            every=options.every,
-            explicit=sorted(options.method_settings.explicit),
-        )
-
-    def options(self) -> EvaluationOptions:
-        """Returns the options of the run, for one more estimate of its examples.
-
-        Raises:
-            SettingsError: The run has settings that this version does not know.
-        """
-        settings = Settings().changed({**self.settings, **self.crop_and_ground})
-        if self.explicit is not None:
-            settings = replace(settings, explicit=frozenset(self.explicit))
-        return EvaluationOptions(
-            settings=settings,
-            num_points=self.num_points,
-            seed=self.seed,
-            use_true_ground=self.ground == "truth",
-            realtime_rate=self.realtime_rate,
-            check_cycle=self.check_cycle,
-            num_sweeps=self.num_sweeps,
-            every=self.every,
-        )
-
-
-@dataclass(frozen=True)
-class MethodRecord:
-    """A method of a run.
-
-    Attributes:
-        name: Its name.
-        is_reference: Whether it is a row to compare with (zero, ego), no rival of the others.
-        is_external: Whether another program or its files give the flow.
-    """
-
-    name: str
-    is_reference: bool = False
-    is_external: bool = False
-
-    @classmethod
-    def of(cls, method: EvaluatedMethod) -> MethodRecord:
-        """Returns the record of a method."""
-        traits = method.traits
-        return cls(method.name, traits.is_reference, traits.is_external)
+    return str(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @dataclass(frozen=True)
@@ -171,15 +85,7 @@ class RecordingRecord:
 
 @dataclass(frozen=True)
 class MachineRecord:
-    """A machine.
-
-    Attributes:
-        name: Its name in the network.
-        system: Its operating system.
-        processor: Name of its processor.
-        cores: Number of cores.
-        gpu: Name of its GPU; None without one.
-    """
+    """A machine: names in the network, of system and processor; no GPU is None."""
 
     name: str
     system: str
@@ -252,18 +158,26 @@ class RunRecord:
     """What a run was.
 
     Attributes:
-        identity: All that its rows depend on, apart from recording and method.
+        options: All that its rows depend on, apart from recording and method. Runs with the same
+            options may put their rows together.
         methods: Its methods, in the order of the tables.
         recordings: Its recordings.
         sessions: When it was started and resumed, at least one.
-        format: Layout of the files; `FORMAT`, or `OLD_FORMAT` for those of early versions.
+        format: Layout of the files. Of runs of earlier versions, settings that this version does
+            not know are not in the options, and of those that they did not know the value is that
+            of the nearest preset.
     """
 
-    identity: RunIdentity
-    methods: list[MethodRecord]
+    options: EvaluationOptions
+    methods: list[EvaluatedMethod]
     recordings: list[RecordingRecord]
     sessions: list[SessionRecord]
     format: int = FORMAT
+
+    @property
+    def is_of_this_version(self) -> bool:
+        """Whether this version would estimate the same again."""
+        return self.format == FORMAT
 
     @property
     def method_names(self) -> list[str]:
@@ -273,7 +187,7 @@ class RunRecord:
     @property
     def references(self) -> frozenset[str]:
         """Names of the methods that are rows to compare with, no rivals of the others."""
-        return frozenset(method.name for method in self.methods if method.is_reference)
+        return frozenset(method.name for method in self.methods if method.traits.is_reference)
 
 
 def git_commit() -> str | None:

@@ -9,19 +9,10 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
-from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.run_json import plain
-from mnsf_ros.evaluation.run_record import (
-    FORMAT,
-    MethodRecord,
-    RecordingRecord,
-    RunIdentity,
-    RunRecord,
-    SessionRecord,
-)
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, plain
+from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord, SessionRecord, path_text
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
 
 # What must be the same when a run goes on; paths may move.
@@ -57,7 +48,12 @@ def start_or_resume(
     """
     check_folder(out, resume=resume)
     folder = RunFolder(out)
-    now = _new_record(recordings, methods, options, arguments)
+    now = RunRecord(
+        options=options,
+        methods=list(methods),
+        recordings=[RecordingRecord.of(recording) for recording in recordings],
+        sessions=[SessionRecord.now(arguments)],
+    )
     is_there = _holds_something(out)
     record = _joined(out, folder.read_record(), now) if is_there else now
     out.mkdir(parents=True, exist_ok=True)
@@ -99,39 +95,25 @@ def _holds_something(out: Path) -> bool:
     return out.is_dir() and any(out.iterdir())
 
 
-def _new_record(
-    recordings: Sequence[EvaluatedRecording],
-    methods: Sequence[EvaluatedMethod],
-    options: EvaluationOptions,
-    arguments: Sequence[str],
-) -> RunRecord:
-    return RunRecord(
-        identity=RunIdentity.of(options),
-        methods=[MethodRecord.of(method) for method in methods],
-        recordings=[RecordingRecord.of(recording) for recording in recordings],
-        sessions=[SessionRecord.now(arguments)],
-    )
-
-
 def _joined(out: Path, before: RunRecord, now: RunRecord) -> RunRecord:
     """The record of a run that goes on.
 
     Raises:
         EvaluationError: It must not.
     """
-    if before.format != FORMAT:
+    if not before.is_of_this_version:
         raise EvaluationError(
             f"{out}: holds a run of another version of mnsf_ros, which cannot be resumed; "
             "name another folder (`mnsf report` still reads this one)"
         )
-    differences = _differences(plain(before.identity), plain(now.identity))
+    differences = _differences(plain(before.options), plain(now.options))
     if differences:
         listed = "; ".join(differences[:_MAX_TOLD])
         more = len(differences) - _MAX_TOLD
         end = f"; and {more} more" if more > 0 else ""
         raise EvaluationError(f"{out}: holds a run with other settings: {listed}{end}")
     return RunRecord(
-        identity=before.identity,
+        options=before.options,
         methods=list({one.name: one for one in (*before.methods, *now.methods)}.values()),
         recordings=_joined_recordings(out, before.recordings, now.recordings),
         sessions=[*before.sessions, *now.sessions],

@@ -14,51 +14,23 @@ from mnsf_ros.evaluation.options import (
     EvaluatedRecording,
     EvaluationOptions,
     EvaluationTask,
+    TaskKey,
 )
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, TaskKey
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.task import run_task
 
 
 @dataclass(frozen=True)
-class TaskRun:
-    """A task to be run.
-
-    Attributes:
-        task: What.
-        skipped: Numbers of the sweeps whose rows are there already.
-        attempt: How often it has been tried before.
-    """
-
-    task: EvaluationTask
-    skipped: frozenset[int] = frozenset()
-    attempt: int = 0
-
-    def again(self, done: frozenset[int], options: EvaluationOptions) -> TaskRun:
-        """Returns the next attempt, which leaves out what is done, if that can be left out."""
-        is_indivisible = options.is_indivisible(self.task.method)
-        skipped = frozenset() if is_indivisible else self.skipped | done
-        return replace(self, skipped=skipped, attempt=self.attempt + 1)
-
-
-@dataclass(frozen=True)
 class TaskFailed:
-    """A task gave up.
-
-    Attributes:
-        reason: Why, in one line.
-    """
+    """A task gave up; why, in one line."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class TaskRestarted:
-    """A task begins anew, because the process or machine that ran it was lost.
-
-    Attributes:
-        reason: What happened, in one line.
-    """
+    """A task begins anew, because the process or machine that ran it was lost."""
 
     reason: str
 
@@ -70,7 +42,7 @@ class Executor(Protocol):
     """Runs tasks, one after the other or side by side."""
 
     def __call__(
-        self, runs: Sequence[TaskRun], options: EvaluationOptions
+        self, tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         """Runs all tasks and yields what they give, as it gets ready.
 
@@ -80,18 +52,18 @@ class Executor(Protocol):
 
 
 def run_serially(
-    runs: Sequence[TaskRun], options: EvaluationOptions
+    tasks: Sequence[EvaluationTask], options: EvaluationOptions
 ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
     """Runs one task after the other in this process. An Executor."""
-    for run in runs:
-        for event in task_events(run, options):
-            yield run.task, event
+    for task in tasks:
+        for event in task_events(task, options):
+            yield task, event
 
 
-def task_events(run: TaskRun, options: EvaluationOptions) -> Iterator[TaskEvent]:
+def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
     """Yields the events of one task; an error of ours becomes TaskFailed."""
     try:
-        yield from run_task(run.task, options, run.skipped)
+        yield from run_task(task, options)
     except MnsfError as error:
         yield TaskFailed(str(error))
 
@@ -119,7 +91,7 @@ def plan_runs(
     methods: Sequence[EvaluatedMethod],
     options: EvaluationOptions,
     folder: RunFolder,
-) -> list[TaskRun]:
+) -> list[EvaluationTask]:
     """Returns the tasks that are left to do.
 
     A finished task whose flow is wanted now, but was not written, is left to do, too. Rows of a
@@ -141,7 +113,7 @@ def plan_runs(
         with folder.locked():
             folder.drop_rows_of(anew)
         numbers = {key: done for key, done in numbers.items() if key not in anew}
-    return [TaskRun(task, frozenset(numbers.get(task.key, ()))) for task in left]
+    return [replace(task, skipped=frozenset(numbers.get(task.key, ()))) for task in left]
 
 
 def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
@@ -151,7 +123,7 @@ def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
 
 
 def run_evaluation(
-    runs: Sequence[TaskRun],
+    tasks: Sequence[EvaluationTask],
     options: EvaluationOptions,
     folder: RunFolder,
     *,
@@ -160,21 +132,16 @@ def run_evaluation(
 ) -> RunOutcome:
     """Runs tasks and writes each row as soon as it is there.
 
-    Args:
-        runs: See `plan_runs`.
-        options: How to evaluate.
-        folder: Where to write.
-        execute: What runs the tasks.
-        watch: Gets every event, after it was written down.
+    `watch` gets every event, after it was written down.
 
     Raises:
         EvaluationError: Another process is writing to the same folder.
         OSError: Writing fails.
     """
     outcome = RunOutcome()
-    done = {run.task.key: set(run.skipped) for run in runs}
+    done = {task.key: set(task.skipped) for task in tasks}
     with folder.locked():
-        for task, event in execute(runs, options):
+        for task, event in execute(tasks, options):
             _write(task, event, options, folder, done[task.key], outcome)
             watch(task, event)
     return outcome

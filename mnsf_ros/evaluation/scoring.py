@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import (
     bucket_sums,
     bucketed_errors,
     three_way_epe_m,
     three_way_sums,
 )
-from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import (
     RANGE_LIMITS_M,
@@ -24,7 +24,7 @@ from mnsf_ros.evaluation.metrics import (
     end_point_errors,
     errors_by_band,
 )
-from mnsf_ros.evaluation.result_row import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import SweepTriplet

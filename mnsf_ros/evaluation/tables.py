@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
-from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.fitted_table import FittedTable
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import MethodSummary

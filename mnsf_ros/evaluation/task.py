@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
-from typing import Final, TypeVar
+from dataclasses import dataclass, replace
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
-from mnsf_ros.evaluation.options import (
-    EvaluationOptions,
-    EvaluationTask,
-)
-from mnsf_ros.evaluation.realtime import played_in_real_time
-from mnsf_ros.evaluation.result_row import DROPPED, ResultRow
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
@@ -38,15 +35,8 @@ _LOG = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 
-def run_task(
-    task: EvaluationTask, options: EvaluationOptions, skipped: frozenset[int] = frozenset()
-) -> Iterator[ResultRow | Findings]:
+def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[ResultRow | Findings]:
     """Evaluates one method on one recording.
-
-    Args:
-        task: What.
-        options: How.
-        skipped: Numbers of sweeps whose rows are there already.
 
     Yields:
         A row for each example as it gets ready, and at the very end what was noticed.
@@ -65,7 +55,7 @@ def run_task(
         wanted = (
             (example, options.is_scored(place))
             for place, example in enumerate(examples)
-            if example.number not in skipped
+            if example.number not in task.skipped
         )
         yield from scorer.rows(wanted, recorder)
     yield findings
@@ -77,10 +67,10 @@ class _Scorer:
     def __init__(self, method: str, options: EvaluationOptions) -> None:
         self._method = method
         self._options = options
-        self._estimator = make_method(method, options.method_settings)
+        self._estimator = make_method(method, options.settings)
         self._traits = self._estimator.traits
         if not self._traits.is_external:
-            warm_up(method, options.method_settings)
+            warm_up(method, options.settings)
         # Predictions that were read from files, whose time says nothing, have no way back.
         self._has_way_back = options.check_cycle and self._traits.is_timed
         self._backward: SceneFlowEstimator | None = None
@@ -143,7 +133,7 @@ class _Scorer:
     def _way_back(self) -> SceneFlowEstimator:
         """An estimator of its own, which does not disturb the state of the other."""
         if self._backward is None or self._traits.carries_state:
-            self._backward = make_method(self._method, self._options.method_settings)
+            self._backward = make_method(self._method, self._options.settings)
         return self._backward
 
 
@@ -158,6 +148,74 @@ def _attempted(work: Callable[[], Result]) -> Result | str:
         return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
 
 
+@dataclass(frozen=True, eq=False)
+class Outcome(Generic[Result]):
+    """What became of an example.
+
+    Attributes:
+        example: The example.
+        result: What the estimate gave; None if the example was dropped.
+        time_ms: How long the estimate took; NaN if dropped.
+        latency_ms: From the arrival of its next sweep to the end of the estimate; NaN if dropped.
+    """
+
+    example: Example
+    result: Result | None
+    time_ms: float = math.nan
+    latency_ms: float = math.nan
+
+
+def played_in_real_time(
+    examples: Iterable[Example], rate: float, estimate: Callable[[Example], tuple[Result, float]]
+) -> Iterator[Outcome[Result]]:
+    """Estimates what the live node would have, and yields what became of every example.
+
+    In the live node a triplet waits in a single slot while another is being estimated, and a newer
+    one takes its place. Here sweeps arrive by their stamps, at `rate` recorded seconds per second,
+    and estimates take the milliseconds that `estimate` gives beside its result. Nothing actually
+    waits, so equal run times give equal drops.
+
+    Raises:
+        EvaluationError: If the rate is not a number above 0.
+    """
+    if not 0 < rate < math.inf:
+        raise EvaluationError(f"rate: got {rate!r}, expected a number above 0")
+    idle_from_ms = -math.inf
+    waiting: tuple[Example, float] | None = None
+
+    def started(example: Example, arrived_ms: float) -> Outcome[Result]:
+        nonlocal idle_from_ms
+        result, time_ms = estimate(example)
+        idle_from_ms = max(idle_from_ms, arrived_ms) + time_ms
+        return Outcome(example, result, time_ms, idle_from_ms - arrived_ms)
+
+    for example, now_ms in _arrivals(examples, rate):
+        if waiting is not None and idle_from_ms <= now_ms:
+            yield started(*waiting)
+            waiting = None
+        if waiting is not None:
+            yield Outcome(waiting[0], None)
+            waiting = example, now_ms
+        elif idle_from_ms <= now_ms:
+            yield started(example, now_ms)
+        else:
+            waiting = example, now_ms
+    if waiting is not None:
+        yield started(*waiting)
+
+
+def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[tuple[Example, float]]:
+    """Each example with its time of arrival; the clock goes on where the recording jumps back."""
+    arrival_ms, last_ns = 0.0, None
+    for example in examples:
+        stamp_ns = example.triplet.next.stamp_ns
+        if last_ns is not None and stamp_ns < last_ns:
+            last_ns = example.triplet.current.stamp_ns
+        arrival_ms += (stamp_ns - (stamp_ns if last_ns is None else last_ns)) / 1e6 / rate
+        last_ns = stamp_ns
+        yield example, arrival_ms
+
+
 _FEW_STEPS: Final = {
     "optimization.max_iterations": 2,
     "fusion.max_iterations": 2,
@@ -169,10 +227,6 @@ _FEW_STEPS: Final = {
 
 def warm_up(method: str, settings: Settings) -> None:
     """Lets a method estimate a small triplet once; nothing of it is kept.
-
-    Args:
-        method: Name of the method.
-        settings: How it will estimate.
 
     Raises:
         SettingsError: There is no such method, or the settings do not suit it.

@@ -13,12 +13,11 @@ from typing import Any, Final
 
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.runner import (
     TaskEvent,
     TaskFailed,
     TaskRestarted,
-    TaskRun,
     task_events,
 )
 
@@ -36,10 +35,10 @@ class WorkerProcesses:
         self._num_workers = num_workers
 
     def __call__(
-        self, runs: Sequence[TaskRun], options: EvaluationOptions
+        self, tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
         """Runs all tasks and yields what they give, as it gets ready."""
-        waiting = deque(runs)
+        waiting = deque(tasks)
         working: dict[Any, _Worker] = {}
         try:
             while waiting or working:
@@ -53,7 +52,7 @@ class WorkerProcesses:
                         del working[events]
                         event = worker.end(options, waiting)
                     if event is not None:
-                        yield worker.run.task, event
+                        yield worker.task, event
         finally:
             for worker in working.values():
                 worker.stop()
@@ -63,24 +62,24 @@ class WorkerProcesses:
 class _Worker:
     """A process that runs one task."""
 
-    run: TaskRun
+    task: EvaluationTask
     process: BaseProcess
     events: Connection
     done: set[int] = field(default_factory=set)
     is_complete: bool = False
 
     @classmethod
-    def started(cls, run: TaskRun, options: EvaluationOptions) -> _Worker:
+    def started(cls, task: EvaluationTask, options: EvaluationOptions) -> _Worker:
         # Not fork: torch and CUDA do not survive it. The server has imported all that is slow,
         # and done nothing else, so that its children begin at once.
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(list(_SLOW_IMPORTS))
         receiver, sender = context.Pipe(duplex=False)
-        process = context.Process(target=_work, args=(sender, run, options), daemon=True)
+        process = context.Process(target=_work, args=(sender, task, options), daemon=True)
         process.start()
         # The end of the pipe is seen only when nobody else could write to it.
         sender.close()
-        return cls(run, process, receiver)
+        return cls(task, process, receiver)
 
     def next_event(self) -> TaskEvent | None:
         """The next event, or None if there will be none."""
@@ -93,7 +92,7 @@ class _Worker:
         self.is_complete = self.is_complete or isinstance(event, (Findings, TaskFailed))
         return event
 
-    def end(self, options: EvaluationOptions, waiting: deque[TaskRun]) -> TaskEvent | None:
+    def end(self, options: EvaluationOptions, waiting: deque[EvaluationTask]) -> TaskEvent | None:
         """Puts the process away; a task that is not complete is tried again, or given up."""
         # What dies by itself has a status to be told.
         self.process.join(timeout=_DYING_S)
@@ -101,9 +100,9 @@ class _Worker:
         if self.is_complete:
             return None
         reason = f"its process ended with status {self.process.exitcode}"
-        if self.run.attempt + 1 >= MAX_ATTEMPTS:
+        if self.task.attempt + 1 >= MAX_ATTEMPTS:
             return TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
-        waiting.append(self.run.again(frozenset(self.done), options))
+        waiting.append(self.task.again(self.done, options))
         return TaskRestarted(reason)
 
     def stop(self) -> None:
@@ -117,13 +116,13 @@ class _Worker:
         self.process.join()
 
 
-def _work(events: Connection, run: TaskRun, options: EvaluationOptions) -> None:
+def _work(events: Connection, task: EvaluationTask, options: EvaluationOptions) -> None:
     # Ctrl-C goes to all processes of the terminal; the parent ends this one when it is time, and
     # then what is half written is to be taken away.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for event in task_events(run, options):
+        for event in task_events(task, options):
             events.send(event)
     except (BrokenPipeError, KeyboardInterrupt):
         return

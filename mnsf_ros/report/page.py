@@ -15,8 +15,7 @@ from mnsf_ros import __version__
 from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, time_text
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.drawing.figures import DARK, LIGHT
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import MethodSummary, mean
+from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
 from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord
@@ -68,7 +67,7 @@ def write_report(
     focus = focus or focus_method(results)
     rows, summaries, record = results.rows, results.summaries, results.record
     units = {setting.name: setting.unit for setting in declared_settings()}
-    settings = {**record.identity.settings, **record.identity.crop_and_ground}
+    settings = record.options.settings.to_mapping()
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -241,16 +240,16 @@ def stage_times_ms(
 
 
 def _facts(record: RunRecord) -> dict[str, str]:
-    identity, sessions = record.identity, record.sessions
+    options, sessions = record.options, record.sessions
     facts = {
         **sessions[-1].facts,
         "system": sessions[-1].machine.system,
-        "seed": str(identity.seed),
-        "points per sweep": "all" if identity.num_points is None else f"{identity.num_points:,}",
-        "ground from": identity.ground,
+        "seed": str(options.seed),
+        "points per sweep": "all" if options.num_points is None else f"{options.num_points:,}",
+        "ground from": options.ground,
     }
-    if identity.realtime_rate is not None:
-        facts["real time"] = f"{identity.realtime_rate:g} times, sweeps are dropped as on a robot"
+    if options.realtime_rate is not None:
+        facts["real time"] = f"{options.realtime_rate:g} times, sweeps are dropped as on a robot"
     if len(sessions) > 1:
         facts["sessions"] = str(len(sessions))
     return facts

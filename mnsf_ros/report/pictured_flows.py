@@ -29,7 +29,7 @@ from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_reader import BagReader
@@ -144,7 +144,7 @@ def estimated_examples(
     Raises:
         MnsfError: A recording cannot be read any more.
     """
-    options = record.identity.options()
+    options = record.options
     examples: dict[tuple[str, int], Example] = {}
     for recording in recordings or _recordings_of(record, {row.recording for row in rows}):
         wanted = {row.number for row in rows if row.recording == recording.name}
@@ -157,7 +157,7 @@ def estimated_examples(
             if budget.allows(method):
                 # Methods are other people's code, too: a bug in one costs its own picture only.
                 with suppress(Exception), budget.estimate(method):
-                    estimator = make_method(method, options.method_settings)
+                    estimator = make_method(method, options.settings)
                     flow = estimator.estimate(example.triplet).flow[example.scored]
                     errors_m = _errors(example, picture, flow)
                     picture.flows.append(PicturedFlow(method, flow, errors_m, is_again=True))

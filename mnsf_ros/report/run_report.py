@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
-from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.options import EvaluatedRecording
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.page import REPORT_FILE, write_report
@@ -74,7 +73,7 @@ def report_run(
     if math.isfinite(limit_s):
         worst = [row for row in worst if row.number < _NEAR_SWEEPS] or worst
         # Other programs may take long, or do more than one expects of a picture.
-        external = {method.name for method in record.methods if method.is_external}
+        external = {method.name for method in record.methods if method.traits.is_external}
         methods = [method for method in methods if method not in external]
     if recordings is not None:
         names = {recording.name for recording in recordings}
@@ -113,6 +112,9 @@ def _estimated(
     say: Callable[[str], None],
 ) -> list[PicturedExample]:
     """The examples that get ready in time; says why there are none."""
+    if not record.is_of_this_version:
+        say("no pictures: the run was made by another version of mnsf_ros")
+        return []
     if not budget.allows(methods[0]):
         seconds = budget.needs_s(methods[0])
         say(

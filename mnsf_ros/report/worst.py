@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, PicturedFlow
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
 

@@ -61,7 +61,7 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
         )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    bench = _fitted_workbench(example.triplet, options.evaluation().method_settings)
+    bench = _fitted_workbench(example.triplet, options.evaluation().settings)
     found = {}
     for name, (network, loss_of) in _losses(bench).items():
         options.say(f"looking around {name}")

@@ -10,25 +10,23 @@ from itertools import count
 from typing import Final
 
 from mnsf_ros.drawing.study_charts import grouped_bars
-from mnsf_ros.errors import RecordingError
-from mnsf_ros.evaluation.errors import EvaluationError
-from mnsf_ros.evaluation.examples import MAX_SWEEPS
+from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
+    MAX_SWEEPS,
     EvaluatedRecording,
     EvaluationOptions,
     EvaluationTask,
+    TaskKey,
     evaluated_methods,
 )
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.evaluation.results import MethodSummary, ResultRow
 from mnsf_ros.evaluation.results_files import read_results, write_results
-from mnsf_ros.evaluation.run_folder import RunFolder, TaskKey
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
 from mnsf_ros.evaluation.runner import (
     Executor,
     TaskEvent,
-    TaskRun,
     plan_runs,
     run_evaluation,
     run_serially,
@@ -127,8 +125,8 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     max_examples = {
         recording.name: _max_examples(recording, options, study) for recording in recordings
     }
-    kept = list(_kept_notes(study, {run.task.key for run in runs}, max_examples, folder))
-    total, numbers = sum(max_examples[run.task.recording.name] for run in runs), count(1)
+    kept = list(_kept_notes(study, {run.key for run in runs}, max_examples, folder))
+    total, numbers = sum(max_examples[run.recording.name] for run in runs), count(1)
 
     def watch(task: EvaluationTask, event: TaskEvent) -> None:
         if isinstance(event, ResultRow):
@@ -174,16 +172,16 @@ def _first_examples(number: int | None) -> Executor:
         return run_serially
 
     def execute(
-        runs: Sequence[TaskRun], options: EvaluationOptions
+        tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        for run in runs:
-            num_left = number - len(run.skipped)
-            events = task_events(run, options) if num_left > 0 else iter([Findings()])
+        for task in tasks:
+            num_left = number - len(task.skipped)
+            events = task_events(task, options) if num_left > 0 else iter([Findings()])
             for event in events:
-                yield run.task, event
+                yield task, event
                 num_left -= isinstance(event, ResultRow)
                 if isinstance(event, ResultRow) and num_left == 0:
-                    yield run.task, Findings()
+                    yield task, Findings()
                     break
 
     return execute

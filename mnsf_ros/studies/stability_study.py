@@ -19,7 +19,7 @@ from scipy.stats import linregress
 
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.drawing.study_charts import LogLine, log_lines
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.results import mean
 from mnsf_ros.evaluation.run_start import check_folder
 from mnsf_ros.evaluation.tables import TextTable, format_number
@@ -80,7 +80,7 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
         MnsfError: A recording, a setting or the folder cannot be used, or an estimate fails.
     """
     check_folder(options.out, resume=options.resume)
-    settings = options.evaluation().method_settings
+    settings = options.evaluation().settings
     estimators = {method: make_method(method, settings) for method in options.methods}
     triplet = first_example(options).triplet
     found: list[Change] = []

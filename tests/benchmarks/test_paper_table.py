@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.result_row import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import PRESET_NAMES, preset

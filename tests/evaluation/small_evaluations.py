@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.options import (
     choose_topics,
     evaluated_methods,
 )
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -115,6 +115,23 @@ def methods_of(names, evaluation=None):
 
 def options(changes=None, **values):
     return EvaluationOptions(preset("paper").changed({**TINY, **(changes or {})}), **values)
+
+
+def old_run_record(run):
+    """What early versions wrote into `run.json`, from what this one writes."""
+    run, options = dict(run), dict(run["options"])
+    del run["format"], run["options"], options["every"]
+    settings = {**options.pop("settings")["values"], "field.kind": "network"}
+    del settings["method.name"]
+    chosen_by = {k: v for k, v in settings.items() if k.startswith(("crop.", "ground."))}
+    methods = [method["name"] for method in run["methods"]]
+    identity = {
+        **options,
+        "settings": {**settings, "ground.remove": False},
+        "crop_and_ground": chosen_by,
+        "num_points": options["num_points"] or "all",
+    }
+    return {**run, "identity": identity, "methods": methods}
 
 
 def without_times(row):

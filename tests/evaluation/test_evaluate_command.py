@@ -19,8 +19,7 @@ import small_evaluations as small
 from mnsf_ros.cli import evaluate, main
 from mnsf_ros.cli.evaluation_run import new_folder
 from mnsf_ros.cli.setting_values import parse_assignments
-from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.runner import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter
 from msg_utils.point_cloud2 import encode_columns
@@ -181,11 +180,7 @@ def test_resume_needs_the_folder(bag, tmp_path, capsys, monkeypatch):
 def test_run_of_an_early_version_is_not_resumed_but_reported(bag, tmp_path, capsys):
     out = tmp_path / "out"
     assert mnsf(bag, "--methods", "zero", "--out", out) == 0
-    run = json.loads((out / "run.json").read_text())
-    del run["format"]
-    run["methods"] = ["zero"]
-    run["identity"]["settings"]["field.kind"] = "network"
-    del run["identity"]["settings"]["method.name"]
+    run = small.old_run_record(json.loads((out / "run.json").read_text()))
     (out / "run.json").write_text(json.dumps(run))
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
     texts = [json.dumps(row | {"failure": ""}) for row in rows]

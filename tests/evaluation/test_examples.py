@@ -270,9 +270,7 @@ def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(small, "pose", lambda index: pose(0.4 * index, yaw_deg=3.0 * index))
     recording = small.recording_at(small.write_recording(tmp_path / "drive", 6))
     options = small.options({"ego_motion.source": "odometry"})
-    told, found = (
-        make_method(method, options.method_settings) for method in ("ego", "ego-estimated")
-    )
+    told, found = (make_method(method, options.settings) for method in ("ego", "ego-estimated"))
     with recording.inspection.open() as reader:
         examples = list(read_examples(reader, recording, options, Findings()))
     assert len(examples) == 4

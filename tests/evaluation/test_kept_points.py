@@ -46,7 +46,7 @@ def test_ground_is_found_as_the_node_does_without_truth_or_when_asked():
     lying = np.zeros(len(xyz), dtype=bool)
     expected = [False] * (len(xyz) - 1) + [True]
     assert kept(xyz, CROP).tolist() == expected
-    assert kept(xyz, CROP, lying, use_true_ground=False).tolist() == expected
+    assert kept(xyz, CROP, lying, ground="settings").tolist() == expected
 
 
 def test_choice_is_random_but_always_the_same():

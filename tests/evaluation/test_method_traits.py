@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_start import start_or_resume
-from mnsf_ros.evaluation.runner import TaskRun, plan_runs, run_evaluation
+from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import registry
 
@@ -51,7 +53,11 @@ def bag(tmp_path_factory):
 
 
 def rows_of(task, options, skipped=frozenset()):
-    return [row for row in run_task(task, options, skipped) if isinstance(row, ResultRow)]
+    return [
+        row
+        for row in run_task(replace(task, skipped=skipped), options)
+        if isinstance(row, ResultRow)
+    ]
 
 
 def plain(rows):
@@ -87,7 +93,8 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
 
 
 def test_retry_of_a_lost_task(bag, carries_state):
-    run = TaskRun(small.task_at(bag, "toy"), frozenset({1})).again(frozenset({2}), small.options())
+    task = replace(small.task_at(bag, "toy"), skipped=frozenset({1}))
+    run = task.again({2}, small.options())
     assert run.attempt == 1
     assert run.skipped == (frozenset() if carries_state else {1, 2})
 

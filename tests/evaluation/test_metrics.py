@@ -8,8 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.metrics import (
     FlowErrors,
     angle_errors,

@@ -12,7 +12,7 @@ import small_evaluations as small
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import make_method, method_names, registry
 from mnsf_ros.online.online_pipeline import OnlinePipeline

@@ -11,7 +11,7 @@ import small_evaluations as small
 from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.tracks import recorded_sweeps
 from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
@@ -57,7 +57,7 @@ def test_online_row_is_what_the_robot_gets(street, monkeypatch):
     (method,) = small.methods_of(["online"], options)
     events = task_module.run_task(EvaluationTask(street, method), options)
     rows = [event for event in events if isinstance(event, ResultRow)]
-    live = live_flows(street, options.method_settings)
+    live = live_flows(street, options.settings)
     assert len(rows) == 4
     assert flows.keys() == live.keys()
     for stamp_ns, flow in flows.items():

@@ -7,11 +7,11 @@ import os
 import pytest
 import small_evaluations as small
 
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation import ray_cluster
-from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, TaskRun, run_serially
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, run_serially
 
 # Ray's own code warns of this and that.
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -56,7 +56,7 @@ def test_lost_node_costs_time_but_nothing_else(ray, cluster, bag):
 
     node = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
     options = small.options(SLOW)
-    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    runs = [small.task_at(bag, method) for method in METHODS]
     events, started = [], set()
     for task, event in RayCluster("auto")(runs, options):
         events.append((task, event))
@@ -85,7 +85,7 @@ def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatc
         return mailboxes[-1]
 
     monkeypatch.setattr(ray_cluster, "start_mailbox", kept)
-    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    runs = [small.task_at(bag, method) for method in METHODS]
     failed, finished, num_rows = {}, set(), 0
     for task, event in ray_cluster.RayCluster("auto")(runs, small.options(SLOW)):
         num_rows += isinstance(event, ResultRow)
@@ -105,7 +105,7 @@ def test_lost_cluster_ends_all_tasks_with_a_reason(ray, cluster, bag, monkeypatc
 def test_task_that_cannot_be_done_and_one_that_asks_for_too_much(ray, cluster, bag):
     from mnsf_ros.evaluation.ray_cluster import RayCluster
 
-    runs = [TaskRun(small.task_at(bag, method)) for method in ("nothing", "zero")]
+    runs = [small.task_at(bag, method) for method in ("nothing", "zero")]
     events = list(RayCluster("auto")(runs, small.options()))
     (failed,) = [(task.method.name, e) for task, e in events if isinstance(e, TaskFailed)]
     assert failed[0] == "nothing"
@@ -118,7 +118,7 @@ def test_task_that_cannot_be_done_and_one_that_asks_for_too_much(ray, cluster, b
 def test_no_cluster_at_the_address(ray, bag):
     from mnsf_ros.evaluation.ray_cluster import RayCluster
 
-    runs = [TaskRun(small.task_at(bag, "zero"))]
+    runs = [small.task_at(bag, "zero")]
     with pytest.raises(EvaluationError, match="no Ray cluster at '127"):
         list(RayCluster("127.0.0.1:1")(runs, small.options()))
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.realtime import played_in_real_time
+from mnsf_ros.evaluation.task import played_in_real_time
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 EMPTY = np.empty((0, 3), np.float32)

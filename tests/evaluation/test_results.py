@@ -14,17 +14,17 @@ import small_evaluations as small
 import mnsf_ros
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.notes import NoteKind, notes_of
+from mnsf_ros.evaluation.notes import NoteKind, nearest_preset, notes_of, protocol_text
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.protocol import nearest_preset, protocol_text
-from mnsf_ros.evaluation.result_row import (
+from mnsf_ros.evaluation.results import (
     DROPPED,
     Failure,
     FailureKind,
     FinishedTask,
     ResultRow,
+    mean,
+    summarize,
 )
-from mnsf_ros.evaluation.results import mean, summarize
 from mnsf_ros.evaluation.results_files import (
     read_results,
     results_csv,
@@ -32,7 +32,7 @@ from mnsf_ros.evaluation.results_files import (
     write_results,
 )
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.run_record import RunIdentity, git_commit
+from mnsf_ros.evaluation.run_record import git_commit
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.tables import consistency_table, further_tables, main_tables
@@ -225,7 +225,7 @@ def test_files_of_results(results):
     assert [method["method"] for method in document["methods"]] == ["zero", "ego", "mnsf"]
     assert document["methods"][1]["errors"]["static"]["epe_m"] == pytest.approx(0, abs=1e-6)
     assert document["by_recording"].keys() == {"drive"}
-    assert document["run"]["identity"]["num_points"] == 20
+    assert document["run"]["options"]["num_points"] == 20
     lines = (path / "results.csv").read_text().splitlines()
     assert lines[0].startswith("recording,method,points,num_examples")
 
@@ -381,8 +381,8 @@ def test_full_disk_costs_no_earlier_results(results):
     [("paper", {}), ("online", {}), ("paper", {"crop.max_range_m": 35.0, "ground.remove": False})],
 )
 def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
-    known = RunIdentity.of(EvaluationOptions(preset(preset_name).changed(changes)))
-    assert nearest_preset(known) == (preset_name, changes)
+    known = EvaluationOptions(preset(preset_name).changed(changes))
+    assert nearest_preset(known.settings) == (preset_name, changes)
 
 
 @pytest.mark.parametrize(
@@ -399,7 +399,15 @@ def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said
     (one,) = found.record.recordings
     run = replace(
         found.record,
-        identity=replace(found.record.identity, ground=ground),
+        options=replace(found.record.options, ground=ground),
         recordings=[replace(one, truth=truth) for truth in truths],
     )
     assert said in " ".join(protocol_text(run, found.summaries))
+
+
+def test_methods_that_start_warm_in_spite_of_the_preset_are_named(results):
+    found, _ = results
+    (warm, *others) = found.summaries
+    assert "Warm start: off." in " ".join(found.protocol)
+    text = " ".join(protocol_text(found.record, [replace(warm, starts={"warm": 2}), *others]))
+    assert f"Warm start: off, but on for {warm.method}." in text

@@ -9,16 +9,14 @@ from dataclasses import replace
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.notes import NoteKind
-from mnsf_ros.evaluation.path_text import path_text
-from mnsf_ros.evaluation.result_row import DROPPED, Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, replace_file
-from mnsf_ros.evaluation.run_json import from_json, to_json
-from mnsf_ros.evaluation.run_record import OLD_FORMAT
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
+from mnsf_ros.evaluation.run_record import path_text
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
 from mnsf_ros.recording.damage import Damage
 
@@ -181,10 +179,10 @@ def test_run_tells_what_it_was(tmp_path, recording):
     run = start(
         tmp_path / "new" / "out", recording, small.options(num_points=10, seed=4)
     ).read_record()
-    identity = run.identity
-    assert identity.seed == identity.settings["compute.seed"] == 4
-    assert identity.num_points == 10
-    assert identity.settings["field.hidden_width"] == 4
+    options = run.options
+    assert options.seed == options.settings.compute.seed == 4
+    assert options.num_points == 10
+    assert options.settings.field.hidden_width == 4
     assert run.method_names == ["ego"]
     assert run.references == {"ego"}
     assert run.recordings[0].name == "drive"
@@ -230,11 +228,11 @@ def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"options": small.options(num_points=9)}, "num_points was all, is 9"),
+        ({"options": small.options(num_points=9)}, "num_points was None, is 9"),
         ({"options": small.options(seed=1)}, "seed was 0, is 1"),
         (
             {"options": small.options({"crop.max_range_m": 30.0})},
-            "crop_and_ground: crop.max_range_m was 80.0, is 30.0",
+            "crop.max_range_m was 80.0, is 30.0",
         ),
         ({"options": small.options(realtime_rate=1.0)}, "realtime_rate was None, is 1.0"),
     ],
@@ -294,10 +292,8 @@ def test_recording_that_has_moved_is_the_same(tmp_path):
 
 def old_run(folder):
     """Writes the files of a run as early versions did."""
-    run = json.loads((folder.path / "run.json").read_text())
-    del run["format"], run["recordings"][0]["fingerprint"], run["identity"]["every"]
-    run["methods"] = [method["name"] for method in run["methods"]]
-    run["identity"]["settings"]["field.kind"] = "network"
+    run = small.old_run_record(json.loads((folder.path / "run.json").read_text()))
+    del run["recordings"][0]["fingerprint"]
     (folder.path / "run.json").write_text(json.dumps(run))
     failures = ("", "no points", "dropped: a newer triplet took its place")
     rows = [
@@ -309,7 +305,7 @@ def old_run(folder):
         "recording": "drive",
         "method": "ego",
         "num_examples": 3,
-        "counts": {"sweeps read": 3, "holes, across which no triplet reaches": 2},
+        "counts": {"sweeps_read": 6, "sweeps read": 3, "holes, across which no triplet reaches": 2},
         "damages": ["drive.mcap, byte 7: cut"],
     }
     (folder.path / "tasks.jsonl").write_text(f"{json.dumps(task)}\n")
@@ -319,9 +315,12 @@ def test_run_of_an_early_version_can_be_read(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
     old_run(folder)
     run = folder.read_record()
-    assert run.format == OLD_FORMAT
-    assert [(one.name, one.is_reference) for one in run.methods] == [("ego", True)]
-    assert run.identity.every == 1
+    assert not run.is_of_this_version
+    assert [(one.name, one.traits.is_reference) for one in run.methods] == [("ego", True)]
+    assert run.options == replace(small.options(), settings=run.options.settings)
+    before = small.options().settings.to_mapping()
+    differing = {k for k, v in run.options.settings.to_mapping().items() if before[k] != v}
+    assert differing == set()
     assert run.recordings[0].fingerprint is None
     good, failed, dropped = folder.rows()
     assert good.failure is None

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.run_record import RecordingRecord
 from mnsf_ros.evaluation.run_start import known_recordings, recording_names, start_or_resume
 from mnsf_ros.recording.bag_files import fingerprint, storage_files

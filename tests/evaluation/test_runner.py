@@ -1,18 +1,19 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.errors import EvaluationError, RecordingError, SettingsError
 from mnsf_ros.evaluation import task as task_module
-from mnsf_ros.evaluation.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import (
     EvaluationOptions,
     choose_topics,
 )
-from mnsf_ros.evaluation.result_row import ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_start import recording_names, start_or_resume
 from mnsf_ros.evaluation.runner import (
     TaskFailed,
@@ -38,7 +39,7 @@ def bag(tmp_path_factory):
 
 
 def rows_of(task, options, skipped=frozenset()):
-    *rows, findings = run_task(task, options, skipped)
+    *rows, findings = run_task(replace(task, skipped=skipped), options)
     assert isinstance(findings, Findings)
     return rows
 
@@ -313,14 +314,14 @@ def test_options_out_of_range_are_refused(values, text):
 
 
 def test_methods_get_the_settings_of_the_run_and_a_fixed_number_of_threads():
-    settings = EvaluationOptions(preset("paper"), seed=5).method_settings
+    settings = EvaluationOptions(preset("paper"), seed=5).settings
     assert settings.ground.remove
     assert settings.compute.num_threads == 1
     assert settings.compute.seed == 5
-    live = EvaluationOptions(preset("online"), realtime_rate=1.0).method_settings
+    live = EvaluationOptions(preset("online"), realtime_rate=1.0).settings
     assert live.ground.remove
     chosen = preset("paper").changed({"compute.num_threads": 3})
-    assert EvaluationOptions(chosen).method_settings.compute.num_threads == 3
+    assert EvaluationOptions(chosen).settings.compute.num_threads == 3
 
 
 def test_recordings_are_named_by_their_last_part_if_that_is_enough(tmp_path):

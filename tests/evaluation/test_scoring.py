@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import errors_by_band
-from mnsf_ros.evaluation.result_row import Failure, FailureKind
+from mnsf_ros.evaluation.results import Failure, FailureKind
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,

@@ -9,7 +9,7 @@ import re
 import pytest
 from rich.console import Console
 
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.tables import (
     TextTable,

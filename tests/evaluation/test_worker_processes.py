@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+from dataclasses import replace
 
 import pytest
 import small_evaluations as small
 
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.result_row import ResultRow
-from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, TaskRun, run_serially
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, run_serially
 from mnsf_ros.evaluation.worker_processes import MAX_ATTEMPTS, WorkerProcesses
 
 METHODS = ("fnsf", "mnsf")
@@ -36,8 +37,8 @@ def comparable(events):
 
 def test_workers_give_the_same_as_one_process(bag):
     options = small.options(num_points=40)
-    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
-    runs.append(TaskRun(small.task_at(bag, "zero"), frozenset([2])))
+    runs = [small.task_at(bag, method) for method in METHODS]
+    runs.append(replace(small.task_at(bag, "zero"), skipped=frozenset([2])))
     serial = events_by_task(run_serially, runs, options)
     parallel = events_by_task(WorkerProcesses(2), runs, options)
     assert parallel.keys() == serial.keys()
@@ -47,7 +48,7 @@ def test_workers_give_the_same_as_one_process(bag):
 
 
 def test_task_that_cannot_be_done_does_not_stop_the_others(bag):
-    runs = [TaskRun(small.task_at(bag, method)) for method in ("nothing", "zero")]
+    runs = [small.task_at(bag, method) for method in ("nothing", "zero")]
     events = events_by_task(WorkerProcesses(1), runs, small.options())
     assert [type(event) for event in events["drive", "nothing"]] == [TaskFailed]
     assert "unknown method" in events["drive", "nothing"][0].reason
@@ -79,7 +80,7 @@ SLOW = {"optimization.max_iterations": 600, "field.hidden_width": 64}
 
 def test_process_that_dies_is_replaced_and_nothing_is_lost(bag):
     options = small.options(SLOW)
-    runs = [TaskRun(small.task_at(bag, "fnsf"))]
+    runs = [small.task_at(bag, "fnsf")]
     events = events_by_task(KillFirst(1), runs, options)["drive", "fnsf"]
     kinds = [type(event) for event in events]
     assert kinds.count(TaskRestarted) == 1
@@ -96,7 +97,7 @@ def test_process_that_dies_is_replaced_and_nothing_is_lost(bag):
 
 
 def test_task_that_always_dies_is_given_up(bag):
-    runs = [TaskRun(small.task_at(bag, "fnsf"))]
+    runs = [small.task_at(bag, "fnsf")]
     options = small.options({**SLOW, "warm_start.enabled": True, "warm_start.max_iterations": 600})
     events = events_by_task(KillFirst(MAX_ATTEMPTS), runs, options)["drive", "fnsf"]
     kinds = [type(event) for event in events]
@@ -108,7 +109,7 @@ def test_task_that_always_dies_is_given_up(bag):
 def test_processes_are_gone_when_nobody_wants_more(bag):
     import multiprocessing
 
-    runs = [TaskRun(small.task_at(bag, method)) for method in METHODS]
+    runs = [small.task_at(bag, method) for method in METHODS]
     events = WorkerProcesses(2)(runs, small.options(SLOW))
     next(events)
     assert multiprocessing.active_children()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from small_runs import row, rows, run_record
 
-from mnsf_ros.evaluation.result_row import DROPPED
+from mnsf_ros.evaluation.results import DROPPED
 from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.evaluation.tables import TextTable
 from mnsf_ros.report.page import band_names, best_cells, stage_times_ms

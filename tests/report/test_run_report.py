@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import re
 import shutil
 
@@ -14,9 +15,7 @@ from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics, evaluated_methods
 from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import RunIdentity
+from mnsf_ros.evaluation.run_folder import RunFolder, plain, structured, to_json
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.methods import make_method
@@ -87,19 +86,28 @@ def test_both_sources_give_the_same_pictures(street, tmp_path):
 
 
 def test_options_come_back_from_the_record(street, tmp_path):
-    folder = evaluate(street, tmp_path / "run")
-    options = RunFolder(folder).read_record().identity.options()
-    assert options.method_settings.crop.max_range_m == 30.0
+    options = RunFolder(evaluate(street, tmp_path / "run")).read_record().options
+    assert options.settings.crop.max_range_m == 30.0
     assert options.settings.ground.remove
-    assert options.method_settings.ground.remove
     assert (options.num_points, options.seed) == (80, 3)
 
 
-def test_online_is_pictured_with_the_settings_of_its_row(street, tmp_path):
+def test_run_of_another_version_is_reported_without_new_estimates(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run")
+    record = folder / "run.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"format": 2}))
+    text, said = report_of(folder)
+    assert "data:image/png" not in text
+    (line,) = said
+    assert "no pictures" in line
+    assert "another version" in line
+
+
+def test_online_is_pictured_with_the_settings_of_its_row():
     """What was set explicitly comes back from the record, and no more than that."""
     before = EvaluationOptions(preset("paper").changed({"crop.min_range_m": 0.0}))
-    after = RunIdentity.of(before).options()
-    was, now = (make_method("online", one.method_settings).settings for one in (before, after))
+    after = structured(plain(before), EvaluationOptions)
+    was, now = (make_method("online", one.settings).settings for one in (before, after))
     assert was == now
     assert now.crop.min_range_m == 0.0
     assert now.warm_start.enabled

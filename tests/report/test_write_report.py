@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
 
-from mnsf_ros.evaluation.result_row import Failure, FailureKind
+from mnsf_ros.evaluation.results import Failure, FailureKind
 from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.report.page import write_report
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.evaluation.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.studies.stability_study import Change, changes, fitted_slope, mean_changes
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
