@@ -59,7 +59,7 @@ def main() -> None:
         weights = ", ".join(f"{weight:.2f}" for weight in _fit(features, is_close))
         console.print(f"{name}: ({weights}), from {len(features)} points")
     checked = [each for number, each in enumerate(samples) if number % 2 == 1]
-    console.print(_calibration(checked).rich())
+    console.print(_calibration(checked))
 
 
 def _samples(recordings: list[list[TrueSweep]]) -> Iterator[Samples]:

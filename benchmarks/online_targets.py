@@ -44,7 +44,7 @@ def main() -> None:
     texts = [_head()]
     for part in options.parts:
         for table in PARTS[part](quick=options.quick):
-            console.print(table.rich())
+            console.print(table)
             texts.append(f"{table.markdown()}\n")
     if options.document:
         replace_section(options.document, "online targets", "\n".join(texts))

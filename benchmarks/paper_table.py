@@ -71,7 +71,7 @@ def main() -> None:
         parser.error(str(error))
     rows = folder.read_rows()
     for table in printed(rows):
-        console.print(table.rich())
+        console.print(table)
     if options.document:
         record = read_json(folder.path / RUN_FILE, PaperRecord)
         others = outdated(record.settings, {row.method: None for row in rows})

@@ -6,8 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from mnsf_ros.cli.patient_console import PatientConsole
-from mnsf_ros.cli.setting_values import add_setting_arguments, parse_assignments
+from mnsf_ros.cli.arguments import add_setting_arguments, parse_assignments
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import preset
 
@@ -170,6 +169,7 @@ def _num_points(text: str) -> int | None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from mnsf_ros.cli.evaluation_progress import PatientConsole
     from mnsf_ros.cli.evaluation_run import evaluate, new_folder
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.run_folder import WritingError

@@ -1,8 +1,10 @@
-"""How far an evaluation is: a bar on a terminal, elsewhere a line for each finished task."""
+"""What an evaluation prints on its way: a bar on a terminal, elsewhere a line for each task."""
 
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +26,27 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.results import ResultRow, mean
 from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted
+
+
+class PatientConsole(Console):
+    """Prints to the standard output until nobody reads it any more, as after `| head -1`."""
+
+    def on_broken_pipe(self) -> None:
+        """Prints nothing from now on, where rich would end the process."""
+        self.quiet = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+    def _check_buffer(self) -> None:
+        """Writes; versions of rich before 13.8, as Ubuntu 24.04 has, do not ask what to do then."""
+        try:
+            super()._check_buffer()
+        except BrokenPipeError:
+            self.on_broken_pipe()
+        except OSError as error:
+            print(f"mnsf: the output cannot be written: {error.strerror}", file=sys.stderr)
+            self.on_broken_pipe()
 
 
 class _SweepRateColumn(TextColumn):

@@ -15,8 +15,7 @@ from rich.console import Console
 
 from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
-from mnsf_ros.cli.evaluation_report import conclude, warn
-from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.options import (
     MAX_SWEEPS,
     EvaluatedRecording,
@@ -24,6 +23,9 @@ from mnsf_ros.evaluation.options import (
     choose_topics,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import path_text
 from mnsf_ros.evaluation.run_start import (
     check_folder,
     known_recordings,
@@ -37,10 +39,12 @@ from mnsf_ros.evaluation.runner import (
     run_evaluation,
     run_serially,
 )
+from mnsf_ros.evaluation.tables import main_tables, work_table
 from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
 from mnsf_ros.recording.inspection import inspect_recording
 
 _PAIR: Final = 2
+_PICTURES_LIMIT_S: Final = 60.0
 
 
 def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console: Console) -> bool:
@@ -77,15 +81,15 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
             )
     except BaseException:
         # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
-        conclude(folder, recordings, options.pictures, console, estimate_again=False)
+        _conclude(folder, recordings, options.pictures, console, estimate_again=False)
         raise
     # Nobody who sent the run to other machines wants this one to estimate.
-    is_complete = conclude(
+    is_complete = _conclude(
         folder, recordings, options.pictures, console, estimate_again=options.ray is None
     )
     given_up = [f"gave up {' on '.join(key[::-1])}: {why}" for key, why in outcome.failed.items()]
     for text in (*given_up, *unreadable):
-        warn(console, text)
+        _warn(console, text)
     return is_complete and not given_up and not unreadable
 
 
@@ -148,3 +152,91 @@ def _inspected(
     if not found:
         raise RecordingError("; ".join(unreadable))
     return found, unreadable
+
+
+def _conclude(
+    folder: RunFolder,
+    recordings: Sequence[EvaluatedRecording],
+    num_pictured: int,
+    console: Console,
+    *,
+    estimate_again: bool,
+) -> bool:
+    """Writes and prints what the run gave so far; removes the folder of a run that gave nothing.
+
+    Args:
+        folder: The run.
+        recordings: The recordings of the run.
+        num_pictured: So many of the worst examples get pictures.
+        console: Where to print.
+        estimate_again: Whether to estimate these again, for a minute at most, where the run
+            wrote no flow.
+
+    Returns:
+        Whether the results are complete and there is a report.
+
+    Raises:
+        WritingError: Results cannot be written.
+    """
+    if folder.remove_if_unused():
+        return False
+    results = read_results(folder)
+    write_results(folder, results)
+    _print_results(results, folder, console)
+    is_reported = _write_report(
+        results, folder, recordings, max(0, num_pictured), console, estimate_again
+    )
+    return is_reported and not results.is_incomplete
+
+
+def _say(console: Console, text: str) -> None:
+    """Prints a text as it is, whatever it holds."""
+    console.print(text, markup=False, highlight=False)
+
+
+def _warn(console: Console, text: str) -> None:
+    """Prints a text that needs attention."""
+    console.print(text, markup=False, highlight=False, style="yellow")
+
+
+def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
+    if not results.summaries:
+        for text in ("No results.", *map(str, results.notes)):
+            _warn(console, text)
+        return
+    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
+        console.print(table)
+    for text in results.protocol:
+        _say(console, text)
+    for note in results.notes:
+        (_warn if note.kind.is_incomplete else _say)(console, note.text)
+    _say(console, f"Results: {path_text(folder.path / 'results.md')}")
+
+
+def _write_report(
+    results: RunResults,
+    folder: RunFolder,
+    recordings: Sequence[EvaluatedRecording],
+    num_pictured: int,
+    console: Console,
+    estimate_again: bool,
+) -> bool:
+    """Returns whether there is a report; what goes wrong costs no results."""
+    from mnsf_ros.report.run_report import report_run
+
+    try:
+        path = report_run(
+            results,
+            folder.path,
+            num_pictured=num_pictured,
+            estimate_again=estimate_again,
+            limit_s=_PICTURES_LIMIT_S,
+            recordings=recordings,
+            say=lambda text: _say(console, text),
+        )
+    except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
+        reason = str(error) if isinstance(error, MnsfError) else repr(error)
+        _warn(console, f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again")
+        return False
+    _say(console, f"Report: {path_text(path)}")
+    return True

@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mnsf_ros.cli.setting_values import parse_assignments
+from mnsf_ros.cli.arguments import add_setting_arguments, parse_assignments
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.presets import preset
 
 if TYPE_CHECKING:
     from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -42,15 +42,7 @@ def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="NAME",
         help="see docs/evaluation.md (default: that of the preset, mnsf or online)",
     )
-    parser.add_argument("--preset", choices=PRESET_NAMES, default="paper")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="change a setting, for example ground.remove=false; may be repeated",
-    )
+    add_setting_arguments(parser)
     parser.add_argument("--force", action="store_true", help="replace OUT if it is there")
     parser.set_defaults(run=_run)
 

@@ -10,7 +10,7 @@ from types import FrameType
 
 from mnsf_ros import __version__
 from mnsf_ros.cli import convert, demo, evaluate, flow, parameters, report, simulate, study
-from mnsf_ros.cli.intermixed_parser import IntermixedParser
+from mnsf_ros.cli.arguments import IntermixedParser
 from mnsf_ros.errors import MnsfError
 
 _SUBCOMMANDS = (demo, flow, evaluate, report, study, simulate, convert, parameters)

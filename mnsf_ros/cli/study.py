@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mnsf_ros.cli.setting_values import add_setting_arguments, parse_assignments
+from mnsf_ros.cli.arguments import add_setting_arguments, parse_assignments
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import preset
 
@@ -139,7 +139,7 @@ def _run(options: argparse.Namespace) -> None:
     )
     result, paths = run_study(options.name, study)
     for table in result.tables:
-        console.print(table.rich())
+        console.print(table)
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):
         say(text)
 

@@ -62,12 +62,12 @@ def run_demo(
     folder.mkdir(parents=True, exist_ok=True)
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
-    console.print(figures_table(log).rich())
+    console.print(figures_table(log))
     if hint := drop_hint(log):
         console.print(hint, style="yellow", markup=False, highlight=False)
     errors = _score_and_draw(recording, flow_bag, settings, picture)
     if errors is not None:
-        console.print(errors.rich())
+        console.print(errors)
     console.print(f"picture   {picture}")
     console.print(f"flow      {flow_bag} (mcap, for Foxglove or `ros2 bag play`)")
 

@@ -49,15 +49,9 @@ _OBJECTS: Final = {
 def three_way_sums(
     errors_m: NDArray[np.float64], dynamic: NDArray[np.bool_], class_id: NDArray[np.uint8]
 ) -> Sums:
-    """Adds up errors of the three groups of the three-way EPE.
+    """Adds up end point errors (N,) in metres over the three groups of the three-way EPE.
 
-    Args:
-        errors_m: (N,) end point errors, metres.
-        dynamic: (N,) bool, the point moves by itself.
-        class_id: (N,) kind of surface, see `docs/recordings.md`.
-
-    Returns:
-        Name of the group to its sums; groups without points are missing.
+    `dynamic` and `class_id` are (N,), see `docs/recordings.md`. Groups without points are missing.
     """
     foreground = np.isin(class_id, list(_OBJECTS))
     groups = {
@@ -79,11 +73,8 @@ def bucket_sums(
 ) -> Sums:
     """Adds up errors and motion of each class and bucket.
 
-    Args:
-        errors_m: (N,) end point errors, metres in 0.1 s.
-        motion_m: (N,) length of the true motion without that of the sensor, metres in 0.1 s.
-        xy: (N, 2) metres, sensor frame.
-        class_id: (N,) kind of surface, see `docs/recordings.md`.
+    `errors_m` and `motion_m`, the true motion without that of the sensor, are (N,) metres in 0.1 s,
+    `xy` is (N, 2) metres in the sensor's frame, `class_id` (N,) as in `docs/recordings.md`.
 
     Returns:
         `CLASS/bucket` to its sums; the first bucket is 0. Empty ones are missing.

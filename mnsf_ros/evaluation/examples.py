@@ -68,14 +68,7 @@ def read_examples(
     options: EvaluationOptions,
     findings: Findings,
 ) -> Iterator[Example]:
-    """Yields the examples of an open recording in stamp order.
-
-    Args:
-        reader: The recording.
-        recording: Which of its topics to use.
-        options: Which points and triplets to use.
-        findings: Gets what is noticed on the way.
-    """
+    """Yields the examples of an open recording in stamp order; findings get what is noticed."""
     truth = poses = None
     if recording.truth is not None:
         clouds = truth_clouds(reader, recording.truth, findings)
@@ -101,16 +94,10 @@ def kept_points(
     true_ground: NDArray[np.bool_] | None,
     options: EvaluationOptions,
 ) -> NDArray[np.bool_]:
-    """Chooses the points whose flow is asked for and scored, the same for all methods.
+    """Returns the points (N,) whose flow is asked for and scored, the same for all methods.
 
-    Args:
-        xyz: (N, 3) metres, sensor frame.
-        stamp_ns: Stamp of the sweep: each has its own random choice, the same in each run.
-        true_ground: (N,) bool from the truth, None if there is none.
-        options: Crop, ground, number of points and seed.
-
-    Returns:
-        (N,) bool.
+    `xyz` is (N, 3) metres in the sensor's frame, `true_ground` (N,) bool or None. Each stamp has
+    its own random choice, the same in each run.
     """
     settings = options.settings
     kept = crop_mask(xyz, settings.crop)
@@ -140,16 +127,7 @@ class ExampleBuilder:
         poses: PoseTrack | None = None,
         num_sweeps: int = 3,
     ) -> None:
-        """Starts without any sweep.
-
-        Args:
-            recording: Name of the recording.
-            options: Which points to keep, and which sweeps may follow each other.
-            findings: Gets what is noticed on the way.
-            truth: Truth of the sweeps; None if there is none.
-            poses: Poses of the sensor; None if there are none.
-            num_sweeps: Sweeps that an example must have, 2 to `MAX_SWEEPS`.
-        """
+        """Starts without any sweep; an example must have `num_sweeps` sweeps, 2 to `MAX_SWEEPS`."""
         self._recording = recording
         self._options = options
         self._findings = findings
@@ -164,9 +142,8 @@ class ExampleBuilder:
     def examples(self, sweeps: Iterable[Sweep | None]) -> Iterator[Example]:
         """Yields the examples of a recording.
 
-        Args:
-            sweeps: All finite points of each sweep, `source` a CloudRows; None where sweeps may
-                be missing.
+        Sweeps hold all finite points and a CloudRows as `source`; None stands where some may be
+        missing.
         """
         for sweep in sweeps:
             if sweep is None:

@@ -78,14 +78,10 @@ class BagFlowRecorder(FlowRecorder):
 def flow_recorder(
     folder: Path | None, recording: str, method: str
 ) -> AbstractContextManager[FlowRecorder]:
-    """Opens the recording of a task's flow; it appears when all is done.
+    """Opens the recording of a task's flow in a folder; it appears when all is done.
 
-    Args:
-        folder: Where to make it; None for a recorder that writes nothing. What is there of the
-            same task is replaced: a task that is run again was lost before it could say that it
-            was finished.
-        recording: Name of the recording that is evaluated.
-        method: Name of the method.
+    What is there of the same task is replaced: a task that is run again was lost before it could
+    say that it was finished. Without a folder, nothing is written.
 
     Raises:
         RecordingError: Something else is there, or it cannot be written.

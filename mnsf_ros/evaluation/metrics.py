@@ -63,12 +63,9 @@ class FlowErrors:
 def flow_errors(
     estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None = None
 ) -> FlowErrors:
-    """Scores an estimated flow.
+    """Scores an estimated flow (N, 3) against the truth (N, 3), metres per sweep interval.
 
-    Args:
-        estimate: (N, 3) metres per sweep interval.
-        truth: (N, 3) pseudo ground truth, same unit, frame and order of points.
-        valid: (N,) bool, the points to score; all of them if None.
+    `valid` (N,) are the points to score; all of them if None.
 
     Raises:
         EvaluationError: If shapes differ, or a point to score is not finite.
@@ -94,19 +91,10 @@ def by_motion(
     dynamic: NDArray[np.bool_],
     valid: NDArray[np.bool_] | None = None,
 ) -> dict[str, FlowErrors]:
-    """Scores all points, and apart those that move by themselves and those that do not.
-
-    Args:
-        estimate: (N, 3) metres per sweep interval.
-        truth: (N, 3) pseudo ground truth, same unit, frame and order of points.
-        dynamic: (N,) bool, the points that move by themselves.
-        valid: (N,) bool, the points to score; all of them if None.
-
-    Returns:
-        `all`, `dynamic` and `static`, in this order.
+    """Scores `all` points, and apart those that are `dynamic` (N,) and those that are `static`.
 
     Raises:
-        EvaluationError: If shapes differ, or a point to score is not finite.
+        EvaluationError: As `flow_errors`.
     """
     if valid is None:
         valid = np.ones(len(truth), dtype=bool)
@@ -126,14 +114,9 @@ def errors_by_band(
     values: NDArray[np.float64],
     limits: tuple[float, ...],
 ) -> dict[str, FlowErrors]:
-    """Scores the points of each band apart.
+    """Scores the `valid` points apart by bands of some values (N,), which are at least 0.
 
-    Args:
-        estimate: (N, 3) metres per sweep interval.
-        truth: (N, 3), same unit, frame and order.
-        valid: (N,) bool, the points to score.
-        values: (N,) what the bands are bands of, at least 0.
-        limits: Upper limits of the bands, ascending, the last one infinite.
+    The upper limits of the bands are ascending, the last one is infinite.
 
     Returns:
         Upper limit as text (`10`, `inf`) to errors; bands without points are missing.

@@ -14,25 +14,22 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted, task_events
-
-# Number of a task and of its attempt.
-Place = tuple[int, int]
+from mnsf_ros.evaluation.runner import Ended, TaskEvent, TaskFailed, dispatched, task_events
 
 
 class Mailbox:
-    """Where tasks post their events; it lives beside the driver and is lost only with it."""
+    """Where workers post their events; it lives beside the driver and is lost only with it."""
 
     def __init__(self) -> None:
-        self._posts: list[tuple[Place, TaskEvent]] = []
+        self._posts: list[tuple[int, TaskEvent]] = []
 
-    def post(self, place: Place, event: TaskEvent) -> None:
-        """Takes an event of a task's attempt."""
-        self._posts.append((place, event))
+    def post(self, number: int, event: TaskEvent) -> None:
+        """Takes an event of a worker."""
+        self._posts.append((number, event))
 
-    def empty(self) -> list[tuple[Place, TaskEvent]]:
+    def empty(self) -> list[tuple[int, TaskEvent]]:
         """Gives out all events since the last time."""
         posts, self._posts = self._posts, []
         return posts
@@ -40,7 +37,7 @@ class Mailbox:
 
 def post_events(
     mailbox: Any,  # noqa: ANN401 - a handle of an actor
-    place: Place,
+    number: int,
     task: EvaluationTask,
     options: EvaluationOptions,
 ) -> None:
@@ -49,7 +46,7 @@ def post_events(
 
     for event in task_events(task, options):
         # Waits until it is there, so that nothing is on its way when the task ends.
-        ray.get(mailbox.post.remote(place, event))
+        ray.get(mailbox.post.remote(number, event))
 
 
 def start_mailbox(ray: Any) -> Any:  # noqa: ANN401 - Ray is optional, so its types are
@@ -62,7 +59,6 @@ def start_mailbox(ray: Any) -> Any:  # noqa: ANN401 - Ray is optional, so its ty
 
 
 LOCAL: Final = "local"
-MAX_ATTEMPTS: Final = 4
 _POLL_S: Final = 0.2
 _CONNECT_S: Final = 10.0
 _NO_RAY: Final = "--ray needs Ray: pip install 'mnsf_ros[ray]'"
@@ -101,8 +97,16 @@ class RayCluster:
             # Ray would try again by itself, but then nobody would know which rows are there.
             needs = {"num_cpus": num_cpus, "num_gpus": self._num_gpus, "max_retries": 0}
             work = self._ray.remote(**needs)(post_events)
-            dispatch = _Dispatch(self._ray, work, start_mailbox(self._ray), options)
-            yield from dispatch.run(tasks)
+            workers = _RayWorkers(self._ray, work, start_mailbox(self._ray))
+            left = {task.key: task for task in tasks}
+            try:
+                for task, event in dispatched(tasks, options, workers):
+                    if isinstance(event, (Findings, TaskFailed)):
+                        del left[task.key]
+                    yield task, event
+            except self._ray.exceptions.RayError as error:
+                for task in left.values():
+                    yield task, TaskFailed(f"the Ray cluster is lost: {_first_line(error)}")
 
     @contextmanager
     def _connected(self) -> Iterator[None]:
@@ -137,63 +141,31 @@ class RayCluster:
             raise EvaluationError(f"no node of the Ray cluster has what a task needs: {listed}")
 
 
-class _Dispatch:
-    """Hands tasks to the cluster and takes their events from the mailbox."""
+class _RayWorkers:
+    """Workers on the cluster, each known by the reference to what it will return."""
 
-    def __init__(self, ray: Any, work: Any, mailbox: Any, options: EvaluationOptions) -> None:  # noqa: ANN401
+    def __init__(self, ray: Any, work: Any, mailbox: Any) -> None:  # noqa: ANN401
         self._ray = ray
         self._work = work
         self._mailbox = mailbox
-        self._options = options
-        self._under_way: dict[Any, tuple[int, EvaluationTask]] = {}
-        self._done: dict[int, set[int]] = {}
+        self._started: list[Any] = []
 
-    def run(self, tasks: Sequence[EvaluationTask]) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        """Runs all tasks and yields their events; all give up where the cluster itself is lost."""
-        for number, task in enumerate(tasks):
-            self._start(number, task)
-        try:
-            yield from self._events()
-        except self._ray.exceptions.RayError as error:
-            for _, task in self._under_way.values():
-                yield task, TaskFailed(f"the Ray cluster is lost: {_first_line(error)}")
+    def start(self, task: EvaluationTask, options: EvaluationOptions) -> Any:  # noqa: ANN401
+        number = len(self._started)
+        self._started.append(self._work.remote(self._mailbox, number, task, options))
+        return self._started[number]
 
-    def _events(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        while self._under_way:
-            ready, _ = self._ray.wait(list(self._under_way), timeout=_POLL_S)
-            yield from self._posted()
-            for ended in ready:
-                event = self._end(ended)
-                if event is not None:
-                    yield event
-
-    def _start(self, number: int, task: EvaluationTask) -> None:
-        self._done[number] = set()
-        place = number, task.attempt
-        reference = self._work.remote(self._mailbox, place, task, self._options)
-        self._under_way[reference] = number, task
-
-    def _posted(self) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        current = {(number, task.attempt): task for number, task in self._under_way.values()}
-        for place, event in self._ray.get(self._mailbox.empty.remote()):
-            # A worker that was taken for lost may still be writing.
-            if place in current:
-                if isinstance(event, ResultRow):
-                    self._done[place[0]].add(event.number)
-                yield current[place], event
-
-    def _end(self, reference: Any) -> tuple[EvaluationTask, TaskEvent] | None:  # noqa: ANN401
-        number, task = self._under_way.pop(reference)
-        try:
-            self._ray.get(reference)
-        except self._ray.exceptions.RayError as error:
-            reason = _first_line(error)
-        else:
-            return None
-        if task.attempt + 1 >= MAX_ATTEMPTS:
-            return task, TaskFailed(f"{reason}, {MAX_ATTEMPTS} times")
-        self._start(number, task.again(self._done[number], self._options))
-        return task, TaskRestarted(reason)
+    def events(self, handles: list[Any]) -> Iterator[tuple[Any, TaskEvent | Ended]]:
+        ended, _ = self._ray.wait(handles, timeout=_POLL_S)
+        for number, event in self._ray.get(self._mailbox.empty.remote()):
+            yield self._started[number], event
+        for reference in ended:
+            try:
+                self._ray.get(reference)
+            except self._ray.exceptions.RayError as error:
+                yield reference, Ended(_first_line(error))
+            else:
+                yield reference, Ended()
 
 
 def _first_line(error: Exception) -> str:

@@ -168,12 +168,7 @@ class MethodSummary:
 
 
 def summarize(rows: Iterable[ResultRow], methods: Sequence[str] = ()) -> list[MethodSummary]:
-    """Returns the summary of each method.
-
-    Args:
-        rows: Rows of any number of recordings and methods, in any order.
-        methods: Which come first, in this order; the others follow by name.
-    """
+    """Returns the summary of each method; those named come first, the others follow by name."""
     by_method: dict[str, list[ResultRow]] = {}
     for row in rows:
         by_method.setdefault(row.method, []).append(row)

@@ -32,18 +32,12 @@ def start_or_resume(
 ) -> RunFolder:
     """Makes the folder of a run, or takes the one that is there if its rows fit.
 
-    Args:
-        out: The folder.
-        recordings: What is evaluated; a resumed run may have more of them.
-        methods: With what; likewise.
-        options: How.
-        resume: Whether to go on with a run that is there.
-        arguments: The command line, to be remembered.
+    A resumed run may have more recordings and methods. The command line is remembered.
 
     Raises:
-        EvaluationError: The folder holds something and `resume` is not set; or it holds a run
-            with other settings or another recording of the same name, which `resume` must not mix
-            with this one; or another process is at it.
+        EvaluationError: The folder holds something and `resume` is not set; or it holds a run with
+            other settings or another recording of the same name, which `resume` must not mix with
+            this one; or another process is at it.
         WritingError: The record of the run cannot be written.
     """
     check_folder(out, resume=resume)
@@ -162,10 +156,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def recording_names(paths: Sequence[Path], known: Sequence[RecordingRecord] = ()) -> list[str]:
     """Returns a name for each recording: the last part of its path, or all of it if need be.
 
-    Args:
-        paths: The recordings.
-        known: Records of those that a run has already, see `run.json`. They keep their names,
-            also where they have moved; others get a name that is free.
+    Those known to a run keep their names, also where they have moved; others get one that is free.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.

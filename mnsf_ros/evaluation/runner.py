@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Final, Protocol
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
@@ -19,6 +21,8 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.task import run_task
+
+MAX_ATTEMPTS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,62 @@ def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[Ta
         yield from run_task(task, options)
     except MnsfError as error:
         yield TaskFailed(str(error))
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A worker ended; if it had not finished its task, the reason is told."""
+
+    reason: str = ""
+
+
+class Workers(Protocol):
+    """What runs tasks elsewhere; a worker is known by a handle of any kind."""
+
+    def start(self, task: EvaluationTask, options: EvaluationOptions) -> Hashable:
+        """Starts a worker for a task."""
+        ...
+
+    def events(self, handles: list[Any]) -> Iterable[tuple[Hashable, TaskEvent | Ended]]:
+        """Waits a little for what these workers give."""
+        ...
+
+
+def dispatched(
+    tasks: Sequence[EvaluationTask],
+    options: EvaluationOptions,
+    workers: Workers,
+    max_workers: float = math.inf,
+) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    """Runs tasks by workers, and those whose worker is lost again; yields what they give."""
+    waiting = deque(tasks)
+    working: dict[Hashable, EvaluationTask] = {}
+    done: dict[TaskKey, set[int]] = {task.key: set() for task in tasks}
+    finished: set[TaskKey] = set()
+    while waiting or working:
+        while waiting and len(working) < max_workers:
+            task = waiting.popleft()
+            working[workers.start(task, options)] = task
+        for handle, event in workers.events(list(working)):
+            # A worker that was taken for lost may still be writing.
+            if handle not in working:
+                continue
+            task = working[handle]
+            if not isinstance(event, Ended):
+                if isinstance(event, ResultRow):
+                    done[task.key].add(event.number)
+                elif isinstance(event, (Findings, TaskFailed)):
+                    finished.add(task.key)
+                yield task, event
+                continue
+            del working[handle]
+            if task.key in finished:
+                continue
+            if task.attempt + 1 < MAX_ATTEMPTS:
+                waiting.append(task.again(done[task.key], options))
+                yield task, TaskRestarted(event.reason)
+            else:
+                yield task, TaskFailed(f"{event.reason}, {MAX_ATTEMPTS} times")
 
 
 EventWatcher = Callable[[EvaluationTask, TaskEvent], None]

@@ -54,13 +54,7 @@ def failed_row(example: Example, method: str, failure: Failure | str) -> ResultR
 def scored_row(
     example: Example, method: str, estimate: FlowEstimate, time_ms: float = float("nan")
 ) -> ResultRow:
-    """Scores an estimate.
-
-    Args:
-        example: What was estimated.
-        method: Name of the method.
-        estimate: Its flow.
-        time_ms: Wall time of the estimate.
+    """Scores an estimate that took `time_ms` of wall time.
 
     Raises:
         EvaluationError: The flow has not one row for each point, or is not finite where it has
@@ -192,16 +186,13 @@ def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:
 def landing_distances(
     triplet: SweepTriplet, flow: NDArray[np.float32], points: NDArray[np.bool_]
 ) -> dict[str, float]:
-    """Measures how far from the next sweep the moved points are, and where they would be unmoved.
+    """Measures how far from the next sweep moved points are, and where they would be unmoved.
 
-    Args:
-        triplet: The sweeps.
-        flow: (N, 3) metres per sweep, for the points of the current sweep.
-        points: (N,) bool, the points to look at; their flow must be finite.
+    `flow` is (N, 3) metres, finite at the `points` (N,) to look at.
 
     Returns:
-        `nearest_m` and, for zero flow, `zero_nearest_m`: means over the points of the distance to
-        the nearest point of the next sweep. Empty if either sweep has no points.
+        `nearest_m` and, for zero flow, `zero_nearest_m`: mean distance to the nearest point of the
+        next sweep. Empty if either sweep has no points.
     """
     if not points.any() or len(triplet.next.kept_xyz) == 0:
         return {}
@@ -220,12 +211,8 @@ def cycle_distance(
 ) -> dict[str, float]:
     """Measures how far from its start a point ends that goes to the next sweep and back.
 
-    Args:
-        triplet: The sweeps.
-        flow: (N, 3) metres, from the current to the next sweep.
-        backward_flow: (M, 3) metres, from the next sweep to the current one, for the points of
-            the next sweep. A moved point takes that of the nearest one.
-        points: (N,) bool, the points to look at; their flow must be finite.
+    `flow` is (N, 3) metres, finite at the `points` (N,) to look at; `backward_flow` (M, 3) is that
+    of the next sweep. A moved point takes that of the nearest one.
 
     Returns:
         `cycle_m`, the mean over the points. Empty if either sweep has no points.

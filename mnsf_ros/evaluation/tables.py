@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.table import Table
+from rich.text import Text
+
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
-from mnsf_ros.evaluation.fitted_table import FittedTable
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import MethodSummary
 
@@ -20,6 +24,11 @@ _ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "an
 _ERROR_BETTER: Final[tuple[Better, ...]] = (min, max, max, min, min)
 _TIME_COLUMN: Final = "time (ms)"
 NO_VALUE: Final = "-"
+# A line and a blank on each side of a cell; and the line at the right end.
+_AROUND: Final = 3
+_END: Final = 1
+
+Block = list[tuple[int, int]]
 
 _GROUP_TITLES: Final = {
     "all": "All points",
@@ -30,7 +39,9 @@ _GROUP_TITLES: Final = {
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table of finished cells. The first column names the row, the others hold numbers.
+    """A table of finished cells, for a `rich` console of any width and as Markdown.
+
+    The first column names the row, the others hold numbers.
 
     Attributes:
         header: C column titles.
@@ -55,10 +66,6 @@ class TextTable:
                     f"expected {len(self.header)}: {tuple(self.header)!r}"
                 )
 
-    def rich(self) -> FittedTable:
-        """Returns the table for a `rich` console."""
-        return FittedTable(self.header, self.rows, self.title)
-
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""
         alignments = [":---", *["---:"] * (len(self.header) - 1)]
@@ -67,6 +74,62 @@ class TextTable:
         if self.title:
             lines = [self.title, "", *lines]
         return "\n".join(lines) + "\n"
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yields one table for each block of columns that finds room beside the names of rows.
+
+        Figures stay whole. Where there is little room, titles of columns and then names of rows go
+        on in the next line after a word; columns that find no room even so follow in further
+        blocks.
+        """
+        for number, block in enumerate(self._blocks(options.max_width - _END)):
+            yield self._drawn(block, self.title if number == 0 else "")
+
+    def _drawn(self, block: Block, title: str) -> Table:
+        # Text, not str: rich would take a method called "[a]" for markup and swallow it.
+        table = Table(title=Text(title) if title else None, title_justify="left")
+        for place, width in block:
+            table.add_column(
+                Text(self.header[place]),
+                justify="right" if place else "left",
+                width=width,
+                overflow="fold",
+            )
+        for row in self.rows:
+            table.add_row(*(Text(row[place]) for place, _ in block))
+        return table
+
+    def _blocks(self, room: int) -> Iterator[Block]:
+        """Yields places and widths of the columns of each block, the names first."""
+        least = [self._width(place, title_breaks=True) for place in range(len(self.header))]
+        words = max(map(_word_width, [self.header[0], *(row[0] for row in self.rows)]))
+        # Beside a name that is too long for that, the widest column must still have its place.
+        least[0] = max(1, min(words, room - _AROUND - max(least[1:], default=-_AROUND) - _AROUND))
+        block = [(0, least[0])]
+        for place, width in enumerate(least[1:], start=1):
+            if len(block) > 1 and _room_of(block) + width + _AROUND > room:
+                yield self._grown(block, room)
+                block = [(0, least[0])]
+            block.append((place, width))
+        yield self._grown(block, room)
+
+    def _grown(self, block: Block, room: int) -> Block:
+        """The block with what room is left given to the names, then to the titles."""
+        widths = dict(block)
+        lacking = {place: self._width(place) - width for place, width in block}
+        for _ in range(room - _room_of(block)):
+            place = 0 if lacking[0] > 0 else max(lacking, key=lambda place: lacking[place])
+            if lacking[place] <= 0:
+                break
+            widths[place] += 1
+            lacking[place] -= 1
+        return list(widths.items())
+
+    def _width(self, place: int, *, title_breaks: bool = False) -> int:
+        """Width of a column, its title in one line or with breaks between words."""
+        title = self.header[place]
+        title_width = _word_width(title) if title_breaks else cell_len(title)
+        return max([title_width, *(cell_len(row[place]) for row in self.rows)])
 
 
 def errors_table(
@@ -78,12 +141,8 @@ def errors_table(
 ) -> TextTable:
     """Returns errors in the paper's column order, shares in percent.
 
-    Args:
-        errors: Name of the row, such as the method, to its errors.
-        title: What the table shows; say there over what the values are means.
-        row_title: Title of the first column.
-        times_ms: Name of the row to wall time of one estimate. None leaves the column out; a
-            row that is missing, or NaN, gets a dash.
+    `times_ms` has the wall time of one estimate for each row; None leaves the column out, and a row
+    that is missing, or NaN, gets a dash.
     """
     header = [row_title, *_ERROR_COLUMNS]
     rows = [[name, *_error_cells(row_errors)] for name, row_errors in errors.items()]
@@ -113,6 +172,14 @@ def _error_cells(errors: FlowErrors) -> list[str]:
         format_percent(errors.outliers),
         format_number(errors.angle_error_rad, 3),
     ]
+
+
+def _room_of(block: Block) -> int:
+    return sum(width + _AROUND for _, width in block)
+
+
+def _word_width(text: str) -> int:
+    return max(map(cell_len, text.split()), default=0)
 
 
 def _markdown_row(cells: Sequence[str]) -> str:

@@ -40,14 +40,10 @@ Item = TypeVar("Item", bound=HasStamp)
 def in_stamp_order(
     items: Iterable[Item | None], window: int = REORDER_WINDOW
 ) -> Iterator[Item | None]:
-    """Yields items by stamp, as far as that takes no more than a small window.
+    """Yields items by stamp, as far as that takes no more than holding back a small window of them.
 
-    Args:
-        items: Items, and None wherever some may be missing: nothing moves across it.
-        window: So many items are held back.
-
-    Yields:
-        The same items and Nones. After a jump back in time order begins anew.
+    None stands where some may be missing: nothing moves across it. After a jump back in time order
+    begins anew.
     """
     waiting: list[tuple[int, int, Item]] = []
     newest_ns: int | None = None
@@ -90,17 +86,9 @@ class CloudRows:
 def recorded_sweeps(
     reader: BagReader, topic: str, recording: str, findings: Findings
 ) -> Iterator[Sweep | None]:
-    """Yields the sweeps of a topic as they were received.
+    """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
 
-    Args:
-        reader: An open recording.
-        topic: Topic of the clouds.
-        recording: Name of the recording.
-        findings: Gets what cannot be read.
-
-    Yields:
-        Sweeps of the finite points, whose `source` is a CloudRows; None where sweeps may be
-        missing.
+    None stands where sweeps may be missing; findings get what cannot be read.
     """
     for item in reader.readable_messages(topic):
         if isinstance(item, Damage):
@@ -126,15 +114,7 @@ def recorded_sweeps(
 def recorded_poses(
     reader: BagReader, topic: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
-    """Returns the poses of a nav_msgs/Odometry topic in stamp order.
-
-    None stands where some may be missing.
-
-    Args:
-        reader: An open recording.
-        topic: The topic.
-        findings: Gets what cannot be read.
-    """
+    """Yields the poses of a topic of odometry in stamp order, None where some may be missing."""
     return in_stamp_order(_received_poses(reader, topic, findings))
 
 
@@ -195,13 +175,7 @@ class TruthTrack:
     """Finds the truth of sweeps that come in stamp order; holds a few clouds at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
-        """Starts before the first cloud.
-
-        Args:
-            clouds: Truth clouds, about in stamp order.
-            findings: Gets what cannot be decoded.
-            name: What to call the recording in reports.
-        """
+        """Starts before the first of the clouds, which come about in stamp order."""
         self._clouds = in_stamp_order(clouds)
         self._findings = findings
         self._name = name
@@ -213,9 +187,6 @@ class TruthTrack:
         """Returns the truth of a sweep, and how many clouds were passed over to find it.
 
         A cloud that was passed over tells that its sweep is missing in between.
-
-        Args:
-            sweep: The sweep, `source` a CloudRows.
         """
         stamp_ns = sweep.stamp_ns
         if self._last_ns is not None and stamp_ns < self._last_ns:

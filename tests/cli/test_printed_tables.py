@@ -15,7 +15,7 @@ FIGURES = ["0.075", "85.3", "92.5", "32.8", "0.286"]
 
 def printed(table: TextTable, width: int) -> list[str]:
     stream = io.StringIO()
-    Console(file=stream, width=width).print(table.rich())
+    Console(file=stream, width=width).print(table)
     lines = stream.getvalue().splitlines()
     assert max(map(len, lines)) <= width
     return lines
@@ -59,7 +59,7 @@ def test_room_that_is_there_is_used() -> None:
 def test_wide_letters_count_twice() -> None:
     table = TextTable(["method", "EPE (m)"], [["测" * 8, "0.1"]])
     stream = io.StringIO()
-    Console(file=stream, width=30).print(table.rich())
+    Console(file=stream, width=30).print(table)
     assert "测" * 8 in stream.getvalue()
 
 

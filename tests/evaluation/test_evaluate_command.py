@@ -17,8 +17,8 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.cli import evaluate, main
+from mnsf_ros.cli.arguments import parse_assignments
 from mnsf_ros.cli.evaluation_run import new_folder
-from mnsf_ros.cli.setting_values import parse_assignments
 from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.runner import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter

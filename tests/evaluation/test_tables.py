@@ -24,7 +24,7 @@ EMPTY = FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
 
 def printed(table):
     stream = io.StringIO()
-    Console(file=stream, width=100).print(table.rich())
+    Console(file=stream, width=100).print(table)
     return stream.getvalue()
 
 

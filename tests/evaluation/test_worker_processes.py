@@ -11,8 +11,8 @@ import small_evaluations as small
 
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, run_serially
-from mnsf_ros.evaluation.worker_processes import MAX_ATTEMPTS, WorkerProcesses
+from mnsf_ros.evaluation.runner import MAX_ATTEMPTS, TaskFailed, TaskRestarted, run_serially
+from mnsf_ros.evaluation.worker_processes import WorkerProcesses
 
 METHODS = ("fnsf", "mnsf")
 

@@ -1,10 +1,11 @@
-"""Settings on the command line: `name=value`."""
+"""What subcommands share: settings as `name=value`, and options that may stand anywhere."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from typing import Any
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import PRESET_NAMES
@@ -61,3 +62,23 @@ def _typed(value: str, kind: type) -> SettingValue:
         with suppress(ValueError):
             return float(value)
     return value
+
+
+class IntermixedParser(argparse.ArgumentParser):
+    """argparse gives up on `NAME --option X BAG...`, because it takes NAME and no BAG at once."""
+
+    _is_inside = False
+
+    def parse_known_args(  # type: ignore[override]  # argparse has overloads of the same
+        self,
+        args: Sequence[str] | None = None,
+        namespace: Any = None,  # noqa: ANN401 - as argparse
+    ) -> tuple[Any, list[str]]:
+        """Parses options first, then what is left; that calls this method once more."""
+        if self._is_inside:
+            return super().parse_known_args(args, namespace)
+        self._is_inside = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._is_inside = False
