@@ -289,7 +289,7 @@ def test_real_time_is_told_in_the_results(bag, tmp_path):
     assert mnsf(bag, "--methods", "zero", "--realtime", "0.5", "--out", tmp_path / "out") == 0
     text = (tmp_path / "out" / "results.md").read_text()
     assert "Replay at 0.5 times real time" in text
-    assert "height map" in text
+    assert "flag in the truth" in text
 
 
 @pytest.mark.parametrize(
