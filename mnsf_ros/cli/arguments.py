@@ -1,36 +1,137 @@
-"""What subcommands share: settings as `name=value`, and options that may stand anywhere."""
+"""How subcommands declare their arguments, and the arguments that several of them have."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeAlias
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.presets import PRESET_NAMES
-from mnsf_ros.settings import SettingValue, declared_setting
+from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.settings import Settings, SettingValue, declared_setting
 
+Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+ALL = "all"
+RESUME = "continue an interrupted run: repeat the command and add --resume"
+FORCE = "overwrite an existing recording"
 _WORDS = {"true": True, "false": False}
 
 
-def add_setting_arguments(group: argparse._ActionsContainer) -> None:
-    """Adds `--preset` and `--set` to a parser or one of its groups."""
-    group.add_argument(
-        "--preset",
-        choices=PRESET_NAMES,
-        default="paper",
-        help="settings to start from: paper is the method as published, authors its released code, "
-        "online the default of the live node (default: paper)",
+class IntermixedParser(argparse.ArgumentParser):
+    """Options may stand anywhere; argparse alone gives up on `NAME --option X BAG...`."""
+
+    _is_inside = False
+
+    def parse_known_args(  # type: ignore[override]  # argparse has overloads of the same
+        self,
+        args: Sequence[str] | None = None,
+        namespace: Any = None,  # noqa: ANN401 - as argparse
+    ) -> tuple[Any, list[str]]:
+        """Parses options first, then what is left; that calls this method once more."""
+        if self._is_inside:
+            return super().parse_known_args(args, namespace)
+        self._is_inside = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._is_inside = False
+
+
+class Arguments:
+    """Arguments of a subcommand, or a group of them."""
+
+    def __init__(self, container: argparse._ActionsContainer) -> None:
+        self._container = container
+
+    def group(self, title: str) -> Arguments:
+        """Returns a new group, which the help shows under its title."""
+        return Arguments(self._container.add_argument_group(title))
+
+    def flag(self, name: str, text: str) -> None:
+        """Adds an option without a value."""
+        self._container.add_argument(name, action="store_true", help=text)
+
+    def value(
+        self,
+        name: str,
+        text: str,
+        kind: Callable[[str], object] | None = None,
+        default: object = None,
+        **others: Any,  # noqa: ANN401 - as argparse
+    ) -> None:
+        """Adds an argument with a value, or an option with one.
+
+        Args:
+            name: As the help shows it: `out`, `bags BAG`, `--out DIR` or `-o --out DIR`.
+            text: What the help says; the default is added to it.
+            kind: Makes the value of its text; if not given, the type of the default, or str.
+            default: The value if there is none; None has to be explained by the text.
+            others: What argparse knows besides.
+        """
+        if default is not None:
+            text, kind = f"{text} (default: {default})", kind or type(default)
+        words = name.split()
+        names = [word for word in words if word.startswith("-")] or words[:1]
+        metavar = words[-1] if words[-1] not in names else None
+        self._container.add_argument(
+            *names, metavar=metavar, help=text, type=kind or str, default=default, **others
+        )
+
+    def settings(self) -> None:
+        """Adds `--preset` and `--set`; `chosen_settings` has the result."""
+        self.value(
+            "--preset",
+            "settings to start from: paper is the method as published, authors its released "
+            "code, online the default of the live node",
+            default="paper",
+            choices=PRESET_NAMES,
+        )
+        self._container.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            dest="assignments",
+            help="change a setting, for example crop.max_range_m=35; may be repeated",
+        )
+
+
+def add_subcommand(
+    subparsers: Subparsers,
+    name: str,
+    summary: str,
+    run: Callable[[argparse.Namespace], int | None],
+    *,
+    description: str = "",
+    epilog: str = "",
+    usage: str | None = None,
+) -> Arguments:
+    """Adds a subcommand, which `run` does; it returns the exit status, or None for 0.
+
+    Returns:
+        Its arguments, none so far.
+    """
+    parser = subparsers.add_parser(
+        name,
+        help=summary,
+        description=description or f"{summary[0].upper()}{summary[1:]}.",
+        epilog=epilog,
+        usage=usage,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    group.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="change a setting, for example crop.max_range_m=35; may be repeated",
-    )
+    parser.set_defaults(run=run)
+    return Arguments(parser)
+
+
+def chosen_settings(options: argparse.Namespace) -> Settings:
+    """Returns what `--preset` and `--set` say.
+
+    Raises:
+        SettingsError: As `parse_assignments`.
+    """
+    return preset(options.preset).changed(parse_assignments(options.assignments))
 
 
 def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
@@ -41,6 +142,17 @@ def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
             type or outside its range.
     """
     return dict(map(_parsed, texts))
+
+
+def number_or_all(text: str) -> int | str:
+    """Returns a number of points, or `ALL`.
+
+    Raises:
+        ArgumentTypeError: The text is neither.
+    """
+    if text != ALL and not text.lstrip("+-").isdecimal():
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number or {ALL!r}")
+    return ALL if text == ALL else int(text)
 
 
 def _parsed(text: str) -> tuple[str, SettingValue]:
@@ -62,23 +174,3 @@ def _typed(value: str, kind: type) -> SettingValue:
         with suppress(ValueError):
             return float(value)
     return value
-
-
-class IntermixedParser(argparse.ArgumentParser):
-    """argparse gives up on `NAME --option X BAG...`, because it takes NAME and no BAG at once."""
-
-    _is_inside = False
-
-    def parse_known_args(  # type: ignore[override]  # argparse has overloads of the same
-        self,
-        args: Sequence[str] | None = None,
-        namespace: Any = None,  # noqa: ANN401 - as argparse
-    ) -> tuple[Any, list[str]]:
-        """Parses options first, then what is left; that calls this method once more."""
-        if self._is_inside:
-            return super().parse_known_args(args, namespace)
-        self._is_inside = True
-        try:
-            return self.parse_known_intermixed_args(args, namespace)
-        finally:
-            self._is_inside = False

@@ -5,58 +5,36 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
+from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand
+from mnsf_ros.cli.console import Console
 from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
 
-_DEFAULTS = TruthSettings()
 
-
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
     formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
-    parser = subparsers.add_parser(
+    arguments = add_subcommand(
+        subparsers,
         "convert",
-        help="write a sequence of a public data set as a recording with its true flow",
-        description="Writes a sequence of a public data set as a recording with its true flow.",
+        "write a sequence of a public data set as a recording with its true flow",
+        _run,
         epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("format", choices=FORMATS, metavar="FORMAT", help=", ".join(FORMATS))
-    parser.add_argument(
-        "source",
-        type=Path,
-        metavar="SOURCE",
-        help="file or folder of the data set; see the list of formats below",
+    arguments.value("format FORMAT", ", ".join(FORMATS), choices=FORMATS)
+    source_text = "file or folder of the data set; see the list of formats below"
+    arguments.value("source SOURCE", source_text, Path)
+    arguments.value("out OUT", "folder to write, or a single file OUT.mcap", Path)
+    arguments.flag("--force", FORCE)
+    arguments.flag("--compress", "compress the recording (zstd)")
+    arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
+    arguments.value("--labels DIR", "scene flow labels of the log (argoverse2)", Path)
+    arguments.value("--first N", "first sweep, counted from 0", default=0)
+    arguments.value("--count N", "number of sweeps (default: all)", int)
+    margin_m = TruthSettings.box_margin_m
+    arguments.value(
+        "--box-margin M", "enlarge boxes by M metres in each dimension", default=margin_m
     )
-    parser.add_argument(
-        "out", type=Path, metavar="OUT", help="folder to write, or a single file OUT.mcap"
-    )
-    parser.add_argument("--force", action="store_true", help="overwrite an existing recording")
-    parser.add_argument("--compress", action="store_true", help="compress the recording (zstd)")
-    parser.add_argument(
-        "--sequence", metavar="NAME", help="scene (nuscenes) or segment (waymo), if several"
-    )
-    parser.add_argument(
-        "--labels", type=Path, metavar="DIR", help="scene flow labels of the log (argoverse2)"
-    )
-    parser.add_argument(
-        "--first", type=int, default=0, metavar="N", help="first sweep, counted from 0"
-    )
-    parser.add_argument("--count", type=int, metavar="N", help="number of sweeps (default: all)")
-    parser.add_argument(
-        "--box-margin",
-        type=float,
-        default=_DEFAULTS.box_margin_m,
-        metavar="M",
-        help="enlarge boxes by M metres in each dimension (default %(default)s)",
-    )
-    parser.add_argument(
-        "--unlabelled-static",
-        action="store_true",
-        help="treat unlabelled points as static instead of as unknown",
-    )
-    parser.set_defaults(run=_run)
+    arguments.flag("--unlabelled-static", "treat unlabelled points as static instead of as unknown")
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -81,4 +59,4 @@ def _run(options: argparse.Namespace) -> None:
         )
     lines = [f"{summary.num_sweeps} sweeps in {options.out}", str(summary)]
     for line in (*lines, *(f"warning: {text}" for text in summary.warnings())):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.say(line, soft_wrap=True)

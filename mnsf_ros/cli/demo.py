@@ -5,35 +5,22 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand
+from mnsf_ros.cli.console import Console
 from mnsf_ros.node.main import require_ros
 from mnsf_ros.presets import PRESET_NAMES, preset
 
 
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
-    parser = subparsers.add_parser(
-        "demo", help="replay a recording to the live node and show the flow"
-    )
-    parser.add_argument("--bag", type=Path, help="recording; without it, a street is simulated")
-    parser.add_argument(
-        "--topic", help="its PointCloud2 topic; needed only if the recording has several"
-    )
-    parser.add_argument(
-        "--preset",
-        choices=PRESET_NAMES,
-        default="online",
-        help="settings of the node (default: online)",
-    )
-    parser.add_argument(
-        "--duration", type=float, default=6.0, metavar="S", help="length of the simulated recording"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the simulated recording")
-    parser.add_argument(
-        "--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all that is made"
-    )
-    parser.set_defaults(run=_run)
+    summary = "replay a recording to the live node and show the flow"
+    arguments = add_subcommand(subparsers, "demo", summary, _run)
+    arguments.value("--bag", "recording; without it, a street is simulated", Path)
+    arguments.value("--topic", "its PointCloud2 topic; needed only if the recording has several")
+    arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
+    arguments.value("--duration S", "length of the simulated recording", default=6.0)
+    arguments.value("--seed", "seed of the simulated recording", default=0)
+    arguments.value("--out DIR", "folder for all that is made", default=Path("demo"))
 
 
 def _run(options: argparse.Namespace) -> None:

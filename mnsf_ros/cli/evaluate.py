@@ -6,14 +6,21 @@ import argparse
 import sys
 from pathlib import Path
 
-from mnsf_ros.cli.arguments import add_setting_arguments, parse_assignments
+from mnsf_ros.cli.arguments import (
+    ALL,
+    RESUME,
+    Arguments,
+    Subparsers,
+    add_subcommand,
+    chosen_settings,
+    number_or_all,
+)
+from mnsf_ros.cli.console import Console
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.presets import preset
 
 EXIT_INCOMPLETE = 3
 EXIT_UNWRITTEN = 4
 DEFAULT_METHODS = "online,mnsf"
-_ALL_POINTS = "all"
 
 _EPILOG = """\
 Examples:
@@ -35,156 +42,113 @@ with --out and --resume.
 """
 
 
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
-    parser = subparsers.add_parser(
+    arguments = add_subcommand(
+        subparsers,
         "evaluate",
-        help="score methods on recordings",
+        "score methods on recordings",
+        _run,
         description="Estimates scene flow on whole recordings, scores it, prints tables and "
         "writes a report.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="recordings")
-    topics = parser.add_argument_group("topics (the same for all recordings)")
-    topics.add_argument(
-        "--points",
-        metavar="TOPIC",
-        help="point clouds (needed only if a recording has several such topics)",
+    arguments.value("bags BAG", "recordings", Path, nargs="+")
+    _add_topics(arguments.group("topics (the same for all recordings)"))
+    _add_method_arguments(arguments.group("methods and points"))
+    _add_run_arguments(arguments.group("run"))
+
+
+def _add_topics(group: Arguments) -> None:
+    group.value(
+        "--points TOPIC", "point clouds (needed only if a recording has several such topics)"
     )
-    topics.add_argument(
-        "--truth", metavar="TOPIC", help="true flow (default: /truth/flow if present)"
-    )
-    topics.add_argument(
-        "--odometry",
-        metavar="TOPIC",
-        help="sensor poses, for the method ego, and for other methods with "
+    group.value("--truth TOPIC", "true flow (default: /truth/flow if present)")
+    group.value(
+        "--odometry TOPIC",
+        "sensor poses, for the method ego, and for other methods with "
         "--set ego_motion.source=odometry (default: /truth/odometry if present)",
     )
-    _add_method_arguments(parser.add_argument_group("methods and points"))
-    _add_run_arguments(parser.add_argument_group("run"))
-    parser.set_defaults(run=_run)
 
 
-def _add_method_arguments(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--methods",
-        action="append",
-        metavar="NAME,...",
-        help="methods to compare, see docs/evaluation.md; file:DIR scores flow from files, "
+def _add_method_arguments(group: Arguments) -> None:
+    group.value(
+        "--methods NAME,...",
+        "methods to compare, see docs/evaluation.md; file:DIR scores flow from files, "
         "command:LINE runs another program (the rest of the text is its command line); may be "
         f"repeated (default: {DEFAULT_METHODS})",
+        action="append",
     )
-    add_setting_arguments(group)
-    group.add_argument(
-        "--num-points",
-        type=_num_points,
-        metavar="N",
-        help="score N random points of each sweep (default: all)",
-    )
-    group.add_argument(
+    group.settings()
+    group.value("--num-points N", "score N random points of each sweep", number_or_all, default=ALL)
+    group.flag(
         "--pairs",
-        action="store_true",
-        help="evaluate every two consecutive sweeps, also without a sweep before them; methods "
-        "use two sweeps if they can, else report an error",
+        "evaluate every two consecutive sweeps, also without a sweep before them; methods use two "
+        "sweeps if they can, else report an error",
     )
-    group.add_argument(
-        "--every",
-        type=int,
+    group.value(
+        "--every N",
+        "score every N-th example only, not with --realtime; methods that carry state still "
+        "estimate those between",
         default=1,
-        metavar="N",
-        help="score every N-th example only; methods that carry state still estimate those "
-        "between (default: 1, all; not with --realtime)",
     )
-    group.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        metavar="S",
-        help="seed of the random points and of the methods (default: 0)",
-    )
-    group.add_argument(
+    group.value("--seed S", "seed of the random points and of the methods", default=0)
+    group.value(
         "--ground",
-        choices=("truth", "settings"),
+        "find ground points by the flags in the truth, where there is truth, or by the ground "
+        "settings, as the live node does",
         default="truth",
-        help="find ground points by the flags in the truth, where there is truth, or by the "
-        "ground settings, as the live node does (default: truth)",
+        choices=("truth", "settings"),
     )
-    group.add_argument(
+    group.flag(
         "--check-cycle",
-        action="store_true",
-        help="also estimate the flow back and report how far from its start a point ends "
-        "(doubles the run time)",
+        "also estimate the flow back and report how far from its start a point ends (doubles the "
+        "run time)",
     )
 
 
-def _add_run_arguments(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for results (default: a new one named after recording and time)",
+def _add_run_arguments(group: Arguments) -> None:
+    group.value(
+        "--out DIR", "folder for results (default: a new one named after recording and time)", Path
     )
-    group.add_argument(
-        "--resume",
-        action="store_true",
-        help="continue an interrupted run: repeat the command and add --resume",
+    group.flag("--resume", RESUME)
+    group.value(
+        "--realtime RATE",
+        "replay in real time: triplets are dropped as in the live node; 1 is the speed of the "
+        "recording, 2 twice as fast (default: no drops)",
+        float,
     )
-    group.add_argument(
-        "--realtime",
-        type=float,
-        metavar="RATE",
-        help="replay in real time: triplets are dropped as in the live node; 1 is the "
-        "speed of the recording, 2 twice as fast (default: no drops)",
-    )
-    group.add_argument(
-        "--write-flow", action="store_true", help="store the flow as recordings in DIR/flow"
-    )
-    group.add_argument(
-        "--pictures",
-        type=int,
+    group.flag("--write-flow", "store the flow as recordings in DIR/flow")
+    group.value(
+        "--pictures N",
+        "show the N worst examples in report.html; without --write-flow they are estimated again, "
+        "for at most a minute",
         default=3,
-        metavar="N",
-        help="show the N worst examples in report.html (default: 3); without --write-flow they "
-        "are estimated again, for at most a minute",
     )
-    group.add_argument(
-        "--workers", type=int, default=1, metavar="N", help="processes to use (default: 1)"
+    group.value("--workers N", "processes to use", default=1)
+    group.value("--ray ADDRESS", "run on a Ray cluster; local starts one here")
+    group.value(
+        "--num-gpus G",
+        "GPU share of each --ray task (default: 1 with compute.device=cuda, else 0)",
+        float,
     )
-    group.add_argument(
-        "--ray", metavar="ADDRESS", help="run on a Ray cluster; local starts one here"
-    )
-    group.add_argument(
-        "--num-gpus",
-        type=float,
-        metavar="G",
-        help="GPU share of each --ray task (default: 1 with compute.device=cuda, else 0)",
-    )
-
-
-def _num_points(text: str) -> int | None:
-    if text != _ALL_POINTS and not text.lstrip("+-").isdecimal():
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected a number or {_ALL_POINTS!r}")
-    return None if text == _ALL_POINTS else int(text)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mnsf_ros.cli.evaluation_progress import PatientConsole
-    from mnsf_ros.cli.evaluation_run import evaluate, new_folder
+    from mnsf_ros.cli.evaluation import evaluate, new_folder
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.run_folder import WritingError
     from mnsf_ros.evaluation.run_record import path_text
 
-    console = PatientConsole()
+    console = Console()
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
         options.out = new_folder(options.bags)
-        console.print(f"Results folder: {options.out}", markup=False, highlight=False)
-    settings = preset(options.preset).changed(parse_assignments(options.assignments))
+        console.say(f"Results folder: {options.out}")
     evaluation = EvaluationOptions(
-        settings=settings,
-        num_points=options.num_points,
+        settings=chosen_settings(options),
+        num_points=None if options.num_points == ALL else options.num_points,
         every=options.every,
         seed=options.seed,
         ground=options.ground,

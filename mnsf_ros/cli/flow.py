@@ -7,9 +7,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mnsf_ros.cli.arguments import add_setting_arguments, parse_assignments
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.presets import preset
 
 if TYPE_CHECKING:
     from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -25,26 +24,24 @@ point. Each sweep is in its own sensor frame; point + flow is the place in NEXT.
 """
 
 
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
-    parser = subparsers.add_parser(
+    arguments = add_subcommand(
+        subparsers,
         "flow",
-        help="estimate the flow of one sweep in a file",
+        "estimate the flow of one sweep in a file",
+        _run,
         description="Estimates where each point of CURRENT is in NEXT.",
         usage="mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT [options]",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="files in the order of time")
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT")
-    parser.add_argument(
-        "--method",
-        metavar="NAME",
-        help="see docs/evaluation.md (default: that of the preset, mnsf or online)",
+    arguments.value("sweeps SWEEP", "files in the order of time", nargs="+")
+    arguments.value("-o --out OUT", "file to write, see below", Path, required=True)
+    arguments.value(
+        "--method NAME", "see docs/evaluation.md (default: that of the preset, mnsf or online)"
     )
-    add_setting_arguments(parser)
-    parser.add_argument("--force", action="store_true", help="replace OUT if it is there")
-    parser.set_defaults(run=_run)
+    arguments.settings()
+    arguments.flag("--force", "replace OUT if it is there")
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -56,7 +53,7 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.sweeps_io.sweep_in_file import triplet_of_files
     from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
 
-    settings = preset(options.preset).changed(parse_assignments(options.assignments))
+    settings = chosen_settings(options)
     if len(options.sweeps) < 2:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
     check_target(options.out, overwrite=options.force)

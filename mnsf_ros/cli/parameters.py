@@ -4,36 +4,31 @@ from __future__ import annotations
 
 import argparse
 
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
+_MEANINGS = {
+    "online": "The default: ego motion plus one rigid motion per object.",
+    "paper": "MNSF as published, every estimate from scratch: slow, for comparison.",
+    "authors": "MNSF as in its authors' released code, where that differs from the paper.",
+}
 TITLES = {
-    "online": (
-        "The default: ego motion plus one rigid motion per object. Written by "
-        "`mnsf parameters --preset online`."
-    ),
-    "paper": (
-        "MNSF as published, every estimate from scratch: slow, for comparison. Written by "
-        "`mnsf parameters --preset paper`."
-    ),
-    "authors": (
-        "MNSF as in its authors' released code, where that differs from the paper. Written by "
-        "`mnsf parameters --preset authors`."
-    ),
+    name: f"{text} Written by `mnsf parameters --preset {name}`."
+    for name, text in _MEANINGS.items()
 }
 
 
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
-    parser = subparsers.add_parser("parameters", help="print all settings of a preset")
-    parser.add_argument("--preset", choices=PRESET_NAMES, default="online")
-    parser.add_argument(
+    arguments = add_subcommand(subparsers, "parameters", "print all settings of a preset", _run)
+    arguments.value("--preset", "which", default="online", choices=PRESET_NAMES)
+    arguments.value(
         "--format",
-        choices=("yaml", "markdown"),
+        "yaml: a ROS parameter file; markdown: the table of docs/parameters.md, all presets",
         default="yaml",
-        help="yaml: a ROS parameter file; markdown: the table of docs/parameters.md, all presets",
+        choices=("yaml", "markdown"),
     )
-    parser.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> None:

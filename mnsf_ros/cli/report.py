@@ -5,40 +5,31 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand
+from mnsf_ros.cli.console import Console
 
 _EPILOG = """\
-Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it, the worst sweeps
-are estimated again, each from its sweeps alone. The flow is the same, unless the method continued
-from its last estimate, as with warm start: see the captions.
+Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it,
+the worst sweeps are estimated again, each from its sweeps alone. The flow is the
+same, unless the method continued from its last estimate, as with warm start: see
+the captions.
 """
 
 
-def add_to(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
-    parser = subparsers.add_parser(
+    arguments = add_subcommand(
+        subparsers,
         "report",
-        help="write the HTML report of an evaluation again",
+        "write the HTML report of an evaluation again",
+        _run,
         description="Writes report.html into the folder of an evaluation, from its rows.jsonl.",
         epilog=_EPILOG,
     )
-    parser.add_argument("folder", type=Path, help="what `mnsf evaluate --out` has written")
-    parser.add_argument(
-        "--pictures",
-        type=int,
-        default=3,
-        metavar="N",
-        help="number of worst sweeps shown in pictures (default 3)",
-    )
-    parser.add_argument(
-        "--method", metavar="NAME", help="whose worst sweeps (default: the first method)"
-    )
-    parser.add_argument(
-        "--no-estimate",
-        action="store_true",
-        help="no new estimates for pictures",
-    )
-    parser.set_defaults(run=_run)
+    arguments.value("folder", "what `mnsf evaluate --out` has written", Path)
+    arguments.value("--pictures N", "number of worst sweeps shown in pictures", default=3)
+    arguments.value("--method NAME", "whose worst sweeps (default: the first method)")
+    arguments.flag("--no-estimate", "no new estimates for pictures")
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -53,6 +44,6 @@ def _run(options: argparse.Namespace) -> None:
         num_pictured=max(0, options.pictures),
         estimate_again=not options.no_estimate,
         focus=options.method,
-        say=lambda text: console.print(text, markup=False, highlight=False),
+        say=console.say,
     )
-    console.print(f"Report: {path}", markup=False, highlight=False)
+    console.say(f"Report: {path}")

@@ -18,7 +18,7 @@ import small_evaluations as small
 
 from mnsf_ros.cli import evaluate, main
 from mnsf_ros.cli.arguments import parse_assignments
-from mnsf_ros.cli.evaluation_run import new_folder
+from mnsf_ros.cli.evaluation import new_folder
 from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.runner import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -116,7 +116,7 @@ def test_nothing_is_estimated_again_after_an_interruption(bag, tmp_path, monkeyp
         yield from itertools.islice(run_serially(runs, options), 4)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mnsf_ros.cli.evaluation_run.run_serially", run_until_interrupted)
+    monkeypatch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
     with pytest.raises(KeyboardInterrupt):
         mnsf(bag, "--methods=fnsf", "--out", tmp_path / "out", pictures=1)
     assert "data:image/png" not in (tmp_path / "out" / "report.html").read_text()
@@ -202,7 +202,7 @@ def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, 
             yield next(events)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mnsf_ros.cli.evaluation_run.run_serially", run_until_interrupted)
+    monkeypatch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
     with pytest.raises(KeyboardInterrupt):
         mnsf(bag, "--methods", "zero,ego", "--out", tmp_path / "out")
     assert "ego" in capsys.readouterr().out

@@ -1,28 +1,45 @@
-"""What `mnsf evaluate` does: inspect, plan, run, report."""
+"""What `mnsf evaluate` does and prints: inspect, plan, run, report."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
-from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
+from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluate import DEFAULT_METHODS
-from mnsf_ros.cli.evaluation_progress import checking_progress, evaluation_progress
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     MAX_SWEEPS,
     EvaluatedRecording,
     EvaluationOptions,
+    EvaluationTask,
+    TaskKey,
     choose_topics,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.results import ResultRow, mean
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import path_text
@@ -35,6 +52,9 @@ from mnsf_ros.evaluation.run_start import (
 )
 from mnsf_ros.evaluation.runner import (
     Executor,
+    TaskEvent,
+    TaskFailed,
+    TaskRestarted,
     plan_runs,
     run_evaluation,
     run_serially,
@@ -75,7 +95,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
     try:
-        with evaluation_progress(console, runs, evaluation.every) as progress:
+        with EvaluationProgress(console, runs, evaluation.every) as progress:
             outcome = run_evaluation(
                 runs, evaluation, folder, execute=execute, watch=progress.watch
             )
@@ -87,9 +107,9 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     is_complete = _conclude(
         folder, recordings, options.pictures, console, estimate_again=options.ray is None
     )
-    given_up = [f"gave up {' on '.join(key[::-1])}: {why}" for key, why in outcome.failed.items()]
+    given_up = [f"gave up {_title(key)}: {why}" for key, why in outcome.failed.items()]
     for text in (*given_up, *unreadable):
-        _warn(console, text)
+        console.warn(text)
     return is_complete and not given_up and not unreadable
 
 
@@ -140,7 +160,7 @@ def _inspected(
     names = recording_names(paths, known_recordings(options.out))
     found, unreadable = [], []
     for path, name in zip(paths, names, strict=True):
-        with checking_progress(console, name) as watch:
+        with _checking_progress(console, name) as watch:
             try:
                 inspection = inspect_recording(path, watch)
             except RecordingError as error:
@@ -152,6 +172,91 @@ def _inspected(
     if not found:
         raise RecordingError("; ".join(unreadable))
     return found, unreadable
+
+
+class _SweepRateColumn(ProgressColumn):
+    """Sweeps per second, recently; a dash before there is any."""
+
+    def render(self, task: Task) -> str:
+        """Returns the text."""
+        return f"{'-' if task.speed is None else f'{task.speed:.2f}'} sweeps/s"
+
+
+class EvaluationProgress(Progress):
+    """One bar for all tasks, counted in sweeps; elsewhere than on a terminal, a line for each."""
+
+    def __init__(self, console: Console, runs: Sequence[EvaluationTask], every: int) -> None:
+        """Starts at what is there already.
+
+        Args:
+            console: Where to print.
+            runs: What is to be done.
+            every: Only one of so many sweeps counts.
+        """
+        super().__init__(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            _SweepRateColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._lines = console
+        self._every = every
+        self._num_left = len(runs)
+        self._times_ms: dict[TaskKey, dict[int, float]] = {run.key: {} for run in runs}
+        self._done = Counter({run.key: len(run.skipped) for run in runs})
+        total = sum(self._num_sweeps(run) for run in runs)
+        self._bar = self.add_task(self._text(), total=total, completed=self._done.total())
+
+    def watch(self, task: EvaluationTask, event: TaskEvent) -> None:
+        """Takes notice of an event."""
+        if isinstance(event, ResultRow):
+            self._done[task.key] += 1
+            # A task that was lost on the way may give a row again.
+            self._times_ms[task.key][event.number] = event.time_ms
+        elif isinstance(event, TaskRestarted):
+            self._lines.say(f"{_title(task.key)}: {event.reason}, again")
+        elif isinstance(event, (Findings, TaskFailed)):
+            if not self._lines.is_terminal:
+                self._say_finished(task, is_done=isinstance(event, Findings))
+            # The first and the last sweep of a recording make no example.
+            self._done[task.key] = self._num_sweeps(task)
+            self._num_left -= 1
+        self.update(self._bar, completed=self._done.total(), description=self._text())
+
+    def _num_sweeps(self, task: EvaluationTask) -> int:
+        return -(-task.recording.num_sweeps // self._every)
+
+    def _say_finished(self, task: EvaluationTask, *, is_done: bool) -> None:
+        times_ms = self._times_ms[task.key]
+        time_ms = mean(list(times_ms.values()))
+        text = f"{_title(task.key)}: {'done' if is_done else 'gave up'}"
+        text += f", new examples: {len(times_ms)}"
+        text += "" if math.isnan(time_ms) else f", {time_ms:.0f} ms each"
+        self._lines.say(text, soft_wrap=True)
+
+    def _text(self) -> str:
+        return f"evaluating, tasks left: {self._num_left}" if self._num_left else "evaluated"
+
+
+def _title(key: TaskKey) -> str:
+    return " on ".join(key[::-1])
+
+
+@contextmanager
+def _checking_progress(console: Console, name: str) -> Iterator[Callable[[int, int], None]]:
+    """Shows how much of a recording is read, and nothing when it is done."""
+    columns = (
+        TextColumn("checking {task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    is_shown = console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=not is_shown) as progress:
+        bar = progress.add_task(escape(name), total=None)
+        yield lambda done, total: progress.update(bar, completed=done, total=total)
 
 
 def _conclude(
@@ -183,60 +288,35 @@ def _conclude(
     results = read_results(folder)
     write_results(folder, results)
     _print_results(results, folder, console)
-    is_reported = _write_report(
-        results, folder, recordings, max(0, num_pictured), console, estimate_again
-    )
-    return is_reported and not results.is_incomplete
-
-
-def _say(console: Console, text: str) -> None:
-    """Prints a text as it is, whatever it holds."""
-    console.print(text, markup=False, highlight=False)
-
-
-def _warn(console: Console, text: str) -> None:
-    """Prints a text that needs attention."""
-    console.print(text, markup=False, highlight=False, style="yellow")
-
-
-def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
-    if not results.summaries:
-        for text in ("No results.", *map(str, results.notes)):
-            _warn(console, text)
-        return
-    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
-        console.print(table)
-    for text in results.protocol:
-        _say(console, text)
-    for note in results.notes:
-        (_warn if note.kind.is_incomplete else _say)(console, note.text)
-    _say(console, f"Results: {path_text(folder.path / 'results.md')}")
-
-
-def _write_report(
-    results: RunResults,
-    folder: RunFolder,
-    recordings: Sequence[EvaluatedRecording],
-    num_pictured: int,
-    console: Console,
-    estimate_again: bool,
-) -> bool:
-    """Returns whether there is a report; what goes wrong costs no results."""
     from mnsf_ros.report.run_report import report_run
 
     try:
         path = report_run(
             results,
             folder.path,
-            num_pictured=num_pictured,
+            num_pictured=max(0, num_pictured),
             estimate_again=estimate_again,
             limit_s=_PICTURES_LIMIT_S,
             recordings=recordings,
-            say=lambda text: _say(console, text),
+            say=console.say,
         )
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
-        _warn(console, f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again")
+        console.warn(f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again")
         return False
-    _say(console, f"Report: {path_text(path)}")
-    return True
+    console.say(f"Report: {path_text(path)}")
+    return not results.is_incomplete
+
+
+def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
+    if not results.summaries:
+        for text in ("No results.", *map(str, results.notes)):
+            console.warn(text)
+        return
+    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
+        console.print(table)
+    for text in results.protocol:
+        console.say(text)
+    for note in results.notes:
+        (console.warn if note.kind.is_incomplete else console.say)(note.text)
+    console.say(f"Results: {path_text(folder.path / 'results.md')}")

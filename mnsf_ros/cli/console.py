@@ -1,0 +1,37 @@
+"""What all subcommands print on."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import rich.console
+
+
+class Console(rich.console.Console):
+    """Prints until nobody reads it any more, as after `| head -1`; the work goes on without it."""
+
+    def say(self, text: str, style: str | None = None, *, soft_wrap: bool = False) -> None:
+        """Prints a text as it is, whatever it holds; with `soft_wrap`, long lines stay whole."""
+        self.print(text, style=style, markup=False, highlight=False, soft_wrap=soft_wrap)
+
+    def warn(self, text: str) -> None:
+        """Prints a text that needs attention."""
+        self.say(text, "yellow")
+
+    def on_broken_pipe(self) -> None:
+        """Prints nothing from now on, where rich would end the process."""
+        self.quiet = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+    def _check_buffer(self) -> None:
+        """Writes; versions of rich before 13.8, as Ubuntu 24.04 has, do not ask what to do then."""
+        try:
+            super()._check_buffer()
+        except BrokenPipeError:
+            self.on_broken_pipe()
+        except OSError as error:
+            print(f"mnsf: the output cannot be written: {error.strerror}", file=sys.stderr)
+            self.on_broken_pipe()
