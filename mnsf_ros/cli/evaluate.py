@@ -49,8 +49,8 @@ def add_to(subparsers: Subparsers) -> None:
         "evaluate",
         "score methods on recordings",
         _run,
-        description="Estimates scene flow on whole recordings, scores it, prints tables and "
-        "writes a report.",
+        description="Estimate scene flow on whole recordings, score it, print tables and "
+        "write a report.",
         epilog=_EPILOG,
     )
     arguments.value("bags BAG", "recordings", Path, nargs="+")

@@ -31,7 +31,7 @@ def add_to(subparsers: Subparsers) -> None:
         "flow",
         "estimate the flow of one sweep in a file",
         _run,
-        description="Estimates where each point of CURRENT is in NEXT.",
+        description="Estimate where each point of CURRENT is in NEXT.",
         usage="mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT [options]",
         epilog=_EPILOG,
     )

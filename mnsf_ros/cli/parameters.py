@@ -22,7 +22,7 @@ TITLES = {
 def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
     arguments = add_subcommand(subparsers, "parameters", "print all settings of a preset", _run)
-    arguments.value("--preset", "which", default="online", choices=PRESET_NAMES)
+    arguments.value("--preset", "preset to print", default="online", choices=PRESET_NAMES)
     arguments.value(
         "--format",
         "yaml: a ROS parameter file; markdown: the table of docs/parameters.md, all presets",

@@ -23,7 +23,7 @@ def add_to(subparsers: Subparsers) -> None:
         "report",
         "write the HTML report of an evaluation again",
         _run,
-        description="Writes report.html into the folder of an evaluation, from its rows.jsonl.",
+        description="Write report.html into the folder of an evaluation, from its rows.jsonl.",
         epilog=_EPILOG,
     )
     arguments.value("folder", "what `mnsf evaluate --out` has written", Path)

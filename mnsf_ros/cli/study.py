@@ -36,7 +36,7 @@ def add_to(subparsers: Subparsers) -> None:
         "study",
         "reproduce a table or case study of the paper",
         _run,
-        description="Writes NAME.md, NAME.csv and NAME.png into a folder.",
+        description="Write NAME.md, NAME.csv and NAME.png into a folder.",
         epilog=_EPILOG,
     )
     arguments.value("name NAME", "study, see below", choices=_NAMES)
