@@ -245,9 +245,9 @@ def test_method_added_to_a_run_is_all_that_is_computed(bag, tmp_path):
 def scripted(events):
     """An executor that gives the events of a script, whatever it is asked for."""
 
-    def execute(runs, options):
+    def execute(tasks, options):
         for event in events:
-            yield runs[0].task, event
+            yield tasks[0], event
 
     return execute
 

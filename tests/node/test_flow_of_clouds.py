@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import array
 import itertools
+import time
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from synthetic_clouds import (
     xyz_columns,
     xyz_message,
 )
+from waiting import PATIENCE_S
 
 from msg_utils.point_cloud2 import decode_points
 
@@ -191,6 +193,10 @@ def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(
     assert names == ["x", "y", "z", *(f"sensor_{name}" for name in ADDED_FIELDS), *ADDED_FIELDS]
     for name in ADDED_FIELDS:
         assert (column(received, f"sensor_{name}") == 99.0).all()
+    # The line may reach the log after the flow has reached us.
+    deadline = time.monotonic() + PATIENCE_S
+    while "vx as sensor_vx" not in quick_node.log and time.monotonic() < deadline:
+        time.sleep(0.05)
     assert quick_node.log.count("vx as sensor_vx") == 1
     assert_shows_the_motion(flow_columns(received))
     # The world moves past the sensor: over ground nothing does.
