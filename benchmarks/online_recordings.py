@@ -30,6 +30,7 @@ class TrueSweep:
         dynamic: (N,) bool.
         scored: (N,) bool: labelled, not ground.
         ground: (N,) bool.
+        body: (N,) int, what the points belong to, the same number in all sweeps; -1 is nothing.
     """
 
     sweep: Sweep
@@ -38,6 +39,7 @@ class TrueSweep:
     dynamic: NDArray[np.bool_] | None = None
     scored: NDArray[np.bool_] | None = None
     ground: NDArray[np.bool_] | None = None
+    body: NDArray[np.integer[Any]] | None = None
 
 
 def real_sweeps(name: str) -> list[TrueSweep]:
@@ -53,11 +55,17 @@ def _real(path: Path) -> TrueSweep:
         return TrueSweep(sweep, arrays["pose"])
     # Movers are labelled only where the camera looks; outside of it they would count as standing.
     scored = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_ground"]
-    truth = arrays["flow"], arrays["is_dynamic"], scored, arrays["is_ground"]
+    truth = (
+        arrays["flow"],
+        arrays["is_dynamic"],
+        scored,
+        arrays["is_ground"],
+        arrays["box_track_id"],
+    )
     return TrueSweep(sweep, arrays["pose"], *truth)
 
 
-def simulated_sweeps(seed: int, number: int, **settings: int) -> list[TrueSweep]:
+def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[TrueSweep]:
     """Sweeps of a simulated street."""
     simulation = SimulationSettings(seed=seed, duration_s=number / 10, **settings)
     return [
@@ -68,6 +76,7 @@ def simulated_sweeps(seed: int, number: int, **settings: int) -> list[TrueSweep]
             item.dynamic,
             ~item.ground,
             item.ground,
+            item.body,
         )
         for item in simulate_sweeps(simulation)
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
-from mnsf_ros.simulation.settings import BEAM_CHOICES, SimulationSettings
+from mnsf_ros.simulation.settings import BEAM_CHOICES, SCENARIOS, SimulationSettings
 
 _OPTIONS = {
     "seed": ("N", "chooses street, traffic and noise"),
@@ -19,6 +19,7 @@ _OPTIONS = {
     "dropout": ("SHARE", "share of returns that are dropped"),
     "ego_speed_m_s": ("M/S", "speed of the vehicle with the lidar"),
     "max_range_m": ("M", "maximum range of the lidar"),
+    "scenario": ("NAME", f"traffic: {', '.join(SCENARIOS)}"),
 }
 
 

@@ -61,6 +61,31 @@ def cyclist(rng: np.random.Generator) -> Model:
     return Model(SurfaceClass.CYCLIST, shapes, 1.8, 0.6, rng.uniform(35.0, 80.0))
 
 
+def scooter(rng: np.random.Generator) -> Model:
+    """Returns a person on a motor scooter."""
+    height = rng.uniform(1.62, 1.76)
+    shapes = (
+        box((-0.85, 0.1), (-0.16, 0.16), (0.12, 0.75)),
+        box((0.35, 0.6), (-0.2, 0.2), (0.25, 1.05)),
+        box((0.6, 0.85), (-0.06, 0.06), (0.03, 0.5)),
+        cylinder(-0.25, 0.0, 0.22, (0.75, height - 0.26)),
+        sphere(-0.2, 0.0, height - 0.13, 0.14),
+    )
+    return Model(SurfaceClass.CYCLIST, shapes, 1.8, 0.7, rng.uniform(35.0, 80.0))
+
+
+def lorry(rng: np.random.Generator) -> Model:
+    """Returns a lorry: a cabin and a long smooth box."""
+    length, roof = rng.uniform(8.5, 10.5), rng.uniform(3.2, 3.6)
+    half = length / 2
+    shapes = (
+        box((half - 2.0, half), (-1.15, 1.15), (0.4, 2.7)),
+        box((-half, half - 2.3), (-1.25, 1.25), (0.9, roof)),
+        box((-half + 0.8, -half + 2.4), (-1.15, 1.15), (0.05, 0.9)),
+    )
+    return Model(SurfaceClass.LARGE_VEHICLE, shapes, length, 2.5, rng.uniform(60.0, 120.0))
+
+
 def tree(rng: np.random.Generator) -> Model:
     """Returns a street tree whose crown leaves headroom for walking."""
     radius = rng.uniform(0.12, 0.24)

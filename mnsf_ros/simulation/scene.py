@@ -17,6 +17,12 @@ from mnsf_ros.simulation.routes import (
     drive_with_stops,
 )
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
+from mnsf_ros.simulation.street_that_hurts import (
+    add_lorry,
+    add_people,
+    add_scooters,
+    scene_rng,
+)
 from mnsf_ros.simulation.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -55,11 +61,20 @@ def build_scene(settings: SimulationSettings) -> Scene:
     )
     ego = EgoMotion(Trip(route, profile, start), draw_sway(ground))
     traffic = Traffic(street, ego.trip, settings.duration_s, movers)
+    hurts = settings.scenario == "street_that_hurts"
+    extra = scene_rng(settings.seed)
+    if hurts and settings.seed % 2:
+        # Before those that come along its lane: they make room.
+        add_lorry(traffic, ego, extra)
     for crossing, stop in zip(street.crossings, stops, strict=True):
         traffic.add_crossing(crossing, stop)
     traffic.add_companions()
+    if hurts:
+        add_scooters(traffic, reach_x, extra)
     traffic.add_cyclists(reach_x)
     traffic.add_oncoming(reach_x)
+    if hurts:
+        add_people(traffic, reach_x, extra)
     traffic.add_walkers(reach_x)
     return Scene(street, (*roadside_bodies(street, statics), *traffic.bodies), ego)
 

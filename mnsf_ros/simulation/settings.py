@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from mnsf_ros.errors import SettingsError
 
 BEAM_CHOICES = (16, 32, 64, 128)
+SCENARIOS = ("street", "street_that_hurts")
 _RANGES = {
     "seed": (0, 2**63 - 1),
     "duration_s": (0.1, 120),
@@ -34,6 +35,9 @@ class SimulationSettings:
         dropout: Share of returns that are lost, at least 0 and below 1.
         ego_speed_m_s: Cruising speed of the vehicle that carries the lidar, 0 to 20 m/s.
         max_range_m: Returns from farther away are lost, 5 to 300 m.
+        scenario: The traffic, one of `SCENARIOS`: the usual street, or one with movers that are
+            hard to find (people along walls and between parked cars, slow walkers, scooters
+            beside parked rows, with odd seeds a lorry alongside).
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range.
@@ -48,6 +52,7 @@ class SimulationSettings:
     dropout: float = 0.02
     ego_speed_m_s: float = 8.0
     max_range_m: float = 120.0
+    scenario: str = "street"
 
     def __post_init__(self) -> None:
         for name, (low, high) in _RANGES.items():
@@ -59,6 +64,8 @@ class SimulationSettings:
             )
         if self.dropout == 1.0:
             raise SettingsError("dropout: must be below 1, or no point is left")
+        if self.scenario not in SCENARIOS:
+            raise SettingsError(f"scenario: expected one of {SCENARIOS}, got {self.scenario!r}")
 
     @property
     def num_sweeps(self) -> int:

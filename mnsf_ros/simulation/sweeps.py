@@ -37,6 +37,7 @@ class SimulatedSweep:
         intensity: (N,) from 0 to 255.
         ring: (N,) beam number, 0 is the lowest.
         flow, dynamic, ground, class_id: As in `FlowTruth`.
+        body: (N,) number of the body in the scene, -1 for ground.
         stamp_ns: Time of the sweep in nanoseconds.
         world_from_sensor: (4, 4) pose of the lidar.
     """
@@ -48,6 +49,7 @@ class SimulatedSweep:
     dynamic: NDArray[np.bool_]
     ground: NDArray[np.bool_]
     class_id: NDArray[np.uint8]
+    body: NDArray[np.int32]
     stamp_ns: int
     world_from_sensor: FloatArray
 
@@ -105,6 +107,7 @@ class SweepSimulator:
             dynamic=dynamic,
             ground=(class_id == SurfaceClass.ROAD) | (class_id == SurfaceClass.SIDEWALK),
             class_id=class_id,
+            body=body,
             stamp_ns=FIRST_STAMP_NS + round(index * 1e9 / settings.rate_hz),
             world_from_sensor=world_from_sensor,
         )

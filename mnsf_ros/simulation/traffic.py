@@ -98,16 +98,22 @@ _SIDEWALK_LATERALS_M = (8.6, 9.2, 9.8)
 
 
 class Traffic:
-    """Fills a street with moving bodies that never run through each other or the ego vehicle."""
+    """Fills a street with moving bodies that never run through each other or the ego vehicle.
+
+    Attributes:
+        bodies: The moving bodies so far.
+        street: The street they move on.
+        duration_s: Length of the recording in seconds.
+    """
 
     def __init__(
         self, street: Street, ego: Trip, duration_s: float, rng: np.random.Generator
     ) -> None:
         """Starts with the ego vehicle alone on the street."""
         self.bodies: list[Body] = []
-        self._street = street
+        self.street = street
         self._ego = ego
-        self._duration_s = duration_s
+        self.duration_s = duration_s
         self._rng = rng
         self._oncoming_m_s = rng.uniform(6.5, 8.5)
         # One second more than recorded: the last sweeps' truth looks one interval ahead.
@@ -116,9 +122,9 @@ class Traffic:
 
     def add_crossing(self, crossing: Crossing, stop: Stop) -> None:
         """Adds what moves at a side street around the time the ego vehicle waits there."""
-        rng, street = self._rng, self._street
+        rng, street = self._rng, self.street
         # In a recording that ends before the halt the crossing happens early, far ahead.
-        middle = min((stop.begin_s + stop.end_s) / 2, 0.6 * self._duration_s)
+        middle = min((stop.begin_s + stop.end_s) / 2, 0.6 * self.duration_s)
         speeds = rng.uniform(6.0, 8.0, 2)
         shifts = rng.permutation(np.linspace(-2.0, 2.5, 12))
         leaving = bool(rng.integers(2))
@@ -134,10 +140,10 @@ class Traffic:
             straight_over(street, crossing, middle + shift, speeds[1], toward_left=False)
             for shift in shifts - 1.0
         )
-        self._first_free(models.car(rng), leftward)
-        self._first_free(models.pedestrian(rng), zebra_walks(street, crossing, stop))
-        self._first_free(models.car(rng), turns)
-        self._first_free(models.van(rng), rightward)
+        self.add_first_free(models.car(rng), leftward)
+        self.add_first_free(models.pedestrian(rng), zebra_walks(street, crossing, stop))
+        self.add_first_free(models.car(rng), turns)
+        self.add_first_free(models.van(rng), rightward)
 
     def add_companions(self) -> None:
         """Adds cars that drive the ego vehicle's own trip some seconds earlier or later."""
@@ -147,31 +153,31 @@ class Traffic:
                 Trip(ego.route, ego.profile, ego.start_arc_m, delay * stretch)
                 for stretch in (1.0, 1.15, 1.3)
             )
-            self._first_free(models.car(self._rng), trips)
+            self.add_first_free(models.car(self._rng), trips)
 
     def add_cyclists(self, reach_x: float) -> None:
         """Adds cyclists on both sides between the start and `reach_x` (metres)."""
         rng = self._rng
         for forward, first_x in ((True, 9.0), (False, 26.0)):
             lateral = -BICYCLE_LATERAL_M if forward else BICYCLE_LATERAL_M
-            route = self._street.lane(lateral, forward=forward)
+            route = self.street.lane(lateral, forward=forward)
             for x in np.arange(first_x, reach_x + 10.0, 45.0):
                 trips = (
-                    _steady_trip(route, float(x) + shift, rng.uniform(3.4, 4.8))
+                    steady_trip(route, float(x) + shift, rng.uniform(3.4, 4.8))
                     for shift in (0.0, 4.0, 8.0, -4.0)
                 )
-                self._first_free(models.cyclist(rng), trips)
+                self.add_first_free(models.cyclist(rng), trips)
 
     def add_oncoming(self, reach_x: float) -> None:
         """Adds a stream of oncoming cars long enough to meet the ego vehicle all the time."""
         rng, speed = self._rng, self._oncoming_m_s
-        route = self._street.lane(LANE_LATERAL_M, forward=False)
-        x, end = -50.0, reach_x + 60.0 + speed * self._duration_s
+        route = self.street.lane(LANE_LATERAL_M, forward=False)
+        x, end = -50.0, reach_x + 60.0 + speed * self.duration_s
         while x < end:
             x += float(rng.uniform(13.0, 34.0))
             model = models.van(rng) if rng.uniform() < 0.15 else models.car(rng)
-            self._first_free(
-                model, [_steady_trip(route, x + shift, speed) for shift in (0.0, 3.0, 6.0)]
+            self.add_first_free(
+                model, [steady_trip(route, x + shift, speed) for shift in (0.0, 3.0, 6.0)]
             )
 
     def add_walkers(self, reach_x: float) -> None:
@@ -179,26 +185,26 @@ class Traffic:
         rng = self._rng
         for side in (1.0, -1.0):
             routes = [
-                self._street.lane(side * lateral, forward=forward)
+                self.street.lane(side * lateral, forward=forward)
                 for lateral in _SIDEWALK_LATERALS_M
                 for forward in (True, False)
             ]
             x = -30.0
             while x < reach_x + 50.0:
                 route = routes[int(rng.integers(len(routes)))]
-                trip = _steady_trip(route, x, rng.uniform(0.9, 1.6))
-                self._first_free(models.pedestrian(rng), [trip])
+                trip = steady_trip(route, x, rng.uniform(0.9, 1.6))
+                self.add_first_free(models.pedestrian(rng), [trip])
                 x += 0.8 + float(rng.exponential(7.0))
 
-    def _first_free(self, model: Model, trips: Iterable[Trip]) -> None:
-        """Sends the model on the first trip that meets nothing; drop it if there is none."""
+    def add_first_free(self, model: Model, trips: Iterable[Trip]) -> None:
+        """Sends the model on the first trip that meets nothing; drops it if there is none."""
         for trip in trips:
             if self._clearance.accept(trip, model.length_m, model.width_m):
                 self.bodies.append(Body(model, trip))
                 return
 
 
-def _steady_trip(route: Route, x: float, speed_m_s: float) -> Trip:
+def steady_trip(route: Route, x: float, speed_m_s: float) -> Trip:
     """Returns a trip of constant speed that is at world x (metres) at time 0."""
     index = int(np.argmin(np.abs(route.points[:, 0] - x)))
     ahead = (x - float(route.points[index, 0])) * math.copysign(1.0, math.cos(route.yaw[index]))

@@ -26,7 +26,7 @@ def rigid_flow(now, then):
 def test_equal_seeds_give_equal_sweeps():
     few = replace(SMALL, duration_s=0.2)
     for one, other in zip(simulate_sweeps(few), simulate_sweeps(few), strict=True):
-        for name in ("xyz", "intensity", "ring", "flow", "dynamic", "ground", "class_id"):
+        for name in ("xyz", "intensity", "ring", "flow", "dynamic", "ground", "class_id", "body"):
             assert np.array_equal(getattr(one, name), getattr(other, name)), name
         assert one.stamp_ns == other.stamp_ns
 
@@ -44,7 +44,8 @@ def test_arrays_fit_together():
     assert sweep.xyz.dtype == sweep.flow.dtype == sweep.intensity.dtype == np.float32
     assert sweep.ring.dtype == np.uint16
     assert sweep.class_id.dtype == np.uint8
-    for name in ("intensity", "ring", "dynamic", "ground", "class_id"):
+    assert sweep.body.dtype == np.int32
+    for name in ("intensity", "ring", "dynamic", "ground", "class_id", "body"):
         assert getattr(sweep, name).shape == (n,), name
     assert np.isfinite(sweep.xyz).all()
     assert np.isfinite(sweep.flow).all()

@@ -20,6 +20,7 @@ from mnsf_ros.simulation.settings import SimulationSettings
         ("range_noise_m", -0.1, "range_noise_m: expected 0 to 1"),
         ("dropout", 1.0, "dropout: must be below 1"),
         ("ego_speed_m_s", "8", "ego_speed_m_s: expected a finite number, got '8'"),
+        ("scenario", "mall", r"scenario: expected one of \('street', "),
         ("max_range_m", 1.0, "max_range_m: expected 5 to 300"),
     ],
 )
