@@ -20,7 +20,7 @@ from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.motion_votes import voted_motions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.static_gate import moves, suspects
+from mnsf_ros.objects.static_gate import moves, seen_through, suspects
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -85,7 +85,8 @@ class ObjectFlowEstimator:
             start = self._start(objects, scene, standing)
         moving = self._moved(objects, scene, start, clock)
         with clock.stage("gate"):
-            is_moving = moves(standing, moving, self.settings.objects)
+            free = seen_through(objects, scene.targets, moving.motions)
+            is_moving = moves(standing, moving, free, self.settings.objects)
             movers, moving = objects.only(is_moving), moving.only(is_moving)
             # Objects beyond the limits of the work are as uncertain as suspects.
             is_doubtful = np.ones(len(suspected), dtype=bool)

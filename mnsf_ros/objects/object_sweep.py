@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import kept_mask
@@ -53,6 +55,11 @@ class ObjectSweep:
         self.thinned_objects = segmentation.objects_of(self.thinned)
         # Unbalanced: three times as fast to build, and as fast to ask.
         self.tree = cKDTree(self.thinned, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def view(self) -> RangeView:
+        """The range image of the sweep."""
+        return RangeView(self.sweep.xyz)
 
     def objects(self) -> NDArray[np.int64]:
         """(N,) the object of each point of the sweep; 0 for ground and what was cropped."""

@@ -62,6 +62,19 @@ class Target:
         pulls[is_near] = self.sweep.thinned[rows[is_near]] - here[is_near]
         return turned(pulls, self.from_current[:3, :3].T), is_near
 
+    def seen_through(
+        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float64]:
+        """Returns (K,) share of each object's points that are in free space of the sweep.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep; none if not given.
+        """
+        is_free = self.sweep.view.is_free(self._moved(objects, motions))
+        shares: NDArray[np.float64] = objects.sums(is_free.astype(np.int64)) / objects.counts
+        return shares
+
     def unexplained(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
     ) -> NDArray[np.float64]:
@@ -74,11 +87,17 @@ class Target:
         Returns:
             (K,) metres, mean over each object's points, truncated.
         """
-        positions = objects.positions
-        if motions is not None:
-            positions = positions + np.float32(self.steps) * motions[objects.owners]
-        here = transformed(positions, self.from_current)
+        here = self._moved(objects, motions)
         distances, _ = self.sweep.tree.query(here, distance_upper_bound=_TRUNCATION_M)
         costs = np.maximum(np.minimum(distances, _TRUNCATION_M) - objects.spacing, 0.0)
         means: NDArray[np.float64] = objects.sums(costs) / objects.counts
         return means
+
+    def _moved(
+        self, objects: ObjectPoints, motions: NDArray[np.float32] | None
+    ) -> NDArray[np.float32]:
+        """Returns (P, 3) positions of the objects' points in metres in the frame of the target."""
+        positions = objects.positions
+        if motions is not None:
+            positions = positions + np.float32(self.steps) * motions[objects.owners]
+        return transformed(positions, self.from_current)

@@ -17,9 +17,10 @@ def judged(near, motion=(0.5, 0.0, 0.0), past=()):
     )
 
 
-def gate(standing, moving, **changes):
+def gate(standing, moving, free=1.0, **changes):
+    """Whether it moves; by default other sweeps saw through the place where it is."""
     settings = SETTINGS.changed({f"objects.{name}": value for name, value in changes.items()})
-    return bool(moves(standing, moving, settings.objects)[0])
+    return bool(moves(standing, moving, np.array([free]), settings.objects)[0])
 
 
 class TestMoves:
@@ -56,17 +57,28 @@ class TestMoves:
     def test_must_stay_on_the_road(self, climb_m, is_moving):
         assert gate(self.STANDING, judged((0, 0), (0.5, 0, climb_m))) is is_moving
 
-    @pytest.mark.parametrize(("past_m", "is_moving"), [(0.17, True), (0.19, False)])
+    @pytest.mark.parametrize(("past_m", "is_moving"), [(0.125, True), (0.127, False)])
     def test_must_explain_the_past_as_well(self, past_m, is_moving):
         standing = judged((0.2, 0.2), past=(0.3,))
-        assert gate(standing, judged((0.02, 0.02), past=(past_m,))) is is_moving
+        assert gate(standing, judged((0.02, 0.02), past=(past_m,)), free=0.0) is is_moving
 
     def test_what_the_past_explains_without_motion_stands(self):
-        assert not gate(judged((0.2, 0.2), past=(0.0,)), judged((0.02, 0.02), past=(0.0,)))
+        standing, moving = judged((0.2, 0.2), past=(0.0,)), judged((0.02, 0.02), past=(0.0,))
+        assert not gate(standing, moving, free=0.0)
+
+    @pytest.mark.parametrize(("free", "is_moving"), [(0.21, True), (0.19, False)])
+    def test_the_past_has_no_veto_if_places_were_seen_through(self, free, is_moving):
+        """Then it does not show the object because that was hidden, or beside another one."""
+        standing = judged((0.2, 0.2), past=(0.3,))
+        assert gate(standing, judged((0.02, 0.02), past=(0.3,)), free=free) is is_moving
+
+    def test_without_such_evidence_motion_must_be_clearer(self):
+        assert gate(self.STANDING, judged((0.09, 0.09)), free=0.0)
+        assert not gate(self.STANDING, judged((0.092, 0.092)), free=0.0)
 
     def test_none_at_all(self):
         nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 0)), np.zeros(0))
-        assert moves(nothing, nothing, SETTINGS.objects).shape == (0,)
+        assert moves(nothing, nothing, np.zeros(0), SETTINGS.objects).shape == (0,)
 
 
 class TestSuspects:

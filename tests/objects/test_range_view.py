@@ -1,0 +1,73 @@
+"""Free space: what a sweep saw through, by a wall and a pole before it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import objects_of, prepared, rows, surface, target
+
+from mnsf_ros.objects.motion_fusion import Targets
+from mnsf_ros.objects.range_view import RangeView
+from mnsf_ros.objects.static_gate import seen_through
+
+
+def wall(x_m, width_m=8.0):
+    """(N, 3) points of a wall across the view, a seventh of a degree apart."""
+    y, z = np.meshgrid(np.arange(-width_m, width_m, 0.05), np.arange(-3.0, 3.0, 0.05))
+    return np.stack([np.full(y.size, x_m), y.ravel(), z.ravel()], axis=1).astype(np.float32)
+
+
+class TestRangeView:
+    def test_what_is_before_a_wall_is_free_and_what_is_on_it_or_behind_is_not(self):
+        view = RangeView(wall(20.0))
+        places = rows((10, 0, 0), (19.0, 0, 0), (19.8, 0, 0), (20, 0, 0), (20.3, 0, 0), (30, 0, 0))
+        assert view.is_free(places).tolist() == [True, True, False, False, False, False]
+
+    def test_where_no_return_came_from_nothing_is_known(self):
+        places = rows((-10, 0, 0), (10, 0, 9), (0, 0, 5))
+        assert not RangeView(wall(20.0)).is_free(places).any()
+
+    def test_the_nearest_return_of_a_direction_counts(self):
+        pole = rows(*((8.0, 0.0, height) for height in np.arange(-0.7, 0.7, 0.02)))
+        view = RangeView(np.concatenate([wall(20.0), pole]))
+        assert not view.is_free(rows((10.0, 0.01, 0.0))).any()
+        assert view.is_free(rows((10.0, 1.0, 0.0))).all()
+
+    @pytest.mark.parametrize("place", [(-5.0, 0.0, 0.0), (-5.0, -0.0, 0.0), (0, 0, 5), (0, 0, -5)])
+    def test_the_seam_behind_and_the_poles_above_and_below(self, place):
+        far = rows(np.multiply(place, 2))
+        assert RangeView(far).is_free(rows(place)).all()
+
+
+class TestSeenThrough:
+    """A box before a wall: at (8, 0) now."""
+
+    BOX = surface((8.0, 0.0, 0.0), size=(0.6, 0.6, 1.2))
+    LEFT = surface((8.0, 1.5, 0.0), size=(0.6, 0.6, 1.2))
+    RIGHT = surface((8.0, -1.5, 0.0), size=(0.6, 0.6, 1.2))
+    FRONT = surface((4.0, 0.0, 0.0), size=(0.6, 2.0, 2.0))
+
+    def free(self, next_, previous, motion):
+        current = prepared(wall(20.0), self.BOX)
+        objects = objects_of(current)
+        near = [
+            target(prepared(wall(20.0), part), current, steps)
+            for part, steps in ((next_, 1.0), (previous, -1.0))
+        ]
+        return seen_through(objects, Targets(near, []), rows(motion))
+
+    def test_what_moves_stands_where_others_saw_nothing(self):
+        assert self.free(self.LEFT, self.RIGHT, (0, 1.5, 0)) == pytest.approx(2.0, abs=0.1)
+
+    def test_a_wrong_motion_is_no_better_than_none(self):
+        assert self.free(self.LEFT, self.RIGHT, (0, -2.5, 0)) == pytest.approx(0.0, abs=0.1)
+
+    def test_what_stands_was_seen_through_by_nobody(self):
+        assert self.free(self.BOX, self.BOX, (0, 1.5, 0)) < 0
+
+    def test_what_was_hidden_was_not_seen_through(self):
+        assert self.free(self.FRONT, self.FRONT, (0, 0.3, 0)) == pytest.approx(0.0, abs=0.01)
+
+    def test_none_at_all(self):
+        current = prepared(wall(20.0))
+        assert seen_through(objects_of(current), Targets([], []), rows()).shape == (0,)
