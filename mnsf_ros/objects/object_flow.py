@@ -75,7 +75,7 @@ class ObjectFlowEstimator:
         self._memory.use_threads(limit_threads(self.settings.compute))
         clock = _Clock(cancelled)
         with clock.stage("prepare"):
-            scene = Scene.of(triplet, self._memory)
+            scene = Scene.of(triplet, self._memory, self.settings.objects.min_points)
         with clock.stage("objects"):
             objects = ObjectPoints.of(scene.current, self.settings.objects)
             suspected, all_standing = suspects(objects, scene.targets)

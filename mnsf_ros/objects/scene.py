@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import OverGround, Start
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.objects.attachments import attached
 from mnsf_ros.objects.confidence import (
     doubtful_confidence,
     moving_confidence,
@@ -32,15 +33,17 @@ class Scene:
         targets: What its objects are measured on.
         interval_s: Time to the next sweep; 0 without stamps.
         start: Whether anything is known from triplets before.
+        min_points: Minimum number of thinned points of an object that is fitted.
     """
 
     current: ObjectSweep
     targets: Targets
     interval_s: float
     start: Start
+    min_points: int
 
     @classmethod
-    def of(cls, triplet: SweepTriplet, memory: MotionMemory) -> Scene:
+    def of(cls, triplet: SweepTriplet, memory: MotionMemory, min_points: int) -> Scene:
         """Makes the sweeps of a triplet ready.
 
         Raises:
@@ -59,7 +62,7 @@ class Scene:
             near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
         interval_s = max(0.0, triplet.interval_s)
         past = memory.past(current, interval_s)
-        return cls(current, Targets(near, past), interval_s, start)
+        return cls(current, Targets(near, past), interval_s, start, min_points)
 
     @property
     def usual_interval_s(self) -> float:
@@ -85,13 +88,15 @@ class Scene:
         current, sweep = self.current, self.current.sweep
         owners = current.objects()
         rows = _rows_of(movers, current)[owners]
+        beside = attached(current, owners, movers, self._are_loose(doubtful))
+        rows = np.where(rows >= 0, rows, beside)
         is_moving = rows >= 0
         motion = np.zeros((len(sweep), 3), np.float32)
         motion[is_moving] = moving.motions[rows[is_moving]]
         confidence = standing_confidence(sweep.xyz)
         confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
         rows = _rows_of(doubtful, current)[owners]
-        is_doubtful = rows >= 0
+        is_doubtful = (rows >= 0) & ~is_moving
         confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
         pose = self.targets.near[0].sweep.pose
         if pose.source is EgoSource.CONSTANT_VELOCITY:
@@ -107,6 +112,15 @@ class Scene:
             pose_covariance=current.pose.covariance,
             motion_covariance=pose.step_covariance,
         )
+
+    def _are_loose(self, doubtful: ObjectPoints) -> NDArray[np.bool_]:
+        """Returns (all objects,) whether an object is doubtful or too small to be fitted."""
+        current = self.current
+        counts = np.bincount(current.thinned_objects, minlength=current.num_objects)
+        are_loose = counts < self.min_points
+        are_loose[doubtful.numbers] = True
+        are_loose[0] = False
+        return are_loose
 
     def flow(self, over_ground: OverGround) -> NDArray[np.float32]:
         """(N, 3) metres, the flow of all points: motion over ground, then that of the sensor."""

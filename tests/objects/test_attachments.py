@@ -1,0 +1,102 @@
+"""Fragments and cut-off bottoms: what goes with a mover, and what does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import SETTINGS, objects_of, prepared, rows, surface
+
+from mnsf_ros.objects.attachments import attached
+
+CAR = surface((8.0, 0.0, 0.0), size=(3.9, 1.8, 1.2), num_points=3000)
+# One empty cell of 0.25 m is between it and the end of the car at x = 9.95.
+FRAGMENT = surface((10.35, 0.0, 0.0), size=(0.08, 0.2, 0.4), num_points=60)
+
+
+def rows_of(*parts, is_loose=True, kept=None):
+    """(N,) what `attached` says if the first object moves and the others are loose."""
+    current = prepared(*parts)
+    if kept is not None:
+        current.kept = kept
+    objects = objects_of(current)
+    owners = current.objects() if kept is None else np.where(kept, 1, 0)
+    first = objects.only(np.arange(len(objects)) == owners[0] - 1)
+    loose = np.full(current.num_objects, is_loose)
+    loose[[0, *first.numbers]] = False
+    return attached(current, owners, first, loose)
+
+
+class TestFragments:
+    def test_one_within_half_a_metre_goes_with_the_mover(self):
+        found = rows_of(CAR, FRAGMENT)
+        assert (found[len(CAR) :] == 0).all()
+
+    def test_points_of_the_mover_itself_are_not_told_again(self):
+        assert (rows_of(CAR, FRAGMENT)[: len(CAR)] == -1).all()
+
+    def test_one_that_is_farther_off_does_not(self):
+        assert (rows_of(CAR, FRAGMENT + rows((0.5, 0, 0))) == -1).all()
+
+    def test_one_that_stands_for_sure_does_not(self):
+        assert (rows_of(CAR, FRAGMENT, is_loose=False) == -1).all()
+
+    def test_a_long_thing_that_comes_close_at_one_end_does_not(self):
+        wall = surface((13.4, 0.0, 0.0), size=(6.0, 0.2, 1.0), num_points=3000)
+        assert (rows_of(CAR, wall) == -1).all()
+
+    def test_of_two_movers_the_nearer_one(self):
+        current = prepared(CAR, FRAGMENT, CAR + rows((4.9, 0, 0)))
+        objects, owners = objects_of(current), current.objects()
+        part = owners[len(CAR)]
+        movers = objects.only(objects.numbers != part)
+        found = attached(current, owners, movers, np.arange(current.num_objects) == part)
+        nearer = movers.numbers.tolist().index(owners[0])
+        assert (found[owners == part] == nearer).mean() > 0.9
+
+    def test_without_movers_nothing_goes_anywhere(self):
+        current = prepared(CAR)
+        none = objects_of(current).only(np.zeros(1, dtype=bool))
+        loose = np.ones(current.num_objects, dtype=bool)
+        assert (attached(current, current.objects(), none, loose) == -1).all()
+
+
+class TestBottoms:
+    """Points that were taken for ground: the car's bottom at 0.15 m, the road at 0 below it."""
+
+    ROAD = rows(*((x, y, -0.8) for x in np.arange(5, 12, 0.2) for y in np.arange(-2, 2, 0.2)))
+    BOTTOM = rows(*((x, 0.9, -0.65) for x in np.arange(6.2, 9.8, 0.1)))
+
+    @pytest.fixture
+    def found(self):
+        parts = CAR, self.ROAD, self.BOTTOM
+        kept = np.arange(sum(map(len, parts))) < len(CAR)
+        return np.split(rows_of(*parts, kept=kept), np.cumsum([len(CAR), len(self.ROAD)]))
+
+    def test_the_bottom_goes_with_the_mover(self, found):
+        assert (found[2] == 0).all()
+
+    def test_the_road_does_not(self, found):
+        assert (found[1] == -1).all()
+
+
+def test_the_estimate_says_so():
+    """A fragment too small to be an object gets the mover's motion."""
+    from mnsf_ros.methods import make_method
+    from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+    def sweep(index):
+        still = [surface((x, y, 0.5), (1, 1, 2)) for x in (-9.0, 2.0, 16.0) for y in (-9.0, 9.0)]
+        few = FRAGMENT[:4]
+        moved = [part + rows((0.8 * index, 0, 0)) for part in (CAR, few)]
+        xyz = np.concatenate([*moved, *still]).astype(np.float32)
+        return Sweep(xyz, 10**9 + index * 10**8, "lidar", odometry=np.eye(4))
+
+    settings = SETTINGS.changed({"ego_motion.source": "odometry"})
+    triplet = SweepTriplet(*(sweep(index) for index in range(3)))
+    result = make_method("online", settings).estimate(triplet)
+    fragment = slice(len(CAR), len(CAR) + 4)
+    assert result.over_ground.dynamic[fragment].all()
+    assert result.over_ground.motion[fragment] == pytest.approx(
+        rows((0.8, 0, 0)).repeat(4, 0), abs=0.05
+    )
+    assert not result.over_ground.dynamic[len(CAR) + 4 :].any()
