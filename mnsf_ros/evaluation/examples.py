@@ -29,8 +29,7 @@ from mnsf_ros.geometry.rigid_motion import residual_flow
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.sweeps.ground import ground_mask
-from mnsf_ros.sweeps.kept_points import crop_mask
+from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import REFUSED, Arrival, SweepBuffer
 
@@ -100,12 +99,10 @@ def kept_points(
     its own random choice, the same in each run.
     """
     settings = options.settings
-    kept = crop_mask(xyz, settings.crop)
     if settings.ground.remove and options.ground == "truth" and true_ground is not None:
-        kept &= ~true_ground
-    elif settings.ground.remove:
-        inside = np.flatnonzero(kept)
-        kept[inside[ground_mask(xyz[inside], settings.ground)]] = False
+        kept = crop_mask(xyz, settings.crop) & ~true_ground
+    else:
+        kept = kept_mask(xyz, settings)
     rows = np.flatnonzero(kept)
     if options.num_points is not None and len(rows) > options.num_points:
         random = np.random.default_rng([options.seed, stamp_ns])

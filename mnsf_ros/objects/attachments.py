@@ -41,8 +41,7 @@ def attached(
     rows = np.full(len(owners), -1)
     if len(movers) == 0:
         return rows
-    row_of = np.full(current.num_objects, -1)
-    row_of[movers.numbers] = np.arange(len(movers))
+    row_of = movers.rows_of(current.num_objects)
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
     xyz = current.sweep.xyz

@@ -57,6 +57,12 @@ class ObjectPoints:
     def __len__(self) -> int:
         return len(self.numbers)
 
+    def rows_of(self, num_objects: int) -> NDArray[np.int64]:
+        """Returns (num_objects,) the row of each object of the sweep; -1 for those not here."""
+        rows = np.full(num_objects, -1)
+        rows[self.numbers] = np.arange(len(self))
+        return rows
+
     def only(self, wanted: NDArray[np.bool_]) -> ObjectPoints:
         """Returns the objects of the (K,) mask."""
         is_chosen = wanted[self.owners]

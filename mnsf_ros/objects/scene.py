@@ -87,7 +87,7 @@ class Scene:
         """
         current, sweep = self.current, self.current.sweep
         owners = current.objects()
-        rows = _rows_of(movers, current)[owners]
+        rows = movers.rows_of(current.num_objects)[owners]
         beside = attached(current, owners, movers, self._are_loose(doubtful))
         rows = np.where(rows >= 0, rows, beside)
         is_moving = rows >= 0
@@ -95,7 +95,7 @@ class Scene:
         motion[is_moving] = moving.motions[rows[is_moving]]
         confidence = standing_confidence(sweep.xyz)
         confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
-        rows = _rows_of(doubtful, current)[owners]
+        rows = doubtful.rows_of(current.num_objects)[owners]
         is_doubtful = (rows >= 0) & ~is_moving
         confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
         pose = self.targets.near[0].sweep.pose
@@ -130,10 +130,3 @@ class Scene:
         moving = over_ground.dynamic
         flow[moving] += turned(over_ground.motion[moving], motion[:3, :3])
         return flow
-
-
-def _rows_of(objects: ObjectPoints, current: ObjectSweep) -> NDArray[np.int64]:
-    """(all objects of the sweep,) the row of each among `objects`, -1 for the others."""
-    rows = np.full(current.num_objects, -1)
-    rows[objects.numbers] = np.arange(len(objects))
-    return rows
