@@ -192,7 +192,8 @@ CRAFTED = {
     "ROS 1 without index": unindexed_ros1_bomb,
 }
 READ = """
-import resource, sys
+import sys
+from pathlib import Path
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.recording.damage import Damage
@@ -205,7 +206,9 @@ try:
                 print(item if isinstance(item, Damage) else "message")
 except RecordingError as error:
     print(error)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+# Not ru_maxrss: a process inherits the peak of the one that started it through fork and exec.
+status = Path("/proc/self/status").read_text()
+print(int(status.split("VmHWM:")[1].split()[0]) // 1024)
 """
 
 
