@@ -28,6 +28,32 @@ class Start(Enum):
 
 
 @dataclass(frozen=True, eq=False)
+class TrackedObject:
+    """Something that moves over ground and is followed from sweep to sweep.
+
+    Attributes:
+        track_id: Number from 1; the same as long as the object is followed, never used again.
+        center: (3,) float64, metres, the middle of its box, frame of the current sweep.
+        size: (3,) float64, metres: length along `yaw`, width, height.
+        yaw: Its heading in radians about z, from x of the current sweep.
+        velocity: (3,) float64, metres per second over ground, axes of the current sweep.
+        covariance: (6, 6) float64 of `center` and `velocity`, in their units.
+        age_s: Seconds since it was first seen to move.
+        num_points: Points of the current sweep that belong to it; 0 if it is hidden at present and
+            its motion is predicted.
+    """
+
+    track_id: int
+    center: NDArray[np.float64]
+    size: NDArray[np.float64]
+    yaw: float
+    velocity: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    age_s: float
+    num_points: int
+
+
+@dataclass(frozen=True, eq=False)
 class OverGround:
     """What an estimate says beside the flow if it knows how the sensor itself moved.
 
@@ -44,6 +70,9 @@ class OverGround:
             in metres, then rotations about them in radians. None if nobody knows.
         motion_covariance: (6, 6) float64, the same of the sensor's motion until the next sweep, in
             the axes of the sensor.
+        objects: What moves, object by object, of methods that know objects.
+        track_ids: (N,) int32, the `track_id` of each point's object, 0 for points of none. None of
+            methods that know no objects.
     """
 
     motion: NDArray[np.float32]
@@ -54,6 +83,8 @@ class OverGround:
     source: str
     pose_covariance: NDArray[np.float64] | None = None
     motion_covariance: NDArray[np.float64] | None = None
+    objects: tuple[TrackedObject, ...] = ()
+    track_ids: NDArray[np.int32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
