@@ -25,7 +25,15 @@ SOURCES = {
     for package in PACKAGES
     for path in sorted((ROOT / package).rglob("*.py"))
 }
-ROS_NAMES = ["rclpy", "sensor_msgs", "std_msgs", "nav_msgs", "builtin_interfaces", "rcl_interfaces"]
+ROS_NAMES = [
+    "rclpy",
+    "sensor_msgs",
+    "std_msgs",
+    "nav_msgs",
+    "builtin_interfaces",
+    "rcl_interfaces",
+    "visualization_msgs",
+]
 
 # Module to one line in it that breaks a contract.
 OFFENDERS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,18 +12,21 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
+from visualization_msgs.msg import MarkerArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.ego_motion import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.node.cloud_messages import CloudSource, flow_message, part_message
+from mnsf_ros.node.cloud_messages import flow_message, part_message
+from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
+from mnsf_ros.node.planner_messages import planner_messages
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 WORLD_FRAME: Final = "scene_flow_odom"
 
 
 class FlowOutputs:
-    """`~/flow` with all points, `~/flow/moving` and `~/flow/standing` with some, `~/ego_motion`.
+    """`~/flow` with all points, parts of it, `~/ego_motion`, and `~/objects` as several messages.
 
     rcl allows publishing from any thread; the worker thread of the pipeline does it.
     """
@@ -35,6 +39,14 @@ class FlowOutputs:
         self._standing = node.create_publisher(PointCloud2, "~/flow/standing", reliable)
         self._ego_motion = node.create_publisher(Odometry, "~/ego_motion", 10)
         self._source = node.create_publisher(String, "~/ego_motion/source", latched)
+        self._objects = [
+            (node.create_publisher(message_type, topic, reliable), make)
+            for topic, message_type, make in (
+                ("~/objects", PointCloud2, objects_message),
+                ("~/objects/markers", MarkerArray, ObjectMarkers().message),
+                *planner_messages(),
+            )
+        ]
         self._last_source = ""
 
     @property
@@ -46,7 +58,8 @@ class FlowOutputs:
     def are_watched(self) -> bool:
         """Whether anybody subscribes to any of it."""
         outputs = (self._flow, self._moving, self._standing, self._ego_motion, self._source)
-        return any(output.get_subscription_count() > 0 for output in outputs)
+        objects = (output for output, _ in self._objects)
+        return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
 
     def publish(self, triplet: SweepTriplet, estimate: FlowEstimate) -> None:
         """Publishes the flow of the triplet's current sweep."""
@@ -59,11 +72,17 @@ class FlowOutputs:
         for output, wanted in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
             if output.get_subscription_count() > 0:
                 output.publish(part_message(sweep, message, wanted))
-        source: CloudSource = sweep.source
-        self._ego_motion.publish(ego_motion_message(source.message.header, known, interval_s))
+        self._ego_motion.publish(ego_motion_message(message.header, known, interval_s))
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
+        if known.track_ids is not None:
+            self._publish_objects(message.header, known.objects)
+
+    def _publish_objects(self, header: Header, objects: Sequence[TrackedObject]) -> None:
+        for output, make in self._objects:
+            if output.get_subscription_count() > 0:
+                output.publish(make(header, objects))
 
 
 def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> Odometry:

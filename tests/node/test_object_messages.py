@@ -1,0 +1,236 @@
+"""What the messages of objects hold, whatever made the objects."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import types
+from uuid import uuid4
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import (
+    AccelWithCovariance,
+    Point,
+    Polygon,
+    PoseWithCovariance,
+    Quaternion,
+    TwistWithCovariance,
+    Vector3,
+)
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header
+from synthetic_clouds import column
+from tracked_objects import tracked
+from unique_identifier_msgs.msg import UUID
+from visualization_msgs.msg import Marker
+
+from mnsf_ros.core.object_columns import OBJECT_COLUMNS
+from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
+from mnsf_ros.node.planner_messages import autoware_objects, nav2_obstacles, planner_messages
+
+HEADER = Header(frame_id="lidar")
+
+
+class TestCloud:
+    def test_has_a_point_for_each_object(self):
+        message = objects_message(HEADER, [tracked(3), tracked(8, num_points=0)])
+        assert message.header == HEADER
+        assert (message.height, message.width, message.is_dense) == (1, 2, True)
+        names = [field.name for field in message.fields]
+        assert names == [item.name for item in OBJECT_COLUMNS]
+        assert column(message, "id").tolist() == [3, 8]
+        assert column(message, "num_points").tolist() == [120, 0]
+        assert column(message, "vy").tolist() == [5, 5]
+        np.testing.assert_allclose(column(message, "cov_vy_vy"), 0.2, rtol=1e-6)
+
+    def test_without_objects_has_the_same_fields(self):
+        message = objects_message(HEADER, [])
+        assert (message.height, message.width, len(message.data)) == (1, 0, 0)
+        assert message.fields == objects_message(HEADER, [tracked()]).fields
+
+
+def turn_of(marker):
+    turn = marker.pose.orientation
+    return Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+
+
+class TestMarkers:
+    def test_of_an_object(self):
+        message = ObjectMarkers().message(HEADER, [tracked(4)])
+        markers = {marker.ns: marker for marker in message.markers}
+        assert set(markers) == {"box", "velocity", "label"}
+        for marker in markers.values():
+            assert (marker.header, marker.id, marker.action) == (HEADER, 4, Marker.ADD)
+            assert marker.lifetime.sec > 0
+            assert marker.color.a > 0
+        box, arrow, label = markers["box"], markers["velocity"], markers["label"]
+        assert box.type == Marker.CUBE
+        assert (box.scale.x, box.scale.y, box.scale.z) == (4.0, 1.8, 1.5)
+        np.testing.assert_allclose(turn_of(box).apply([1, 0, 0]), [0, 1, 0], atol=1e-12)
+        for marker in (box, arrow):
+            place = marker.pose.position
+            assert (place.x, place.y, place.z) == (10.0, -2.0, 0.5)
+        assert arrow.type == Marker.ARROW
+        assert arrow.scale.x == 5.0
+        assert (label.type, label.text) == (Marker.TEXT_VIEW_FACING, "4: 5.0 m/s")
+        assert label.pose.position.z > 0.5 + 1.5 / 2
+
+    @pytest.mark.parametrize("velocity", [(3.0, -4.0, 0.0), (-1.0, 0.5, 2.0), (0.0, 0.0, -1.0)])
+    def test_arrow_points_where_the_object_goes(self, velocity):
+        message = ObjectMarkers().message(HEADER, [tracked(velocity=np.array(velocity))])
+        (arrow,) = (marker for marker in message.markers if marker.ns == "velocity")
+        along = turn_of(arrow).apply([arrow.scale.x, 0, 0])
+        np.testing.assert_allclose(along, velocity, atol=1e-9)
+
+    def test_have_an_extent_also_if_the_object_has_none(self):
+        nothing = tracked(size=np.zeros(3), velocity=np.zeros(3))
+        for marker in ObjectMarkers().message(HEADER, [nothing]).markers:
+            if marker.type != Marker.TEXT_VIEW_FACING:
+                assert min(marker.scale.x, marker.scale.y, marker.scale.z) > 0
+
+    def test_of_an_object_that_is_gone_are_deleted_once(self):
+        markers = ObjectMarkers()
+        markers.message(HEADER, [tracked(1), tracked(2)])
+        second = markers.message(HEADER, [tracked(2), tracked(3)]).markers
+        deleted = {(item.ns, item.id) for item in second if item.action == Marker.DELETE}
+        assert deleted == {("box", 1), ("velocity", 1), ("label", 1)}
+        assert {item.id for item in second if item.action == Marker.ADD} == {2, 3}
+        assert {item.id for item in markers.message(HEADER, []).markers} == {2, 3}
+        assert markers.message(HEADER, []).markers == []
+
+    def test_keep_the_colour_of_an_object_and_differ_between_two(self):
+        markers = ObjectMarkers()
+        first = markers.message(HEADER, [tracked(1), tracked(2)]).markers
+        later = markers.message(HEADER, [tracked(2), tracked(1)]).markers
+        colors = {(item.ns, item.id): item.color for item in first}
+        assert colors == {(item.ns, item.id): item.color for item in later}
+        assert colors["box", 1] != colors["box", 2]
+
+
+def message_type(name, **fields):
+    """A class with the fields of a definition and no others, as rosidl makes them."""
+    made = [
+        (field, kind, dataclasses.field(default_factory=kind)) for field, kind in fields.items()
+    ]
+    return dataclasses.make_dataclass(name, made, slots=True)
+
+
+def autoware():
+    """The definitions of autoware_perception_msgs 1.12, of classes made here."""
+    messages = types.ModuleType("autoware_perception_msgs.msg")
+    for name, fields in {
+        "ObjectClassification": {"label": int, "probability": float},
+        "Shape": {"type": int, "footprint": Polygon, "dimensions": Vector3},
+        "TrackedObjectKinematics": {
+            "pose_with_covariance": PoseWithCovariance,
+            "twist_with_covariance": TwistWithCovariance,
+            "acceleration_with_covariance": AccelWithCovariance,
+            "orientation_availability": int,
+            "is_stationary": bool,
+        },
+    }.items():
+        setattr(messages, name, message_type(name, **fields))
+    messages.ObjectClassification.UNKNOWN = 0
+    messages.Shape.BOUNDING_BOX = 0
+    messages.TrackedObjectKinematics.AVAILABLE = 2
+    messages.TrackedObject = message_type(
+        "TrackedObject",
+        object_id=UUID,
+        existence_probability=float,
+        classification=list,
+        kinematics=messages.TrackedObjectKinematics,
+        shape=messages.Shape,
+    )
+    messages.TrackedObjects = message_type("TrackedObjects", header=Header, objects=list)
+    return messages
+
+
+# Releases of nav2_dynamic_msgs differ in these fields.
+NAV2_RELEASES = {
+    "first": {},
+    "with covariance": {"position_covariance": list, "velocity_covariance": list},
+    "with orientation": {"orientation": Quaternion},
+}
+
+
+def nav2(release):
+    """The definitions of a release of nav2_dynamic_msgs, of classes made here."""
+    messages = types.ModuleType("nav2_dynamic_msgs.msg")
+    known = {"uuid": UUID, "score": float, "position": Point, "velocity": Vector3, "size": Vector3}
+    messages.Obstacle = message_type("Obstacle", **known, **NAV2_RELEASES[release])
+    messages.ObstacleArray = message_type("ObstacleArray", header=Header, obstacles=list)
+    return messages
+
+
+def check_autoware(messages):
+    run = uuid4()
+    objects = [tracked(1), tracked(2, yaw=np.pi)]
+    message = autoware_objects(messages, run, HEADER, objects)
+    again = autoware_objects(messages, run, HEADER, objects[:1])
+    assert message.header == HEADER
+    first, second = message.objects
+    assert first.object_id == again.objects[0].object_id != second.object_id
+    assert first.classification[0].label == messages.ObjectClassification.UNKNOWN
+    assert first.shape.type == messages.Shape.BOUNDING_BOX
+    assert first.shape.dimensions == Vector3(x=4.0, y=1.8, z=1.5)
+    state = first.kinematics
+    assert state.pose_with_covariance.pose.position == Point(x=10.0, y=-2.0, z=0.5)
+    pose = np.reshape(state.pose_with_covariance.covariance, (6, 6))
+    np.testing.assert_allclose(np.diag(pose)[:3], [0.01, 0.02, 0.03])
+    # Ahead and to the right in the axes of the object itself.
+    for found, ahead, right, variances in (
+        (first, 5.0, 0.0, (0.2, 0.1, 0.3)),
+        (second, 0.0, 5.0, (0.1, 0.2, 0.3)),
+    ):
+        twist = found.kinematics.twist_with_covariance
+        assert twist.twist.linear.x == pytest.approx(ahead, abs=1e-12)
+        assert twist.twist.linear.y == pytest.approx(-right, abs=1e-12)
+        covariance = np.reshape(twist.covariance, (6, 6))
+        np.testing.assert_allclose(np.diag(covariance)[:3], variances, atol=1e-12)
+
+
+def check_nav2(messages):
+    run, objects = uuid4(), [tracked(1), tracked(2, yaw=np.pi / 4)]
+    message = nav2_obstacles(messages, run, HEADER, objects)
+    assert message.header == HEADER
+    first, second = message.obstacles
+    assert first.uuid != second.uuid
+    assert first.position == Point(x=10.0, y=-2.0, z=0.5)
+    assert first.velocity == Vector3(x=0.0, y=5.0, z=0.0)
+    if hasattr(first, "orientation"):
+        assert first.size == Vector3(x=4.0, y=1.8, z=1.5)
+        assert first.orientation.z == pytest.approx(np.sin(np.pi / 4))
+        return
+    # Along the axes of the sensor.
+    assert (first.size.x, first.size.y, first.size.z) == pytest.approx((1.8, 4.0, 1.5))
+    assert second.size.x == pytest.approx((4.0 + 1.8) / np.sqrt(2))
+    if hasattr(first, "velocity_covariance"):
+        assert np.reshape(first.position_covariance, (3, 3))[1, 1] == 0.02
+        assert np.reshape(first.velocity_covariance, (3, 3))[1, 1] == 0.2
+
+
+class TestPlanners:
+    def test_message_of_autoware(self):
+        check_autoware(autoware())
+
+    def test_installed_message_of_autoware(self):
+        check_autoware(pytest.importorskip("autoware_perception_msgs.msg"))
+
+    @pytest.mark.parametrize("release", NAV2_RELEASES)
+    def test_message_of_nav2(self, release):
+        check_nav2(nav2(release))
+
+    def test_installed_message_of_nav2(self):
+        check_nav2(pytest.importorskip("nav2_dynamic_msgs.msg"))
+
+    def test_only_installed_packages_are_there(self, monkeypatch):
+        for name in ("autoware_perception_msgs", "nav2_dynamic_msgs"):
+            monkeypatch.setitem(sys.modules, name, None)
+            monkeypatch.setitem(sys.modules, f"{name}.msg", None)
+        assert list(planner_messages()) == []
+        messages = nav2("first")
+        monkeypatch.setitem(sys.modules, "nav2_dynamic_msgs.msg", messages)
+        ((topic, kind, make),) = planner_messages()
+        assert (topic, kind) == ("~/objects/nav2", messages.ObstacleArray)
+        assert len(make(HEADER, [tracked(), tracked(2)]).obstacles) == 2
