@@ -114,6 +114,28 @@ class MethodSettings:
 
 
 @dataclass(frozen=True)
+class TimeSettings:
+    """Where a cloud says when each of its points was measured."""
+
+    field: str = _setting(
+        "auto",
+        "Field of the cloud with the time of each point. auto: t, time, timestamp, time_stamp or "
+        "offset_time, if its values can be times; none: do not read any",
+    )
+    unit: str = _setting(
+        "auto",
+        "Unit of that field. auto: the one in which a sweep takes 0.002 to 2 s",
+        choices=("auto", "s", "ms", "us", "ns"),
+    )
+    stamp: str = _setting(
+        "auto",
+        "What the stamp of a cloud is. auto: found from the values; start: time of the first "
+        "point; end: time of the last point",
+        choices=("auto", "start", "end"),
+    )
+
+
+@dataclass(frozen=True)
 class CropSettings:
     """Which points methods are fitted to. Points outside still get a flow."""
 
@@ -454,6 +476,7 @@ class Settings:
     """
 
     method: MethodSettings = MethodSettings()
+    time: TimeSettings = TimeSettings()
     crop: CropSettings = CropSettings()
     ground: GroundSettings = GroundSettings()
     buffer: BufferSettings = BufferSettings()

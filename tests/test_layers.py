@@ -197,7 +197,8 @@ def import_without(modules, blocked):
             ["torch", "numpy", "scipy", "rosbags", *ROS_NAMES],
         ),
         (["msg_utils"], ["torch", "scipy", "rosbags", "mnsf_ros", *ROS_NAMES]),
-        (["mnsf_ros.sweeps"], ["torch", "rosbags", "msg_utils", *ROS_NAMES]),
+        (["mnsf_ros.sweeps."], ["torch", "rosbags", "msg_utils", *ROS_NAMES]),
+        (["mnsf_ros.sweeps_io"], ["torch", "rosbags", *ROS_NAMES]),
         (
             ["mnsf_ros.core", "mnsf_ros.methods", "mnsf_ros.online", "mnsf_ros.scene_flow"],
             ["rosbags", "msg_utils", *ROS_NAMES],

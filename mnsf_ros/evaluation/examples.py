@@ -83,7 +83,8 @@ def read_examples(
         poses=poses,
         num_sweeps=num_sweeps_needed(options, recording.num_sweeps),
     )
-    sweeps = recorded_sweeps(reader, recording.points, recording.name, findings)
+    time = options.settings.time
+    sweeps = recorded_sweeps(reader, recording.points, recording.name, time, findings)
     return builder.examples(in_stamp_order(sweeps))
 
 

@@ -19,6 +19,7 @@ class Event(Enum):
 
     SWEEPS_READ = "sweeps_read"
     SWEEPS_UNSTAMPED = "sweeps_unstamped"
+    SWEEPS_TIMES_UNUSED = "sweeps_times_unused"
     SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth"
     SWEEPS_WITHOUT_POSE = "sweeps_without_pose"
     SWEEPS_DUPLICATE = "sweeps_duplicate"
@@ -41,6 +42,10 @@ class Event(Enum):
 _TEXTS: Final = {
     Event.SWEEPS_READ: "sweeps read",
     Event.SWEEPS_UNSTAMPED: "sweeps without a stamp; the time of reception was used",
+    Event.SWEEPS_TIMES_UNUSED: (
+        "sweeps whose field of times cannot be read as such; they count as taken in one moment "
+        "(time.field, time.unit)"
+    ),
     Event.SWEEPS_WITHOUT_TRUTH: "sweeps without truth",
     Event.SWEEPS_WITHOUT_POSE: "sweeps without odometry",
     Event.SWEEPS_DUPLICATE: "sweeps with the stamp of the previous sweep, skipped",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
@@ -17,9 +17,11 @@ from mnsf_ros.geometry.pose_track import StampedPose
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, decode_xyz
+from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
 # Recorders write messages as they receive them; more than this many places off is a jump in time.
@@ -84,7 +86,7 @@ class CloudRows:
 
 
 def recorded_sweeps(
-    reader: BagReader, topic: str, recording: str, findings: Findings
+    reader: BagReader, topic: str, recording: str, settings: TimeSettings, findings: Findings
 ) -> Iterator[Sweep | None]:
     """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
 
@@ -97,8 +99,7 @@ def recorded_sweeps(
             continue
         received_ns, message = item
         try:
-            xyz, finite = decode_xyz(message)
-            stamp_ns = decode_stamp(message.header.stamp)
+            cloud = decode_cloud(message, settings, received_ns)
         except MessageError as error:
             number = findings.counts[Event.SWEEPS_READ]
             where = f"after {number} sweeps on {topic!r}"
@@ -106,9 +107,10 @@ def recorded_sweeps(
             yield None
             continue
         findings.count(Event.SWEEPS_READ)
-        findings.count(Event.SWEEPS_UNSTAMPED, int(stamp_ns == 0))
-        source = CloudRows(np.flatnonzero(finite), len(finite), recording)
-        yield Sweep(xyz, stamp_ns or received_ns, message.header.frame_id, source)
+        findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
+        findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
+        source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
+        yield replace(cloud.sweep, source=source)
 
 
 def recorded_poses(

@@ -13,16 +13,17 @@ from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
 from msg_utils.cloud_layout import CloudLayout
 from msg_utils.point_cloud2 import (
     EncodedCloud,
     clash_names,
     decode_points,
-    decode_xyz,
     encode_with_columns,
 )
-from msg_utils.stamps import decode_stamp
+from msg_utils.point_times import PointTimes
 
 _CLASH_PREFIX: Final = "sensor_"
 
@@ -33,9 +34,10 @@ class CloudSource:
 
     message: PointCloud2
     finite: NDArray[np.bool_]  # (height * width,) the points of the message that are in the sweep
+    times: PointTimes
 
 
-def sweep_from_message(message: PointCloud2, now_ns: int) -> Sweep:
+def sweep_from_message(message: PointCloud2, settings: TimeSettings, now_ns: int) -> Sweep:
     """Returns the finite points of a cloud, with a CloudSource as `source`.
 
     The stamp is `now_ns` if the message has none.
@@ -43,13 +45,8 @@ def sweep_from_message(message: PointCloud2, now_ns: int) -> Sweep:
     Raises:
         MessageError: If the message cannot be decoded.
     """
-    xyz, finite = decode_xyz(message)
-    return Sweep(
-        xyz=xyz,
-        stamp_ns=decode_stamp(message.header.stamp) or now_ns,
-        frame_id=message.header.frame_id,
-        source=CloudSource(message, finite),
-    )
+    cloud = decode_cloud(message, settings, now_ns)
+    return replace(cloud.sweep, source=CloudSource(message, cloud.finite, cloud.times))
 
 
 def flow_message(sweep: Sweep, estimate: FlowEstimate, interval_s: float) -> PointCloud2:

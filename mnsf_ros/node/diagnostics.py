@@ -30,6 +30,7 @@ class InputState:
     topic: str
     reliability: str
     num_publishers: int
+    times: str = ""  # what the time of each point is read from
 
 
 class Diagnostics:
@@ -71,6 +72,7 @@ class Diagnostics:
             "publishers": state.num_publishers,
             "reliability": state.reliability,
             "rate [Hz]": f"{rate_hz:.2f}",
+            "time of each point": state.times or "unknown",
             **_counts(snapshot, of_input=True),
         }
         return self._status("input", level, message, values)

@@ -28,6 +28,7 @@ from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, Tri
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from msg_utils.errors import MessageError
+from msg_utils.point_times import PointTimes
 
 NODE_NAME = "scene_flow"
 
@@ -51,6 +52,8 @@ class SceneFlowNode(Node):
         self._settings = declare_parameters(self)
         self._faults = FaultLog(self.get_logger())
         self._has_told_renamed = False
+        self._times_source = ""
+        self._told_times: set[str] = set()
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
@@ -96,7 +99,9 @@ class SceneFlowNode(Node):
     def _on_cloud(self, message: PointCloud2) -> None:
         arrived_ns = time.monotonic_ns()
         try:
-            sweep = sweep_from_message(message, self.get_clock().now().nanoseconds)
+            sweep = sweep_from_message(
+                message, self._settings.time, self.get_clock().now().nanoseconds
+            )
         except MessageError as error:
             self._pipeline.statistics.count("clouds_undecodable")
             self._faults.warn("undecodable", f"a cloud cannot be decoded: {error}")
@@ -108,12 +113,22 @@ class SceneFlowNode(Node):
             self._pipeline.statistics.count("clouds_empty")
             self._faults.warn("empty", "a cloud without a finite point is skipped")
             return
+        self._tell_times(sweep.source.times)
         sweep = self._odometry.located(sweep)
         is_watched = self._settings.node.always_estimate or self._outputs.are_watched
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+
+    def _tell_times(self, times: PointTimes) -> None:
+        if times.fault:
+            self._pipeline.statistics.count("clouds_without_usable_times")
+            self._faults.warn("times", f"the times of points are not used: {times.fault}")
+        self._times_source = times.source
+        if times.source not in self._told_times:
+            self._told_times.add(times.source)
+            self.get_logger().info(f"time of each point: {times.source}")
 
     def _on_bad_odometry(self, fault: str, text: str) -> None:
         self._pipeline.statistics.count(fault)
@@ -163,7 +178,12 @@ class SceneFlowNode(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
             self._pipeline.statistics.snapshot(),
-            InputState(self._input.topic, self._input.reliability, self._input.num_publishers),
+            InputState(
+                self._input.topic,
+                self._input.reliability,
+                self._input.num_publishers,
+                self._times_source,
+            ),
             self._pipeline.load,
             self._settings,
         )

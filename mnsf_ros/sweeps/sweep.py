@@ -27,6 +27,8 @@ class Sweep:
         odometry: (4, 4) float64, world_from_sensor by the robot's odometry, where it is known.
         kept: (N,) bool, the points whose flow is asked for. None: the method chooses, by the
             settings of crop and ground.
+        times_s: (N,) float32, seconds from the stamp to when each point was measured, negative
+            before it. None: not known; the sweep counts as taken in one moment.
     """
 
     xyz: NDArray[np.float32]
@@ -35,6 +37,7 @@ class Sweep:
     source: Any = None
     odometry: NDArray[np.float64] | None = None
     kept: NDArray[np.bool_] | None = None
+    times_s: NDArray[np.float32] | None = None
 
     @property
     def kept_xyz(self) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.tracks import recorded_sweeps
 from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
+from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -36,7 +37,7 @@ def live_flows(street, settings):
 
     pipeline = OnlinePipeline(settings, keep, lambda job, error: failures.append(error))
     with street.inspection.open() as reader:
-        for sweep in recorded_sweeps(reader, street.points, "street", Findings()):
+        for sweep in recorded_sweeps(reader, street.points, "street", Settings().time, Findings()):
             pipeline.add_sweep(sweep, time.monotonic_ns())
             while pipeline.load:
                 time.sleep(0.005)

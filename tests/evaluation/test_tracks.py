@@ -10,13 +10,19 @@ import small_evaluations as small
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.evaluation.findings import Event, Findings
-from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack, recorded_poses
+from mnsf_ros.evaluation.tracks import (
+    TruthCloud,
+    TruthTrack,
+    recorded_poses,
+    recorded_sweeps,
+)
 from mnsf_ros.geometry.pose_track import PoseTrack
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.settings import EgoMotionSettings, Settings
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 
@@ -255,3 +261,20 @@ def test_quaternion_that_is_a_little_off_is_normalised_as_live(tmp_path):
         (found,) = recorded_poses(reader, "/odometry", findings)
     np.testing.assert_allclose(found.world_from_frame, small.pose(0), atol=1e-9)
     assert not findings.damages
+
+
+def test_sweeps_have_the_times_of_their_points(tmp_path):
+    """Read by the same code as in the node; those that cannot be are told."""
+    rows = np.arange(60)
+    times = {"good": rows * 1_000_000, "bad": np.zeros(60)}
+    findings = Findings()
+    with BagWriter(tmp_path / "drive") as writer:
+        for index, values in enumerate(times.values()):
+            columns = dict(zip("xyz", small.xyz(index).T, strict=True))
+            encoded = encode_columns({**columns, "t": values.astype(np.uint32)}, 1, 60)
+            writer.write_cloud("/points", encoded, small.stamp(index), "lidar", is_dense=True)
+    with BagReader(tmp_path / "drive") as reader:
+        good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
+    np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
+    assert bad.times_s is None
+    assert findings.warnings == {Event.SWEEPS_TIMES_UNUSED: 1}

@@ -207,6 +207,7 @@ class TestValues:
             "publishers": "1",
             "reliability": "reliable",
             "rate [Hz]": "0.00",
+            "time of each point": "unknown",
         }
         assert of_flow == {
             "rate [Hz]": "0.00",

@@ -13,6 +13,7 @@ from mnsf_ros.core.flow_columns import FLOW_COLUMNS, FlowColumn
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
@@ -27,7 +28,7 @@ def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
     )
     monkeypatch.setattr(flow_columns, "FLOW_COLUMNS", (*FLOW_COLUMNS, length))
     messages = [xyz_message(surfaces(index), stamp_ns=10**9 + index * 10**8) for index in range(3)]
-    sweeps = [sweep_from_message(message, 0) for message in messages]
+    sweeps = [sweep_from_message(message, Settings().time, 0) for message in messages]
     flow = np.full(sweeps[1].xyz.shape, 2.0, np.float32)
     published = []
     context = Context()

@@ -1,0 +1,129 @@
+"""Times of points, as drivers write them, and what cannot be times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from msg_utils.point_cloud2 import encode_columns
+from msg_utils.point_times import TimeRule, decode_times
+
+NUM = 500
+STAMP_NS = 1_700_000_000_123_456_789
+STAMP_S = STAMP_NS * 1e-9
+# When the points of a sweep of 0.1 s were measured, seconds after the first, in no order.
+SWEEP_S = np.random.default_rng(0).permutation(np.linspace(0.0, 0.0999, NUM))
+ALL = np.ones(NUM, bool)
+
+
+def cloud_of(**columns):
+    xyz = {axis: np.zeros(NUM, np.float32) for axis in "xyz"}
+    return encode_columns({**xyz, **columns}, 1, NUM)
+
+
+def decoded(*, wanted=ALL, stamp_ns=STAMP_NS, rule=TimeRule(), **columns):  # noqa: B008
+    return decode_times(cloud_of(**columns), wanted, stamp_ns, rule)
+
+
+# Driver to field name, type, and value of a point measured so many seconds after the first one.
+DRIVERS = {
+    "ouster-ros": ("t", np.uint32, lambda s: s * 1e9, 0.0),
+    "velodyne, stamp of the first packet": ("time", np.float32, lambda s: s, 0.0),
+    "velodyne, stamp of the last packet": ("time", np.float32, lambda s: s - 0.1, -0.1),
+    "nebula XYZIRCAEDT": ("time_stamp", np.uint32, lambda s: s * 1e9, 0.0),
+    "nebula XYZIRADT": ("time_stamp", np.float64, lambda s: s + STAMP_S, 0.0),
+    "hesai": ("timestamp", np.float64, lambda s: s + STAMP_S, 0.0),
+    "robosense, stamp at the end": ("timestamp", np.float64, lambda s: s + STAMP_S - 0.1, -0.1),
+    "livox PointXYZRTLT": ("timestamp", np.float64, lambda s: (s + STAMP_S) * 1e9, 0.0),
+    "livox offset_time": ("offset_time", np.uint32, lambda s: s * 1e9, 0.0),
+    "microseconds": ("time", np.float32, lambda s: s * 1e6, 0.0),
+    "int32": ("t", np.int32, lambda s: (s - 0.05) * 1e9, -0.05),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_drivers_are_understood_without_settings(driver):
+    name, scalar, value_of, first_s = DRIVERS[driver]
+    times = decoded(**{name: value_of(SWEEP_S).astype(scalar)})
+    assert times.fault == ""
+    assert times.times_s.dtype == np.float32
+    np.testing.assert_allclose(times.times_s, SWEEP_S + first_s, atol=2e-6)
+    assert repr(name) in times.source
+    assert np.dtype(scalar).name in times.source
+
+
+def test_only_the_wanted_points_count():
+    values = SWEEP_S.astype(np.float32)
+    values[::7] = np.nan
+    wanted = np.isfinite(values)
+    times = decoded(wanted=wanted, time=values)
+    np.testing.assert_array_equal(times.times_s, values[wanted])
+
+
+def test_stamp_of_another_clock_is_taken_for_the_first_point():
+    times = decoded(timestamp=SWEEP_S + 35.0)
+    np.testing.assert_allclose(times.times_s, SWEEP_S, atol=1e-6)
+    assert "another clock" in times.source
+
+
+@pytest.mark.parametrize(("stamp", "first_s"), [("start", 0.0), ("end", -0.0999)])
+def test_the_meaning_of_the_stamp_can_be_told(stamp, first_s):
+    times = decoded(t=(SWEEP_S * 1e9).astype(np.uint32), rule=TimeRule(stamp=stamp))
+    np.testing.assert_allclose(times.times_s, SWEEP_S + first_s, atol=1e-6)
+
+
+def test_field_and_unit_can_be_told():
+    columns = {"t": SWEEP_S.astype(np.float32), "my_time": (SWEEP_S * 1e3).astype(np.uint16)}
+    times = decoded(**columns, rule=TimeRule(field="my_time", unit="ms"))
+    np.testing.assert_allclose(times.times_s, SWEEP_S, atol=0.0011)
+    assert decoded(**columns, rule=TimeRule(field="none")).times_s is None
+    missing = decoded(**columns, rule=TimeRule(field="other"))
+    assert missing.times_s is None
+    assert "'other'" in missing.fault
+    assert "my_time" in missing.fault
+
+
+def test_the_next_field_is_tried_if_one_is_unfit():
+    times = decoded(t=np.zeros(NUM, np.uint32), timestamp=SWEEP_S + STAMP_S)
+    np.testing.assert_allclose(times.times_s, SWEEP_S, atol=2e-6)
+
+
+def with_value(value, scalar=np.float32):
+    values = SWEEP_S.astype(scalar)
+    values[3] = value
+    return values
+
+
+UNFIT = {
+    "constant": np.zeros(NUM, np.uint32),
+    "absolute time as float32": (SWEEP_S + STAMP_S).astype(np.float32),
+    "NaN": with_value(np.nan),
+    "infinite": with_value(-np.inf),
+    "huge": with_value(1e300, np.float64),
+    "largest": np.finfo(np.float64).max * (-1.0) ** np.arange(NUM),
+    "temperature": np.linspace(20, 35, NUM, dtype=np.float32),
+    "wrapped round": (SWEEP_S * 1e9 + 4.25e9).astype(np.uint64).astype(np.uint32),
+    "few bits": np.arange(NUM).astype(np.uint8),
+    "an hour in ns": np.linspace(0, 3.6e12, NUM),
+}
+
+
+@pytest.mark.parametrize("kind", UNFIT)
+def test_what_cannot_be_times_is_told(kind):
+    times = decoded(t=UNFIT[kind])
+    assert times.times_s is None
+    assert times.source == "none"
+    assert "'t'" in times.fault
+
+
+def test_one_stray_value_is_enough():
+    assert decoded(time=with_value(7.0)).times_s is None
+
+
+def test_clouds_without_such_a_field_have_no_fault():
+    times = decoded(intensity=SWEEP_S.astype(np.float32))
+    assert times.times_s is None
+    assert times.fault == ""
+    empty = decode_times(encode_columns({"t": np.zeros(0, np.uint32)}, 1, 0), np.zeros(0, bool), 0)
+    assert empty.times_s is None
+    assert empty.fault == ""
