@@ -58,6 +58,17 @@ def check_size(num_bytes: int, what: str) -> None:
         raise SizeLimitError(f"{what} has {num_bytes} bytes, the limit is {MAX_BYTES} bytes")
 
 
+def check_file_size(num_bytes: int, file_bytes: int, what: str) -> None:
+    """Checks what a whole file of `file_bytes` expands to, or claims to.
+
+    Raises:
+        SizeLimitError: It is above 100 times its size and `MAX_BYTES`.
+    """
+    limit = MAX_BYTES + _MAX_FILE_RATIO * file_bytes
+    if num_bytes > limit:
+        raise SizeLimitError(f"{what} of {file_bytes} bytes expands to more than {limit} bytes")
+
+
 def decompress(
     compression: str, data: bytes, claimed: int | None = None, *, is_cut: bool = False
 ) -> bytes:
@@ -107,11 +118,9 @@ class LimitedFile:
 
     def __init__(self, file: IO[bytes]) -> None:
         """Wraps an open file of which nothing has been read."""
-        num_bytes = file.seek(0, 2)
+        self._file_bytes = file.seek(0, 2)
         file.seek(0)
         self._stream = zstd.open(file, "rb")
-        self._num_bytes = num_bytes
-        self._limit = self._left = MAX_BYTES + _MAX_FILE_RATIO * num_bytes
 
     def read(self, num_bytes: int) -> bytes:
         """Returns the next bytes, none at the end.
@@ -124,11 +133,7 @@ class LimitedFile:
             piece = self._stream.read(num_bytes)
         except (zstd.ZstdError, EOFError) as error:
             raise DecompressionError(f"zstd data is damaged: {error}") from error
-        self._left -= len(piece)
-        if self._left < 0:
-            raise SizeLimitError(
-                f"the zstd file of {self._num_bytes} bytes expands to more than {self._limit} bytes"
-            )
+        check_file_size(self._stream.tell(), self._file_bytes, "the zstd file")
         return piece
 
     def __enter__(self) -> LimitedFile:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, reading, require
+from mnsf_ros.datasets.source_files import as_type, reading
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
+from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.geometry.transforms import FloatArray, invert, rigid_pose
+from mnsf_ros.sweeps_io.files import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    from numpy.typing import DTypeLike, NDArray
 
 # A lidar 1 m before the axis about which a vehicle turns goes so far astray at 1° per second.
 _SAME_PLACE_M: Final = 2e-3
@@ -72,8 +77,8 @@ _MIN_BACKGROUND: Final = 100
 
 def open_file(source: Path) -> SweepSource:
     """Opens an `.h5` file."""
-    h5py = require("h5py")
     with reading(source):
+        h5py = require("h5py")
         if not source.is_file():
             raise FileNotFoundError(source)
         with h5py.File(source, "r") as file:
@@ -101,21 +106,21 @@ def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
     missing = [name for name in ("lidar", "pose", *flow_names) if name not in group]
     if missing:
         raise ValueError(f"has no data set {', '.join(missing)}; it has {', '.join(group)}")
-    points = as_type(group["lidar"], np.float32)
+    points = _array(group, "lidar", np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
-        columns["time_offset"] = as_type(group["lidar_dt"], np.float32)
+        columns["time_offset"] = _array(group, "lidar_dt", np.float32)
     sweep = LabelledSweep(
         stamp_ns=stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000,
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
         given=_given(group) if "flow" in group else None,
-        ground=as_type(group["ground_mask"], bool) if "ground_mask" in group else None,
+        ground=_array(group, "ground_mask", bool) if "ground_mask" in group else None,
     )
     if sweep.given is None:
         return sweep
     # What has no category stands still.
-    still = sweep.given.valid & (np.asarray(group["flow_category_indices"]) == 0)
+    still = sweep.given.valid & (_array(group, "flow_category_indices", np.int64) == 0)
     if np.count_nonzero(still) < _MIN_BACKGROUND:
         return sweep
     motion = fit_rigid_motion(sweep.xyz[still], sweep.given.flow[still])
@@ -124,7 +129,13 @@ def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
 
 def _given(group: Any) -> GivenFlow:  # noqa: ANN401
     return GivenFlow(
-        flow=as_type(group["flow"], np.float32),
-        valid=as_type(group["flow_is_valid"], bool),
-        class_id=argoverse2_classes(as_type(group["flow_category_indices"], np.int64)),
+        flow=_array(group, "flow", np.float32),
+        valid=_array(group, "flow_is_valid", bool),
+        class_id=argoverse2_classes(_array(group, "flow_category_indices", np.int64)),
     )
+
+
+def _array(group: Any, name: str, dtype: DTypeLike) -> NDArray[Any]:  # noqa: ANN401
+    data = group[name]
+    check_size(math.prod((*data.shape, data.dtype.itemsize)), f"data set {name!r}")
+    return as_type(data, dtype)

@@ -5,10 +5,9 @@ Every function here raises a DatasetError that names the file if that is missing
 
 from __future__ import annotations
 
-import importlib
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,60 +15,32 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from mnsf_ros.errors import DatasetError
+from mnsf_ros.sweeps_io import files
 from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
-from mnsf_ros.sweeps_io.sweep_in_file import UNREADABLE, reason
 
-
-@contextmanager
-def reading(path: Path, part: str = "") -> Iterator[None]:
-    """Turns what parsers raise inside the block into a DatasetError that names file and part."""
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise DatasetError(f"{path}: no such file") from error
-    except UNREADABLE as error:
-        what = f"{part}: {reason(error)}" if part else reason(error)
-        raise DatasetError(f"{path}: cannot be read: {what}") from error
-
-
-def require(module: str, library: str = "") -> Any:  # noqa: ANN401
-    """Imports a module of a library that only data sets need.
-
-    Raises:
-        DatasetError: The library is not installed; the text has the command that helps.
-    """
-    library = library or module.partition(".")[0]
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if not f"{module}.".startswith(f"{error.name}."):
-            raise
-        raise DatasetError(
-            f"this format is read with {library}, which is not installed; "
-            f"install it with: python -m pip install {library}"
-        ) from error
+reading = partial(files.reading, kind=DatasetError)
 
 
 def files_in(folder: Path, pattern: str) -> list[Path]:
     """Returns the files of a folder that fit a pattern, by name, at least one."""
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
-    files = sorted(file for file in folder.glob(pattern) if file.is_file())
-    if not files:
+    found = sorted(file for file in folder.glob(pattern) if file.is_file())
+    if not found:
         raise DatasetError(f"{folder}: holds no file {pattern!r}")
-    return files
+    return found
 
 
 def numbered_files(folder: Path, pattern: str, prefix: str = "") -> dict[int, Path]:
     """Returns files by the integer (a stamp, for example) in their names, in its order."""
-    files = {}
+    found = {}
     for file in files_in(folder, pattern):
         name = file.stem.removeprefix(prefix)
         try:
-            files[int(name)] = file
+            found[int(name)] = file
         except ValueError:
             raise DatasetError(f"{file}: {name!r} in its name is no stamp") from None
-    return dict(sorted(files.items()))
+    return dict(sorted(found.items()))
 
 
 def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -> str:
@@ -118,7 +89,6 @@ def read_feather(
     path: Path, columns: Iterable[str], optional: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
     """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there."""
-    require("pyarrow.feather")
     with reading(path):
         return read_feather_columns(path, columns, optional)
 

@@ -12,10 +12,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading, require
+from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
+from mnsf_ros.decompression import check_file_size
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose, rigid_pose
+from mnsf_ros.sweeps_io.files import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -216,12 +218,15 @@ def _frames(
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:
     """Yields the rows of a Parquet file, a few in memory at a time, lists in them as arrays."""
-    parquet = require("pyarrow.parquet")
-    with reading(path), parquet.ParquetFile(path) as file:
+    with reading(path), require("pyarrow.parquet").ParquetFile(path) as file:
         found = file.schema_arrow.names
         missing = [name for name in columns if name not in found]
         if missing:
             raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
+        claimed = sum(
+            file.metadata.row_group(number).total_byte_size for number in range(file.num_row_groups)
+        )
+        check_file_size(claimed, path.stat().st_size, "the Parquet file")
         for batch in file.iter_batches(batch_size, columns=list(columns)):
             for number in range(batch.num_rows):
                 yield [_value(batch.column(name)[number]) for name in columns]

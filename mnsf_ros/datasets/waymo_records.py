@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import reading, require
+from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.waymo import (
     FRAME_ID,
     LaserCalibration,
@@ -21,6 +21,7 @@ from mnsf_ros.datasets.waymo import (
 from mnsf_ros.decompression import decompress
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
+from mnsf_ros.sweeps_io.files import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

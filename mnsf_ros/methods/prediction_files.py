@@ -15,7 +15,6 @@ methods of the same run are scored on all of theirs, as the numbers of points in
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -28,10 +27,11 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import MethodError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
+from mnsf_ros.sweeps_io.files import reading
 
 FILE_PREFIX: Final = "file:"
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
-_NO_PYARROW: Final = "reading .feather files needs pyarrow: pip install pyarrow"
 
 
 class CloudRows(Protocol):
@@ -88,7 +88,7 @@ class PredictionFiles:
         if cloud is None or not hasattr(cloud, "rows"):
             raise MethodError("predictions from files are of recorded sweeps only")
         file = _file_of(self._folder, current)
-        flow = _read_npz(file) if file.suffix == ".npz" else _read_feather(file, _COLUMNS)
+        flow = _read_flow(file)
         if self._masks is None:
             _check_rows(file, flow, cloud.num_points)
             flow = flow[cloud.rows]
@@ -101,7 +101,7 @@ class PredictionFiles:
 
     def _mask(self, current: Sweep, num_points: int) -> NDArray[np.bool_]:
         file = _file_of(self._masks or self._folder, current)
-        mask = _read_feather(file, ("mask",))[:, 0] != 0
+        mask = _read_columns(file, ("mask",))[:, 0] != 0
         _check_rows(file, mask, num_points)
         return np.asarray(mask)
 
@@ -134,48 +134,23 @@ def _file_of(folder: Path, sweep: Sweep) -> Path:
     return found
 
 
-def _read_npz(file: Path) -> NDArray[np.float32]:
-    try:
-        # Opened here, because NumPy leaves a file open that is no archive.
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            if "flow" not in arrays:
-                raise MethodError(
-                    f"{file}: has no array 'flow'; it has {', '.join(arrays) or 'none'}"
-                )
-            flow = arrays["flow"]
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        if isinstance(error, MethodError):
-            raise
-        raise MethodError(f"{file}: cannot be read: {error}") from error
-    return _checked(file, flow)
-
-
-def _read_feather(file: Path, columns: tuple[str, ...]) -> NDArray[np.float32]:
-    try:
-        from pyarrow import ArrowException, feather
-    except ModuleNotFoundError as error:
-        raise MethodError(_NO_PYARROW) from error
-    try:
-        table = feather.read_table(file)
-        missing = [name for name in columns if name not in table.column_names]
-        if missing:
-            raise MethodError(
-                f"{file}: has no column {', '.join(missing)}; it has "
-                f"{', '.join(table.column_names)}"
-            )
-        arrays = [np.asarray(table[name].to_numpy()) for name in columns]
-    except (OSError, ArrowException) as error:
-        raise MethodError(f"{file}: cannot be read: {error}") from error
-    return np.stack(arrays, axis=1).astype(np.float32)
-
-
-def _checked(file: Path, flow: NDArray[Any]) -> NDArray[np.float32]:
+def _read_flow(file: Path) -> NDArray[np.float32]:
+    if file.suffix == ".feather":
+        return _read_columns(file, _COLUMNS)
+    with reading(file, kind=MethodError), open_archive(file) as archive:
+        flow = archive.array("flow")
     if flow.ndim != 2 or flow.shape[1] != 3 or flow.dtype.kind not in "fiu":
         raise MethodError(
             f"{file}: flow has shape {flow.shape} of {flow.dtype}, expected (N, 3) numbers"
         )
     with np.errstate(over="ignore"):
         return flow.astype(np.float32)
+
+
+def _read_columns(file: Path, names: tuple[str, ...]) -> NDArray[np.float32]:
+    with reading(file, kind=MethodError):
+        columns = read_feather_columns(file, names).values()
+        return np.stack(list(columns), axis=1).astype(np.float32)
 
 
 def _check_rows(file: Path, rows: NDArray[Any], expected: int) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
@@ -19,72 +20,72 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 _CPU = torch.device("cpu")
 
 
-class ZeroEstimator:
-    """Returns zero flow: no point moves in the sensor frame."""
+class _Reference:
+    """Returns a flow that is known without fitting anything to the sweeps."""
 
     traits = MethodTraits(is_reference=True)
+    _stage: str
 
     def __init__(self, settings: Settings) -> None:
-        """Takes settings like every method, and needs none."""
         self.settings = settings
 
-    def with_settings(self, settings: Settings) -> ZeroEstimator:
+    def with_settings(self, settings: Settings) -> _Reference:
         """Returns the same with other settings."""
-        return ZeroEstimator(settings)
+        return type(self)(settings)
 
     def estimate(
         self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
     ) -> FlowEstimate:
-        """Returns zero flow."""
+        """Returns the flow of all points of the current sweep.
+
+        Raises:
+            SweepError: The ego motion is needed and not known.
+        """
         clock = StageClock(_CPU)
-        with clock.stage("zero"):
-            flow = np.zeros_like(triplet.current.xyz)
+        with clock.stage(self._stage):
+            flow = self._flow(triplet)
         return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)
 
+    def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
+        raise NotImplementedError
 
-class EgoMotionEstimator:
+
+class ZeroEstimator(_Reference):
+    """Returns zero flow: no point moves in the sensor frame."""
+
+    _stage = "zero"
+
+    def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
+        return np.zeros_like(triplet.current.xyz)
+
+
+class EgoMotionEstimator(_Reference):
     """Returns the flow of a static world, by the ego motion that the triplet has."""
 
     traits = MethodTraits(needs_poses=True, is_reference=True)
+    _stage = "rigid"
 
-    def __init__(self, settings: Settings) -> None:
-        """Takes settings like every method, and needs none."""
-        self.settings = settings
-
-    def with_settings(self, settings: Settings) -> EgoMotionEstimator:
-        """Returns the same with other settings."""
-        return EgoMotionEstimator(settings)
-
-    def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
-    ) -> FlowEstimate:
-        """Returns the flow of static points from `triplet.next_from_current`.
-
-        Raises:
-            SweepError: If the triplet has no ego motion, or it is not a (4, 4) rigid transform.
-        """
+    def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
         if triplet.next_from_current is None:
             raise SweepError(
                 f"sweep {triplet.current.stamp_ns}: the ego motion is not known, expected "
                 "next_from_current; does the recording have odometry?"
             )
-        clock = StageClock(_CPU)
-        with clock.stage("rigid"):
-            flow = rigid_flow(triplet.current.xyz, triplet.next_from_current)
-        return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)
+        return rigid_flow(triplet.current.xyz, triplet.next_from_current)
 
 
-class EstimatedEgoMotionEstimator:
+class EstimatedEgoMotionEstimator(_Reference):
     """Returns the flow of a static world, by the ego motion that the method `online` finds.
 
     The motion of `ego` is that of the recording, which is mostly that of its ground truth, too.
     """
 
     traits = MethodTraits(carries_state=True, is_reference=True)
+    _stage = "ego motion"
 
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet."""
-        self.settings = settings
+        super().__init__(settings)
         self._poses = TripletPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> EstimatedEgoMotionEstimator:
@@ -94,20 +95,10 @@ class EstimatedEgoMotionEstimator:
             other._poses = self._poses
         return other
 
-    def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
-    ) -> FlowEstimate:
-        """Estimates the ego motion and returns the flow of static points.
-
-        Raises:
-            SweepError: If a sweep cannot follow the one before it.
-        """
-        clock = StageClock(_CPU)
-        with clock.stage("ego motion"):
-            self._poses.use_threads(limit_threads(self.settings.compute))
-            poses = self._poses.of(triplet)
-            current, following = (
-                poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
-            )
-            flow = rigid_flow(triplet.current.xyz, np.linalg.inv(following) @ current)
-        return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)
+    def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
+        self._poses.use_threads(limit_threads(self.settings.compute))
+        poses = self._poses.of(triplet)
+        current, following = (
+            poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
+        )
+        return rigid_flow(triplet.current.xyz, np.linalg.inv(following) @ current)

@@ -1,10 +1,11 @@
 """Arrays in npy, npz and Feather files, never larger than a sweep can be.
 
-Errors are those of NumPy and zipfile, or a ValueError: see `sweep_in_file.UNREADABLE`.
+Errors are those of NumPy and zipfile, or a ValueError: see `files.UNREADABLE`.
 """
 
 from __future__ import annotations
 
+import struct
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -15,12 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.decompression import MAX_BYTES, SizeLimitError, check_size
+from mnsf_ros.sweeps_io.files import require
 
 _VERSION_1: Final = (1, 0)
 _SUFFIX: Final = ".npy"
 _NPY_MAGIC: Final = b"\x93NUMPY"
 # What NumPy writes. Of the others zipfile decompresses more than it was asked for.
 _COMPRESSIONS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_ARROW_HEAD: Final = b"ARROW1\0\0"
+_UINT16, _INT32, _INT64 = struct.Struct("<H"), struct.Struct("<i"), struct.Struct("<q")
+# Where a buffer begins in the body of a message, and how long it is.
+_BUFFER: Final = struct.Struct("<qq")
 
 
 class ArrayArchive:
@@ -119,11 +125,14 @@ def read_feather_columns(
     """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there.
 
     Raises:
-        ModuleNotFoundError: pyarrow is not installed.
-        ValueError: The file lacks a column.
+        ValueError: pyarrow is not installed, the file lacks a column, or it is too large.
     """
-    from pyarrow import feather
-
+    feather = require("pyarrow.feather")
+    with path.open("rb") as file:
+        # Version 1 of the format, which begins otherwise, has no compression.
+        if file.read(len(_ARROW_HEAD)) == _ARROW_HEAD:
+            messages = require("pyarrow.ipc").MessageReader.open_stream(file)
+            check_size(sum(_expanded_size(message) for message in messages), "the table")
     # Without memory_map, since a damaged file could only be noticed later.
     table = feather.read_table(path, memory_map=False)
     missing = [name for name in names if name not in table.column_names]
@@ -132,3 +141,37 @@ def read_feather_columns(
         raise ValueError(f"has no column {', '.join(missing)}; it has {found}")
     wanted = (*names, *(name for name in optional if name in table.column_names))
     return {name: table.column(name).to_numpy() for name in wanted}
+
+
+def _expanded_size(message: Any) -> int:  # noqa: ANN401
+    """The bytes that the compressed buffers of an Arrow message say they expand to.
+
+    pyarrow tells this only after it has expanded them, so the message's FlatBuffers table is read
+    here: a place in it counts from the table's own, that of an entry is in a list before it.
+    """
+    metadata = message.metadata.to_pybytes()
+
+    def entry(table: int, number: int) -> int:
+        listed = table - _INT32.unpack_from(metadata, table)[0]
+        (list_bytes,) = _UINT16.unpack_from(metadata, listed)
+        place = 4 + 2 * number
+        offset = _UINT16.unpack_from(metadata, listed + place)[0] if place < list_bytes else 0
+        return table + int(offset) if offset else 0
+
+    def target(place: int) -> int:
+        return place + int(_INT32.unpack_from(metadata, place)[0])
+
+    if message.type not in ("record batch", "dictionary"):
+        return 0
+    batch = target(entry(target(0), 2))
+    if message.type == "dictionary":
+        batch = target(entry(batch, 1))
+    if not entry(batch, 3):  # not compressed
+        return 0
+    buffers = target(entry(batch, 2))
+    (num_buffers,) = _INT32.unpack_from(metadata, buffers)
+    places = _BUFFER.iter_unpack(metadata[buffers + 4 : buffers + 4 + _BUFFER.size * num_buffers])
+    body = memoryview(message.body)
+    sizes = (_INT64.unpack_from(body, offset)[0] for offset, length in places if length)
+    # -1 stands before a buffer that did not shrink and is stored as it is.
+    return sum(max(size, 0) for size in sizes)

@@ -13,13 +13,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.sweeps_io.sweep_in_file import (
-    SweepInFile,
-    parse_rows,
-    read_bytes,
-    reading,
-    xyz_of_columns,
-)
+from mnsf_ros.sweeps_io.files import parse_rows, read_bytes, reading
+from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, xyz_of_columns
 
 _MAX_LITERAL: Final = 32
 _LONG_LENGTH: Final = 7

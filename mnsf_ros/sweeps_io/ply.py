@@ -10,13 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.sweeps_io.sweep_in_file import (
-    SweepInFile,
-    parse_rows,
-    read_bytes,
-    reading,
-    xyz_of_columns,
-)
+from mnsf_ros.sweeps_io.files import parse_rows, read_bytes, reading
+from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, xyz_of_columns
 
 _TYPES: Final = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2",

@@ -15,15 +15,10 @@ from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps_io.arrays import ArrayArchive, open_archive, read_array, read_feather_columns
+from mnsf_ros.sweeps_io.files import read_bytes, reading
 from mnsf_ros.sweeps_io.pcd import read_pcd
 from mnsf_ros.sweeps_io.ply import read_ply
-from mnsf_ros.sweeps_io.sweep_in_file import (
-    SweepInFile,
-    read_bytes,
-    reading,
-    xyz_of_columns,
-    xyz_of_table,
-)
+from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, xyz_of_columns, xyz_of_table
 
 _NUSCENES_ENDING: Final = ".pcd.bin"
 _MAX_RING: Final = 127
@@ -118,18 +113,10 @@ def _pose(archive: ArrayArchive) -> NDArray[np.float64]:
 def read_feather(path: Path) -> SweepInFile:
     """Reads the columns x, y and z; a name that is a number of nanoseconds is the stamp."""
     read_bytes(path)
-    try:
-        with reading(path):
-            xyz = xyz_of_columns(path, read_feather_columns(path, "xyz").values())
-            is_stamp = path.stem.isdecimal() and len(path.stem) in _STAMP_DIGITS
-            return SweepInFile(xyz, int(path.stem) if is_stamp else 0)
-    except ModuleNotFoundError as error:
-        if error.name != "pyarrow":
-            raise
-        raise SweepFileError(
-            f"{path}: feather files are read with pyarrow, which is not installed; install it "
-            "with: python -m pip install pyarrow"
-        ) from error
+    with reading(path):
+        xyz = xyz_of_columns(path, read_feather_columns(path, "xyz").values())
+        is_stamp = path.stem.isdecimal() and len(path.stem) in _STAMP_DIGITS
+        return SweepInFile(xyz, int(path.stem) if is_stamp else 0)
 
 
 READERS: Final[Mapping[str, Callable[[Path], SweepInFile]]] = {

@@ -1,13 +1,8 @@
-"""What files say about sweeps, and the one error for all files that do not."""
+"""What files say about sweeps."""
 
 from __future__ import annotations
 
-import struct
-import tokenize
-import zipfile
-import zlib
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -18,51 +13,8 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-# LookupError and TypeError: on files laid out otherwise. MemoryError: a damaged header may ask for
-# any size. SyntaxError: NumPy parses headers as Python source, and XML errors are of this kind.
-UNREADABLE: Final = (
-    OSError,
-    EOFError,
-    ValueError,
-    LookupError,
-    TypeError,
-    ArithmeticError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    struct.error,
-    tokenize.TokenError,
-    zlib.error,
-    zipfile.BadZipFile,
-)
-_MAX_LENGTH: Final = 200
 # More than lidars measure of a point; that many columns and fewer rows are points side by side.
 _MAX_COLUMNS: Final = 16
-
-
-def reason(error: BaseException) -> str:
-    """Returns what an error says, in one short line without a full stop."""
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
-    if isinstance(error, LookupError):
-        # A KeyError's text is only the key.
-        return f"it has no {text}" if isinstance(error, KeyError) else f"index error: {text}"
-    return text or type(error).__name__
-
-
-def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArray[Any]]:
-    """Parses some columns, counted from 0, of the first rows of a text: (N,) float64 each.
-
-    Raises:
-        ValueError: There are fewer rows, a row is too short, or something is no number.
-    """
-    lines = [line for line in text.splitlines() if not line.isspace() and line][:num_rows]
-    if len(lines) < num_rows:
-        raise ValueError(f"is cut short: {len(lines)} of {num_rows} rows")
-    if not lines:
-        return [np.zeros(0) for _ in places]
-    return list(np.loadtxt(lines, usecols=tuple(places), ndmin=2, comments=None).T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,31 +70,6 @@ def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float
             f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider{hint}"
         )
     return xyz_of_columns(path, table.T[:3])
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turns what parsers raise inside the block into a SweepFileError that names the file."""
-    try:
-        yield
-    except UNREADABLE as error:
-        raise SweepFileError(f"{path}: cannot be read: {reason(error)}") from error
-
-
-def read_bytes(path: Path) -> bytes:
-    """Returns the content of a file.
-
-    Raises:
-        SweepFileError: There is none, or it is empty.
-    """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        # A named pipe would keep us waiting for ever.
-        raise SweepFileError(f"{path}: is not a regular file")
-    with reading(path):
-        content = path.read_bytes()
-    if not content:
-        raise SweepFileError(f"{path}: is empty")
-    return content
 
 
 def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:

@@ -160,3 +160,15 @@ def test_other_files_are_refused(tmp_path):
         pass
     with pytest.raises(DatasetError, match="has no group"):
         open_source("opensceneflow", tmp_path / "empty.h5")
+
+
+def test_data_set_beyond_the_limit_is_refused_before_it_is_read(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    with h5py.File(path, "a") as file:
+        group = file[str(tiny_world.stamp_ns(1))]
+        del group["lidar"]
+        # Chunks that were never written take no room in the file.
+        group.create_dataset("lidar", (10**8, 4), np.float32, chunks=(1000, 4))
+    message = r"log\.h5.*group.*data set 'lidar' has 1600000000 bytes, the limit is 268435456"
+    with pytest.raises(DatasetError, match=message):
+        convert(path, tmp_path / "out")

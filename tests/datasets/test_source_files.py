@@ -9,7 +9,7 @@ import pytest
 from tiny_protobuf import field, varint
 
 from mnsf_ros.datasets.nuscenes import json_rows
-from mnsf_ros.datasets.source_files import read_npz, require
+from mnsf_ros.datasets.source_files import read_npz
 from mnsf_ros.datasets.surface_classes import (
     ARGOVERSE1,
     ARGOVERSE2,
@@ -22,6 +22,7 @@ from mnsf_ros.datasets.waymo_records import matrix, parse
 from mnsf_ros.decompression import MAX_BYTES, SizeLimitError
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions
+from mnsf_ros.sweeps_io.files import require
 
 
 @pytest.mark.parametrize(
@@ -39,7 +40,7 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(
     for name in [name for name in sys.modules if f"{name}.".startswith(f"{missing}.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Nowhere(missing), *sys.meta_path])
-    with pytest.raises(DatasetError, match=f"install it with: python -m pip install {library}$"):
+    with pytest.raises(ValueError, match=f"install it with: python -m pip install {library}$"):
         require(module, library)
 
 

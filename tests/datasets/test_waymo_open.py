@@ -175,6 +175,14 @@ def test_parquet_files_become_a_recording_with_truth(tmp_path, images):
     tiny_waymo.check(convert("waymo", source, tmp_path / "out"), images)
 
 
+def test_parquet_file_beyond_the_limit_is_refused_before_it_is_read(tmp_path, monkeypatch, images):
+    source = write_split(tmp_path / "split", images[:1])
+    monkeypatch.setattr("mnsf_ros.decompression.MAX_BYTES", 1000)
+    monkeypatch.setattr("mnsf_ros.decompression._MAX_FILE_RATIO", 0)
+    with pytest.raises(DatasetError, match=r"one\.parquet.* expands to more than 1000 bytes"):
+        convert("waymo", source, tmp_path / "out")
+
+
 def test_one_of_several_segments_is_named(tmp_path, images):
     source = write_split(tmp_path, images[:2], "one")
     write_split(tmp_path, images[:2], "two")

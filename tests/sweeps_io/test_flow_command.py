@@ -175,7 +175,7 @@ def test_sweep_without_points(run, files, tmp_path, method, empty):
 
 def test_file_that_is_missing(run, files, tmp_path):
     missing = tmp_path / "missing.pcd"
-    with pytest.raises(SweepFileError, match=f"^{missing}: cannot be read: No such file"):
+    with pytest.raises(SweepFileError, match=f"^{missing}: no such file"):
         run(missing, files[-1], "-o", tmp_path / "out.npy")
 
 

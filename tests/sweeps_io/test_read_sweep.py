@@ -195,6 +195,26 @@ def test_half_precision_feather(file):
     np.testing.assert_array_equal(found.xyz, XYZ)
 
 
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+@pytest.mark.parametrize("is_text", [False, True])
+def test_feather_beyond_the_limit_is_refused_before_it_is_expanded(
+    file, monkeypatch, compression, is_text
+):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import feather as writer
+
+    columns = {axis: np.zeros(50_000, np.float32) for axis in "xyz"}
+    if is_text:
+        columns["x"] = pyarrow.array(["a" * 200_000]).dictionary_encode().take([0] * 50_000)
+    stream = io.BytesIO()
+    writer.write_feather(pyarrow.table(columns), stream, compression=compression)
+    path = file("a.feather", stream.getvalue())
+    monkeypatch.setattr("mnsf_ros.decompression.MAX_BYTES", 400_000)
+    monkeypatch.setattr(writer, "read_table", None)
+    with pytest.raises(SweepFileError, match=r"the table has .* bytes, the limit is 400000"):
+        read_sweep(str(path))
+
+
 def test_feather_without_pyarrow(file, monkeypatch):
     import sys
 
@@ -214,7 +234,7 @@ def test_format_that_is_not_known(name):
 @pytest.mark.parametrize("suffix", READERS)
 def test_file_that_is_missing_empty_or_a_folder(file, tmp_path, suffix):
     missing = tmp_path / f"missing{suffix}"
-    with pytest.raises(SweepFileError, match=f"^{missing}: cannot be read: No such file"):
+    with pytest.raises(SweepFileError, match=f"^{missing}: no such file"):
         read_sweep(str(missing))
     with pytest.raises(SweepFileError, match=r"empty\.[a-z]+: is empty$"):
         read_sweep(str(file(f"empty{suffix}", b"")))
