@@ -461,7 +461,11 @@ class NodeSettings:
         1.0, "Period of messages on /diagnostics", 0.05, 60, fixed=True
     )
     stale_after_s: float = _setting(
-        2.0, "Report the input as stale after this time without a sweep", 0.1, 3600
+        2.0,
+        "Report the input as stale after this time without a sweep, and an error after this time "
+        "with sweeps but without flow",
+        0.1,
+        3600,
     )
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.conventions import CLOUD_TYPE
@@ -70,7 +71,7 @@ class ReplayLog:
     def is_complete(self) -> bool:
         """Whether the node has counted every sweep, and every flow that it published is there."""
         counts = self.counts
-        num_done = sum(counts.get(event, 0) for event in _TRIPLET_ENDS)
+        num_done = sum(counts.get(event, 0) for event in TRIPLET_ENDS)
         return (
             _num_received(counts) >= len(self.published_s)
             and num_done >= counts.get("triplets_formed", 0)
@@ -79,7 +80,6 @@ class ReplayLog:
 
 
 # What can become of a triplet.
-_TRIPLET_ENDS = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
 
 
 def _num_received(counts: Mapping[str, int]) -> int:

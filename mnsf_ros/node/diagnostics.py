@@ -11,7 +11,9 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE, FlowWatch
 from mnsf_ros.online.online_pipeline import (
+    ESTIMATES_FAILED,
     SWEEPS_RECEIVED,
     TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
@@ -39,6 +41,7 @@ class Diagnostics:
     def __init__(self, node_name: str) -> None:
         self._node_name = node_name
         self._last_counts: Mapping[str, int] = {}
+        self._flow_watch = FlowWatch()
 
     def statuses(
         self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
@@ -58,9 +61,9 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         arrivals_s = snapshot.arrivals_s
         silence_s = now_s - arrivals_s[-1] if arrivals_s else float("inf")
-        if self._new(snapshot, "clouds_undecodable"):
+        if self._new(snapshot, CLOUDS_UNDECODABLE):
             level, message = DiagnosticStatus.WARN, "clouds that cannot be decoded"
-        elif self._new(snapshot, "clouds_empty"):
+        elif self._new(snapshot, CLOUDS_EMPTY):
             level, message = DiagnosticStatus.WARN, "clouds without a finite point"
         elif silence_s > stale_after_s:
             level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
@@ -81,7 +84,9 @@ class Diagnostics:
         self, snapshot: StatisticsSnapshot, load: int, stale_after_s: float, now_s: float
     ) -> DiagnosticStatus:
         idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else float("inf")
-        level, message = self._flow_level(snapshot, is_active=load > 0 or idle_s <= stale_after_s)
+        complaint = self._flow_watch.complaint(snapshot.counts, now_s, stale_after_s)
+        is_active = load > 0 or idle_s <= stale_after_s
+        level, message = self._flow_level(snapshot, complaint, is_active=is_active)
         values: dict[str, object] = {
             "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
@@ -108,10 +113,12 @@ class Diagnostics:
         }
         return self._status("ego motion", level, message, values)
 
-    def _flow_level(self, snapshot: StatisticsSnapshot, *, is_active: bool) -> tuple[bytes, str]:
-        if snapshot.failures_in_a_row >= _ALARMING_FAILURES:
-            text = f"{snapshot.failures_in_a_row} estimates failed in a row"
-            return DiagnosticStatus.ERROR, text
+    def _flow_level(
+        self, snapshot: StatisticsSnapshot, complaint: str, *, is_active: bool
+    ) -> tuple[bytes, str]:
+        error = _failures(snapshot.failures_in_a_row) or complaint
+        if error:
+            return DiagnosticStatus.ERROR, error
         if snapshot.failures_in_a_row:
             return DiagnosticStatus.WARN, "the last estimate failed"
         if self._new(snapshot, TRIPLETS_DROPPED):
@@ -135,6 +142,12 @@ class Diagnostics:
             message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
+
+
+def _failures(num_in_a_row: int) -> str:
+    if num_in_a_row < _ALARMING_FAILURES:
+        return ""
+    return f"{num_in_a_row} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
 
 
 def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:

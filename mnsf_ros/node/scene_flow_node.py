@@ -24,6 +24,7 @@ from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
+from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
@@ -103,14 +104,14 @@ class SceneFlowNode(Node):
                 message, self._settings.time, self.get_clock().now().nanoseconds
             )
         except MessageError as error:
-            self._pipeline.statistics.count("clouds_undecodable")
+            self._pipeline.statistics.count(CLOUDS_UNDECODABLE)
             self._faults.warn("undecodable", f"a cloud cannot be decoded: {error}")
             return
         if not (message.header.stamp.sec or message.header.stamp.nanosec):
             self._pipeline.statistics.count("clouds_without_stamp")
             self._faults.warn("no stamp", "a cloud has no stamp; its time of arrival is used")
         if len(sweep) == 0:
-            self._pipeline.statistics.count("clouds_empty")
+            self._pipeline.statistics.count(CLOUDS_EMPTY)
             self._faults.warn("empty", "a cloud without a finite point is skipped")
             return
         self._tell_times(sweep.source.times)

@@ -23,10 +23,23 @@ SWEEPS_RECEIVED = "sweeps_received"
 TRIPLETS_FORMED = "triplets_formed"
 TRIPLETS_DROPPED = "triplets_dropped"
 TRIPLETS_UNWATCHED = "triplets_unwatched"
+TRIPLETS_ABANDONED = "triplets_abandoned"
 ESTIMATES_FAILED = "estimates_failed"
 FLOWS_OUT = "flows_out"
 OBJECTS_LEFT_OUT = "objects_left_out"
 CALLBACK_ERRORS = "callback_errors"
+
+# Each triplet that is formed is counted as one of these.
+TRIPLET_ENDS = (
+    FLOWS_OUT,
+    TRIPLETS_DROPPED,
+    ESTIMATES_FAILED,
+    TRIPLETS_UNWATCHED,
+    TRIPLETS_ABANDONED,
+)
+
+# Of an estimate that is under way when the settings change: a shorter one may end.
+_ABANDONED_AFTER_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -35,7 +48,6 @@ class TripletJob:
 
     triplet: SweepTriplet
     arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
-    settings: Settings  # those that hold for this triplet
 
 
 class OnlinePipeline:
@@ -72,7 +84,9 @@ class OnlinePipeline:
         return self._worker.load
 
     def change_settings(self, settings: Settings) -> None:
-        """Lets other settings hold from the next triplet on.
+        """Lets other settings hold from the next estimate on.
+
+        One that is under way for long is abandoned: it could last for hours.
 
         Raises:
             SettingsError: If they ask for a method or a device that is not there; nothing
@@ -80,7 +94,8 @@ class OnlinePipeline:
         """
         check_method(settings.method.name)
         compute_device(settings.compute)
-        self._settings = settings
+        if settings != self._settings:
+            self._settings = settings
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
         """Takes the newest sweep and says what became of it. Returns at once.
@@ -97,7 +112,7 @@ class OnlinePipeline:
             self.statistics.count(TRIPLETS_FORMED)
             if not is_watched:
                 self.statistics.count(TRIPLETS_UNWATCHED)
-            elif self._worker.submit(TripletJob(triplet, arrived_ns, self._settings)):
+            elif self._worker.submit(TripletJob(triplet, arrived_ns)):
                 self.statistics.count(TRIPLETS_DROPPED)
         return arrival
 
@@ -110,14 +125,21 @@ class OnlinePipeline:
         return self._worker.close(timeout_s)
 
     def _estimate(self, job: TripletJob) -> None:
+        settings, started_s = self._settings, time.monotonic()
+
+        def is_abandoned() -> bool:
+            is_outdated = self._settings is not settings
+            is_long = time.monotonic() - started_s > _ABANDONED_AFTER_S
+            return self._worker.is_closing or (is_outdated and is_long)
+
         try:
-            self._adapt(job.settings)
-            estimate = self._estimator.estimate(job.triplet, lambda: self._worker.is_closing)
+            self._adapt(settings)
+            estimate = self._estimator.estimate(job.triplet, is_abandoned)
             if self._worker.is_closing:
                 return
             self._on_estimate(job, estimate)
         except CancelledError:
-            return
+            self.statistics.count(TRIPLETS_ABANDONED)
         except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream
             self._fail(job, error)
         else:

@@ -21,13 +21,13 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from waiting import PATIENCE_S
 
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
+
 # No cloud may be overwritten while a test does something else.
 _DEPTH = 500
 
 # Each cloud that a node receives is counted as one of these.
 _CLOUD_EVENTS = ("sweeps_received", "clouds_undecodable", "clouds_empty")
-
-_TRIPLET_ENDS = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
 
 
 class SceneFlowPeer:
@@ -127,7 +127,7 @@ class SceneFlowPeer:
     @property
     def num_open_triplets(self):
         """Triplets that the node has formed and not yet done anything with."""
-        return self.count("triplets_formed") - sum(self.count(end) for end in _TRIPLET_ENDS)
+        return self.count("triplets_formed") - sum(self.count(end) for end in TRIPLET_ENDS)
 
     def count(self, event):
         """How often the event has happened, as the newest diagnostics say."""

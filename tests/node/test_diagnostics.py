@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import replace
 
@@ -153,7 +154,10 @@ class TestLevels:
             story.statistics.add_failure("too few points")
         assert story.says()[1][0] == WARN
         story.statistics.add_failure("too few points")
-        assert story.says()[1] == (ERROR, "4 estimates failed in a row")
+        assert story.says()[1] == (
+            ERROR,
+            "4 estimates failed in a row (see estimates_failed and last failure)",
+        )
         story.receive()
         story.estimate()
         assert story.says()[1] == (OK, "estimating")
@@ -296,3 +300,40 @@ class TestOnTheTopic:
         peer.flow_of(sweeps[1])
         peer.wait_until_settled()
         assert peer.status("flow").level == OK
+
+
+# Counter to a stream of sweeps that makes it grow.
+_MUTE_STREAMS = {
+    "sweeps_frame_changed": lambda drive, n: drive.sweep(n, frame_id=f"lidar_{n % 2}"),
+    "sweeps_duplicate": lambda drive, _: drive.sweep(0),
+    "sweeps_out_of_order": lambda drive, n: drive.sweep(-0.02 * (n % 20)),
+    "estimates_failed": lambda drive, n: drive.sweep(n, num_points=6),
+}
+
+
+class TestAliveButMute:
+    """Sweeps come in and no flow goes out: an error that says why, until flow comes."""
+
+    @pytest.fixture
+    def impatient(self, peer):
+        assert peer.set({"node.stale_after_s": 0.3})[0].successful
+        yield peer
+        assert peer.set({"node.stale_after_s": 60.0})[0].successful
+
+    @pytest.mark.parametrize("counter", _MUTE_STREAMS)
+    def test_is_an_error_that_names_the_counter(self, impatient, drive, counter):
+        peer, numbers = impatient, itertools.count()
+
+        def is_told():
+            peer.send(_MUTE_STREAMS[counter](drive, next(numbers)))
+            return peer.status("flow").level == ERROR
+
+        peer.spin_until(is_told, "an error")
+        assert f"see {counter}" in peer.status("flow").message
+        assert peer.count(counter) > 0
+
+        def is_well():
+            peer.send(drive.sweep(100 + next(numbers)))
+            return peer.status("flow").level == OK
+
+        peer.spin_until(is_well, "flow again")

@@ -66,3 +66,19 @@ def test_flow_of_every_triplet_is_accounted_for(peer, drive):
     flows_out = peer.count("flows_out") - before[1]
     peer.spin_until(lambda: len(peer.flows) - before[0] == flows_out, f"{flows_out} flows")
     assert peer.num_open_triplets == 0
+
+
+def test_settings_that_are_changed_back_bring_the_flow_back(start_node, make_peer):
+    """Without waiting for the estimate under way, which would take minutes."""
+    from synthetic_clouds import Drive
+
+    process = start_node(ENDLESS, "-r", "__node:=changed_back")
+    peer, drive = make_peer(process, node_name="/changed_back"), Drive()
+    peer.wait_for_node()
+    peer.send(*drive.sweeps(*range(4)))
+    peer.spin_until(lambda: peer.values("flow")["queue"] == "1", "an estimate and one that waits")
+    assert peer.set({"optimization.max_iterations": 80})[0].successful
+    peer.flow_of(drive.sweep(2))
+    peer.wait_until_settled()
+    assert peer.count("triplets_abandoned") == 1
+    assert process.stop() == 0

@@ -10,7 +10,7 @@ import torch
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import SettingsError, SweepError
-from mnsf_ros.online.online_pipeline import OnlinePipeline
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 PATIENCE_S = 60.0
@@ -95,8 +95,7 @@ def counts_of(pipeline):
 def assert_balanced(pipeline):
     """Each triplet ends in exactly one way."""
     counts = counts_of(pipeline)
-    ends = ("flows_out", "triplets_dropped", "estimates_failed", "triplets_unwatched")
-    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in ends)
+    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in TRIPLET_ENDS)
 
 
 def test_flow_of_the_middle_sweep(pipeline, add, recorder, make_sweep, motion):
@@ -174,7 +173,7 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
 
 
 class TestSettings:
-    def test_hold_from_the_next_triplet_on(
+    def test_hold_from_the_next_estimate_on(
         self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
         pipeline = make_pipeline(network_settings)
@@ -189,7 +188,36 @@ class TestSettings:
         pipeline.add_sweep(make_sweep(4), time.monotonic_ns())
         wait_until(lambda: pipeline.load == 0)
         iterations = [estimate.fits["forward"].iterations for _, estimate in recorder.handed_out]
-        assert iterations == [60, 20, 7]
+        assert iterations == [60, 7, 7]
+
+    def test_end_an_estimate_that_would_last_for_hours(
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
+    ):
+        endless = network_settings.changed({"optimization.max_iterations": 100_000})
+        pipeline, indices = make_pipeline(endless), itertools.count()
+
+        def is_one_waiting():
+            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
+            return pipeline.load == 2
+
+        wait_until(is_one_waiting)
+        pipeline.change_settings(network_settings)
+        wait_until(lambda: pipeline.load == 0)
+        # The one that waited; it had the endless settings, too, when it came.
+        assert recorder.current_stamps == [make_sweep(next(indices) - 2).stamp_ns]
+        assert counts_of(pipeline)["triplets_abandoned"] == 1
+        assert_balanced(pipeline)
+
+    def test_that_are_the_same_end_no_estimate(
+        self, make_pipeline, recorder, make_sweep, quick_settings, wait_until
+    ):
+        pipeline = make_pipeline(quick_settings)
+        for index in range(6):
+            pipeline.change_settings(quick_settings.changed({}))
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+            wait_until(lambda: pipeline.load == 0)
+        assert "triplets_abandoned" not in counts_of(pipeline)
+        assert len(recorder.handed_out) == 4
 
     @pytest.fixture
     def starts_after(self, make_pipeline, recorder, make_sweep, wait_until):
@@ -250,8 +278,7 @@ class TestSettings:
         for index in range(3):
             pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
         wait_until(lambda: pipeline.load == 0)
-        ((job, estimate),) = recorder.handed_out
-        assert job.settings == network_settings
+        ((_, estimate),) = recorder.handed_out
         assert estimate.fits["forward"].iterations == 60
 
     @pytest.mark.parametrize("method", ["online", "mnsf"])
