@@ -1,50 +1,35 @@
-"""What one triplet keeps for the next: prepared sweeps, and the motions of objects."""
+"""What one triplet keeps for the next: prepared sweeps, and the tracks of what moves."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource, SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import transformed, turned
+from mnsf_ros.objects.following import alive, expecting_shares, follow
+from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.target import Target
+from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # How far back an object is followed: three sweeps at 10 Hz. A pedestrian has then moved by more
 # than the noise, and a car has not turned by much.
 _PAST_S: Final = 0.3
 _PAST_TOLERANCE_S: Final = 0.12
 _MAX_SWEEPS: Final = 12
-# An object is the same as one of the last triplet if it is this close to where that would be.
-_SAME_OBJECT_M: Final = 1.5
+# An object is that of a track if more than this share of its points is where that is expected.
+_MIN_SHARE: Final = 0.3
 
 Item = TypeVar("Item")
-
-
-@dataclass(frozen=True, eq=False)
-class KnownMotions:
-    """Objects that moved.
-
-    Attributes:
-        stamp_ns: When.
-        frame_id: The sensor's frame.
-        centers: (K, 3) metres, world.
-        velocities: (K, 3) metres per second, world.
-    """
-
-    stamp_ns: int
-    frame_id: str
-    centers: NDArray[np.float64]
-    velocities: NDArray[np.float64]
 
 
 class MotionMemory:
@@ -55,7 +40,8 @@ class MotionMemory:
         self._ego_motion = EgoMotion(settings.ego_motion)
         self._poses: dict[Sweep, SensorPose] = {}
         self._sweeps: dict[Sweep, ObjectSweep] = {}
-        self._known: KnownMotions | None = None
+        self._tracks: Tracks | None = None
+        self._next_id = 1
 
     def with_settings(self, settings: Settings) -> MotionMemory:
         """Returns a memory for other settings, with what this one knows if that still holds.
@@ -64,10 +50,11 @@ class MotionMemory:
         `crop`, `ground` and `objects`, too.
         """
         other, last = MotionMemory(settings), self._settings
+        other._next_id = self._next_id
         if settings.ego_motion == last.ego_motion:
             other._ego_motion, other._poses = self._ego_motion, self._poses
             if _objects_of(settings) == _objects_of(last):
-                other._sweeps, other._known = self._sweeps, self._known
+                other._sweeps, other._tracks = self._sweeps, self._tracks
         return other
 
     def use_threads(self, num_threads: int) -> None:
@@ -97,7 +84,7 @@ class MotionMemory:
         """Whether the motions of the last triplet help with this one, and if not, why."""
         if not self._settings.warm_start.enabled:
             return Start.COLD_BY_SETTING
-        known = self._known
+        known = self._tracks
         if known is None:
             return Start.COLD_FIRST
         if known.frame_id != triplet.current.frame_id:
@@ -110,7 +97,7 @@ class MotionMemory:
     @property
     def is_blank(self) -> bool:
         """Whether nothing is known of how objects moved."""
-        return self._known is None
+        return self._tracks is None
 
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
         """An older sweep to test motions on, if there is one.
@@ -139,47 +126,62 @@ class MotionMemory:
         sweep = near[min(near)]
         return [Target.of(sweep, current, -ages[sweep] / interval_s)]
 
-    def keep(
-        self,
-        current: ObjectSweep,
-        objects: ObjectPoints,
-        motions: NDArray[np.float32],
-        interval_s: float,
-    ) -> None:
-        """Remembers the motions (K, 3), metres to the next sweep, of objects that moved."""
-        if not self._settings.warm_start.enabled or interval_s <= 0:
-            return
-        turn = current.pose.world_from_sensor[:3, :3]
-        self._known = KnownMotions(
-            current.sweep.stamp_ns,
-            current.sweep.frame_id,
-            transformed(objects.centers, current.pose.world_from_sensor).astype(np.float64),
-            turned(motions.astype(np.float64), turn) / interval_s,
+    def follow(
+        self, current: ObjectSweep, movers: ObjectPoints, moving: JudgedMotions, interval_s: float
+    ) -> tuple[Tracks, NDArray[np.int64]]:
+        """Follows what moves into the current sweep.
+
+        Args:
+            current: The current sweep.
+            movers: K objects that move.
+            moving: Their motions.
+            interval_s: Time to the next sweep.
+
+        Returns:
+            The tracks, and (K,) the number of the track of each mover.
+        """
+        seen = Sightings.of(
+            movers, moving, current.pose.world_from_sensor, interval_s or USUAL_INTERVAL_S
         )
+        tracks, ids = follow(self._expected_tracks(current, interval_s), seen, self._next_id)
+        self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
+        if self._settings.warm_start.enabled and interval_s > 0:
+            self._tracks = tracks
+        return tracks, ids[seen.groups]
 
     def expected(
         self, current: ObjectSweep, objects: ObjectPoints, interval_s: float
     ) -> NDArray[np.float32] | None:
-        """(K, 3) metres to the next sweep, by the last triplet; 0 for objects it did not know.
+        """(K, 3) metres to the next sweep, by their tracks; 0 for objects without one.
 
-        None if it knew none of them.
+        None if none of them has one.
         """
-        known = self._known
-        if known is None or len(known.centers) == 0 or len(objects) == 0:
+        tracks = self._expected_tracks(current, interval_s)
+        if len(tracks) == 0 or len(objects) == 0:
             return None
-        elapsed_s = (current.sweep.stamp_ns - known.stamp_ns) / NANOSECONDS
-        if not 0 < elapsed_s <= self._settings.warm_start.max_gap_s:
-            return None
-        now = known.centers + known.velocities * elapsed_s
-        centers = transformed(objects.centers, current.pose.world_from_sensor)
-        distances, rows = cKDTree(now).query(centers, distance_upper_bound=_SAME_OBJECT_M)
-        is_known = np.isfinite(distances)
+        world = transformed(objects.positions, current.pose.world_from_sensor).astype(np.float64)
+        shares = expecting_shares(tracks, world, objects.owners, len(objects))
+        rows = shares.argmax(axis=1)
+        is_known = shares.max(axis=1) > _MIN_SHARE
         if not is_known.any():
             return None
         expected = np.zeros((len(objects), 3))
         turn = current.pose.world_from_sensor[:3, :3]
-        expected[is_known] = turned(known.velocities[rows[is_known]], turn.T) * interval_s
+        expected[is_known] = turned(tracks.velocities[rows[is_known]], turn.T) * interval_s
         return expected.astype(np.float32)
+
+    def _expected_tracks(self, current: ObjectSweep, interval_s: float) -> Tracks:
+        """Returns the tracks as they are expected in the current sweep."""
+        known, sweep = self._tracks, current.sweep
+        if known is not None and interval_s > 0 and self._continues(known, sweep):
+            return alive(known, sweep.stamp_ns, interval_s)
+        return Tracks.none(sweep.stamp_ns, sweep.frame_id)
+
+    def _continues(self, known: Tracks, sweep: Sweep) -> bool:
+        """Returns whether tracks go on until a sweep."""
+        elapsed_s = (sweep.stamp_ns - known.stamp_ns) / NANOSECONDS
+        is_later = 0 < elapsed_s <= self._settings.warm_start.max_gap_s
+        return is_later and known.frame_id == sweep.frame_id
 
     def _add(self, sweep: Sweep) -> None:
         pose = self._poses.get(sweep)
@@ -189,7 +191,7 @@ class MotionMemory:
                 # The map was restarted: earlier poses no longer hold.
                 self._poses.clear()
                 self._sweeps.clear()
-                self._known = None
+                self._tracks = None
             _keep_last(self._poses, sweep, pose)
         # Here, not after a whole triplet: there may never be one if every third sweep is refused.
         _keep_last(self._sweeps, sweep, ObjectSweep(sweep, pose, self._settings))

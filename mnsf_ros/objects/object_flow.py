@@ -92,9 +92,10 @@ class ObjectFlowEstimator:
             is_doubtful = np.ones(len(suspected), dtype=bool)
             is_doubtful[nearest] = ~is_moving
             doubtful, standing = suspected.only(is_doubtful), all_standing.only(is_doubtful)
-            self._memory.keep(scene.current, movers, moving.motions, scene.interval_s)
+        with clock.stage("tracks"):
+            followed = self._memory.follow(scene.current, movers, moving, scene.interval_s)
         with clock.stage("output"):
-            over_ground = scene.over_ground(movers, moving, doubtful, standing)
+            over_ground = scene.over_ground(movers, moving, doubtful, standing, *followed)
             flow = scene.flow(over_ground)
         return FlowEstimate(
             flow=flow,

@@ -31,11 +31,21 @@ class RangeView:
 
         Places behind a surface, and directions without a return, are not known to be free.
         """
-        cells, ranges = _directions(positions)
-        nearest = self._nearest[cells]
-        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
+        nearest, ranges, margin = self._compared(positions)
         is_free: NDArray[np.bool_] = np.isfinite(nearest) & (nearest > ranges + margin)
         return is_free
+
+    def is_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) whether places (P, 3), in metres in the frame, are behind a surface."""
+        nearest, ranges, margin = self._compared(positions)
+        is_hidden: NDArray[np.bool_] = nearest < ranges - margin
+        return is_hidden
+
+    def _compared(self, positions: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+        """Returns (P,) nearest return in the direction of each place, its range, and a margin."""
+        cells, ranges = _directions(positions)
+        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
+        return self._nearest[cells], ranges, margin
 
 
 def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:

@@ -21,6 +21,8 @@ from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
+from mnsf_ros.objects.tracked_objects import tracked_objects
+from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
 
@@ -75,6 +77,8 @@ class Scene:
         moving: JudgedMotions,
         doubtful: ObjectPoints,
         standing: JudgedMotions,
+        tracks: Tracks,
+        ids: NDArray[np.int64],
     ) -> OverGround:
         """Spreads what is known of objects over all points of the current sweep.
 
@@ -84,6 +88,8 @@ class Scene:
             doubtful: Objects that neither motion nor being static explains well enough, or that
                 were left out.
             standing: How these stand.
+            tracks: What is followed.
+            ids: (K,) the numbers of the tracks of K movers.
         """
         current, sweep = self.current, self.current.sweep
         owners = current.objects()
@@ -93,6 +99,8 @@ class Scene:
         is_moving = rows >= 0
         motion = np.zeros((len(sweep), 3), np.float32)
         motion[is_moving] = moving.motions[rows[is_moving]]
+        track_ids = np.zeros(len(sweep), np.int32)
+        track_ids[is_moving] = ids[rows[is_moving]]
         confidence = standing_confidence(sweep.xyz)
         confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
         rows = doubtful.rows_of(current.num_objects)[owners]
@@ -111,6 +119,8 @@ class Scene:
             source=pose.source.value,
             pose_covariance=current.pose.covariance,
             motion_covariance=pose.step_covariance,
+            objects=tracked_objects(tracks, current, track_ids),
+            track_ids=track_ids,
         )
 
     def _are_loose(self, doubtful: ObjectPoints) -> NDArray[np.bool_]:

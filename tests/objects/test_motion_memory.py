@@ -11,6 +11,7 @@ from small_scenes import rows
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import SweepError
+from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.settings import Settings
@@ -36,6 +37,13 @@ def object_at(*centers):
     number = len(centers)
     owners = np.arange(number)
     return ObjectPoints(owners + 1, rows(*centers), owners, np.zeros(number, np.float32))
+
+
+def followed(memory, current, objects, motions, interval_s):
+    """The tracks, and the track of each object, after objects were seen to move."""
+    none = np.zeros(len(objects))
+    moving = JudgedMotions(motions, none[:, None], none[:, None][:, :0], none)
+    return memory.follow(current, objects, moving, interval_s)
 
 
 class TestPast:
@@ -136,7 +144,7 @@ class TestStart:
     def start_after(self, triplet_index, frame_id="lidar", *, settings=SETTINGS, interval_s=0.1):
         """The start of a triplet after objects were seen to move at sweep 5."""
         memory, current = memory_after(5, settings=settings)
-        memory.keep(current, object_at((5, 0, 0)), rows((1, 0, 0)), interval_s)
+        followed(memory, current, object_at((5, 0, 0)), rows((1, 0, 0)), interval_s)
         sweeps = (sweep(triplet_index + step, frame_id=frame_id) for step in (-1, 0, 1))
         return memory.start(SweepTriplet(*sweeps))
 
@@ -162,7 +170,7 @@ class TestExpected:
     def expected(self, *centers, index=6, interval_s=0.1):
         """After an object at (5, 1, 0) moved by (1, 0, 0) in the tenth after sweep 5."""
         memory, current = memory_after(5)
-        memory.keep(current, object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
+        followed(memory, current, object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
         self.world_from_first = current.pose.world_from_sensor
         (later,) = memory.prepared(sweep(index))
         self.sensor_from_first = np.linalg.inv(later.pose.world_from_sensor) @ (
@@ -187,13 +195,13 @@ class TestExpected:
         found = self.expected((6, 1, 0), interval_s=0.25)
         assert np.linalg.norm(found) == pytest.approx(2.5, abs=1e-4)
 
-    @pytest.mark.parametrize(("away_m", "is_same"), [(1.4, True), (1.6, False)])
-    def test_object_is_the_same_within_a_metre_and_a_half(self, away_m, is_same):
+    @pytest.mark.parametrize(("away_m", "is_same"), [(0.4, True), (0.6, False)])
+    def test_object_is_the_same_within_half_a_metre(self, away_m, is_same):
         assert (self.expected((6, 1 + away_m, 0)) is not None) is is_same
 
     def test_nothing_is_expected_where_nothing_moved(self):
         memory, current = memory_after(5)
         assert memory.expected(current, object_at((5, 1, 0)), 0.1) is None
-        memory.keep(current, object_at(), rows(), 0.1)
+        followed(memory, current, object_at(), rows(), 0.1)
         (later,) = memory.prepared(sweep(6))
         assert memory.expected(later, object_at((5, 1, 0)), 0.1) is None

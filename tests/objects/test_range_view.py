@@ -27,6 +27,11 @@ class TestRangeView:
         places = rows((-10, 0, 0), (10, 0, 9), (0, 0, 5))
         assert not RangeView(wall(20.0)).is_free(places).any()
 
+    def test_what_is_behind_the_wall_is_hidden(self):
+        view = RangeView(wall(20.0))
+        places = rows((10, 0, 0), (20, 0, 0), (20.3, 0, 0), (20.5, 0, 0), (-30, 0, 0))
+        assert view.is_hidden(places).tolist() == [False, False, False, True, False]
+
     def test_the_nearest_return_of_a_direction_counts(self):
         pole = rows(*((8.0, 0.0, height) for height in np.arange(-0.7, 0.7, 0.02)))
         view = RangeView(np.concatenate([wall(20.0), pole]))

@@ -32,6 +32,8 @@ def digest(num_threads=1):
         known = result.over_ground
         assert known.dynamic.any()
         parts = (known.motion, known.dynamic, known.confidence, known.world_from_sensor)
+        parts += (known.track_ids, *(each.velocity for each in known.objects))
+        parts += tuple(each.center for each in known.objects)
         for array in (result.flow, result.kept, *parts):
             digests.update(np.ascontiguousarray(array).tobytes())
     return digests.hexdigest()

@@ -1,0 +1,89 @@
+"""What one estimate saw moving: measurements for the tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.rigid_motion import transformed, turned
+from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.mover_groups import mover_groups
+from mnsf_ros.objects.object_points import ObjectPoints
+
+# Standard deviation of a motion, and what residual and disagreement add to it.
+_MOTION_M: Final = 0.02
+_PER_RESIDUAL: Final = 0.5
+_PER_DISAGREEMENT: Final = 0.3
+# Of the middle of the visible points: of a person, and by how much of its length that of a vehicle
+# shifts when another side comes into view.
+_PLACE_M: Final = 0.05
+_PLACE_SHARE: Final = 0.3
+_SMALL_M: Final = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """G things that were seen to move, in the world; each may be several movers.
+
+    Attributes:
+        groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
+        states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
+        variances: (G, 2) of both along each axis.
+        points: (P, 3) metres.
+        owners: (P,) int from 0 to G - 1, rising.
+    """
+
+    groups: NDArray[np.int64]
+    states: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    points: NDArray[np.float64]
+    owners: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        movers: ObjectPoints,
+        moving: JudgedMotions,
+        world_from_sensor: NDArray[np.float64],
+        interval_s: float,
+    ) -> Sightings:
+        """Returns what K movers are in the world.
+
+        Args:
+            movers: K objects that move.
+            moving: Their motions.
+            world_from_sensor: (4, 4) where the sensor was.
+            interval_s: Time to the next sweep, above 0.
+        """
+        groups = mover_groups(movers, moving.motions)
+        number = int(groups.max(initial=-1)) + 1
+        order = np.argsort(groups[movers.owners], kind="stable")
+        points = transformed(movers.positions, world_from_sensor)[order].astype(np.float64)
+        owners = groups[movers.owners][order]
+        counts = movers.counts.astype(np.float64)
+        weights = np.bincount(groups, counts, number)[:, None]
+        centers = _sums(points, owners, number) / weights
+        motions = _sums(moving.motions * counts[:, None], groups, number) / weights
+        velocities = turned(motions, world_from_sensor[:3, :3]) / interval_s
+        errors = _MOTION_M + _PER_RESIDUAL * moving.cost + _PER_DISAGREEMENT * moving.disagreement
+        velocity_errors = np.bincount(groups, errors * counts, number) / weights[:, 0] / interval_s
+        spread = np.sqrt(_sums((points - centers[owners]) ** 2, owners, number) / weights)
+        # Of points spread evenly over a length, the standard deviation is its 0.29th part.
+        lengths = spread.max(axis=1, initial=0.0) / 0.29
+        place_errors = _PLACE_M + _PLACE_SHARE * np.maximum(lengths - _SMALL_M, 0.0)
+        variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
+        return cls(groups, np.stack([centers, velocities], axis=1), variances, points, owners)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+
+def _sums(
+    values: NDArray[np.float64], owners: NDArray[np.int64], number: int
+) -> NDArray[np.float64]:
+    """Returns (number, 3) sums of the rows (P, 3) of each owner."""
+    columns = [np.bincount(owners, values[:, axis], number) for axis in range(3)]
+    return np.stack(columns, axis=1)

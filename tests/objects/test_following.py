@@ -1,0 +1,144 @@
+"""Tracks: identity, prediction and correction, from sweep to sweep."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import rows, surface
+
+from mnsf_ros.objects.following import alive, follow
+from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.mover_groups import mover_groups
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.sightings import Sightings
+from mnsf_ros.objects.tracks import Tracks
+
+INTERVAL_S = 0.1
+
+
+def objects_at(*centers, size=(2.0, 1.5, 1.5)):
+    """One box at each place."""
+    points = [surface(center, size, 48) for center in centers]
+    number = len(centers)
+    owners = np.repeat(np.arange(number), 48)
+    xyz = np.concatenate([np.zeros((0, 3), np.float32), *points])
+    return ObjectPoints(np.arange(number) + 1, xyz, owners, np.zeros(len(xyz), np.float32))
+
+
+def seen(*centers, velocity=(10.0, 0.0, 0.0), residual=0.0, size=(2.0, 1.5, 1.5)):
+    """Boxes at these places, all with one velocity, or each with its own."""
+    number = len(centers)
+    motions = np.float32(INTERVAL_S) * np.broadcast_to(np.float32(velocity), (number, 3))
+    cost = np.full((number, 2), residual)
+    moving = JudgedMotions(motions, cost, cost[:, :0], np.zeros(number, np.float32))
+    return Sightings.of(objects_at(*centers, size=size), moving, np.eye(4), INTERVAL_S)
+
+
+class Follower:
+    """Follows what it is shown, ten sweeps a second."""
+
+    def __init__(self):
+        self.tracks, self.next_id, self.now_ns = Tracks.none(0, "lidar"), 1, 0
+
+    def see(self, *centers, **how):
+        """The numbers of the tracks of the boxes at these places, one sweep later."""
+        self.now_ns += round(INTERVAL_S * 1e9)
+        expected = alive(self.tracks, self.now_ns, INTERVAL_S)
+        self.tracks, ids = follow(expected, seen(*centers, **how), self.next_id)
+        self.next_id = max([self.next_id, *(ids + 1)])
+        return ids.tolist()
+
+
+class TestIdentity:
+    def test_goes_on_with_the_motion(self):
+        follower = Follower()
+        for index in range(10):
+            assert follower.see((index, 0, 0), (index, 10, 0)) == [1, 2]
+
+    @pytest.mark.parametrize(("num_hidden", "same"), [(1, True), (4, True), (5, False)])
+    def test_outlasts_half_a_second_unseen(self, num_hidden, same):
+        follower = Follower()
+        follower.see((0, 0, 0))
+        for _ in range(num_hidden):
+            assert follower.see() == []
+        assert follower.see((1 + num_hidden, 0, 0)) == ([1] if same else [2])
+
+    def test_is_never_used_again(self):
+        follower = Follower()
+        assert follower.see((0, 0, 0)) == [1]
+        for _ in range(10):
+            follower.see()
+        assert follower.see((0, 0, 0)) == [2]
+
+    def test_of_two_that_meet_stays_with_each(self):
+        follower = Follower()
+        for index in range(8):
+            velocities = [(10, 0, 0), (-10, 0, 0)]
+            ids = follower.see((index, 0, 0), (7.5 - index, 1.8, 0), velocity=velocities)
+            assert ids == [1, 2]
+
+    def test_what_falls_apart_keeps_it_for_one_part(self):
+        follower = Follower()
+        for index in range(3):
+            follower.see((index, 0, 0))
+        ids = follower.see((3, 0.2, 0), (3, 5, 0))
+        assert ids == [1, 2]
+
+    def test_what_grows_together_has_that_which_was_seen_more_often(self):
+        follower = Follower()
+        for index in range(6):
+            follower.see((index, 0, 0))
+        follower.see((6, 0, 0), (6, 3, 0))
+        assert follower.see((7, 0, 0), size=(2.0, 7.0, 1.5)) == [1]
+        assert follower.tracks.ids.tolist() == [1]
+
+
+class TestState:
+    def test_velocity_is_that_of_the_motion(self):
+        follower = Follower()
+        for index in range(6):
+            follower.see((index, 0, 0))
+        np.testing.assert_allclose(follower.tracks.velocities, [(10, 0, 0)], atol=1e-5)
+        np.testing.assert_allclose(follower.tracks.states[0, 0], (5, 0, 0), atol=0.1)
+
+    def test_noise_is_smoothed_and_the_covariance_says_so(self):
+        rng, follower, errors = np.random.default_rng(0), Follower(), []
+        for index in range(40):
+            velocity = rng.normal((10, 0, 0), 0.3)
+            follower.see((index, 0, 0), velocity=velocity, residual=0.02)
+            errors.append(np.linalg.norm(follower.tracks.velocities[0] - (10, 0, 0)))
+        assert np.mean(errors[10:]) < 0.7 * 0.3 * np.sqrt(3)
+        sigma = np.sqrt(follower.tracks.covariances[0, 1, 1])
+        assert 0.05 < sigma < 0.4
+
+    def test_braking_is_followed_without_visible_lag(self):
+        follower, speed, x = Follower(), 10.0, 0.0
+        for _ in range(20):
+            follower.see((x, 0, 0), velocity=(speed, 0, 0))
+            x, speed = x + speed * INTERVAL_S, max(0.0, speed - 0.4)
+        speed += 0.4
+        assert follower.tracks.velocities[0, 0] == pytest.approx(speed, abs=0.3)
+
+    def test_is_less_sure_the_longer_it_is_unseen(self):
+        follower = Follower()
+        follower.see((0, 0, 0))
+        sure = follower.tracks.covariances[0]
+        follower.see()
+        assert (np.diagonal(follower.tracks.covariances[0]) > np.diagonal(sure)).all()
+
+
+class TestMoverGroups:
+    def groups(self, *places, motions):
+        return mover_groups(objects_at(*places), rows(*motions)).tolist()
+
+    def test_close_and_alike_are_one(self):
+        assert self.groups((0, 0, 0), (2.3, 0, 0), motions=[(1, 0, 0), (1, 0.1, 0)]) == [0, 0]
+
+    def test_far_apart_are_two(self):
+        assert self.groups((0, 0, 0), (3.5, 0, 0), motions=[(1, 0, 0), (1, 0, 0)]) == [0, 1]
+
+    def test_different_motions_are_two(self):
+        assert self.groups((0, 0, 0), (2.3, 0, 0), motions=[(1, 0, 0), (0.5, 0, 0)]) == [0, 1]
+
+    def test_none(self):
+        assert self.groups(motions=[]) == []

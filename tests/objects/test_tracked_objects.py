@@ -1,0 +1,143 @@
+"""Objects of a drive: identity, box, velocity, age, and what is told of hidden ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from box_street import BoxStreet, pose, triplets_of
+
+from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+STREET = BoxStreet()
+SETTINGS = Settings().changed({"compute.device": "cpu"})
+POINTS_PER_CAR = 400
+SPEED_M_S = 8.0
+
+
+def path(index):
+    return pose(0.3 * index, yaw_deg=index)
+
+
+def drive(number, speed_m_s=SPEED_M_S, hidden=()):
+    """Sweeps with a car, but for those in which it is hidden."""
+    return [
+        STREET.sweep(
+            path(index),
+            index,
+            cars=[] if index in hidden else [(-10 + speed_m_s / 10 * index, -2.0)],
+            points_per_box=POINTS_PER_CAR,
+        )
+        for index in range(number)
+    ]
+
+
+def estimates(sweeps, **changes):
+    estimator = ObjectFlowEstimator(SETTINGS.changed(changes))
+    return [estimator.estimate(each).over_ground for each in triplets_of(sweeps)]
+
+
+def car_of(known):
+    """The object that most of the car's points belong to."""
+    ids = known.track_ids[-POINTS_PER_CAR:]
+    (car,) = (each for each in known.objects if each.track_id == np.bincount(ids).argmax())
+    return car
+
+
+class TestCar:
+    @pytest.fixture(scope="class")
+    def all_known(self):
+        return estimates(drive(9))
+
+    def test_keeps_its_number(self, all_known):
+        assert {car_of(known).track_id for known in all_known} == {1}
+
+    def test_grows_older(self, all_known):
+        ages = [car_of(known).age_s for known in all_known]
+        np.testing.assert_allclose(ages, 0.1 * np.arange(len(ages)), atol=1e-9)
+
+    def test_has_its_box(self, all_known):
+        for index, known in enumerate(all_known, start=1):
+            car, sensor_from_world = car_of(known), np.linalg.inv(path(index))
+            center = sensor_from_world @ (-10 + 0.8 * index, -2.0, 0.75 - 1.8, 1.0)
+            np.testing.assert_allclose(car.center, center[:3], atol=0.3)
+            np.testing.assert_allclose(car.size, (4.0, 1.8, 1.5), atol=0.35)
+            assert car.yaw == pytest.approx(np.radians(-index), abs=0.03)
+
+    def test_has_its_velocity(self, all_known):
+        for index, known in enumerate(all_known, start=1):
+            expected = path(index)[:3, :3].T @ (SPEED_M_S, 0, 0)
+            car = car_of(known)
+            np.testing.assert_allclose(car.velocity, expected, atol=0.3)
+            assert 0 < car.covariance[3, 3] < 1
+
+    def test_numbers_its_points(self, all_known):
+        for known in all_known:
+            np.testing.assert_array_equal(known.track_ids > 0, known.dynamic)
+            for each in known.objects:
+                assert each.num_points == np.count_nonzero(known.track_ids == each.track_id)
+
+
+class TestIdentity:
+    def test_outlasts_a_sweep_in_which_it_is_hidden(self):
+        known = estimates(drive(10, hidden=(5,)))
+        assert car_of(known[0]).track_id == car_of(known[-1]).track_id == 1
+        assert 1 not in known[4].track_ids
+
+    def test_is_new_in_each_triplet_from_scratch(self):
+        known = estimates(drive(6), **{"warm_start.enabled": False})
+        assert len({car_of(each).track_id for each in known}) == len(known)
+        assert all(car_of(each).age_s == 0 for each in known)
+
+    def test_goes_on_with_other_settings_of_objects(self):
+        sweeps = drive(8)
+        triplets = list(triplets_of(sweeps))
+        estimator = ObjectFlowEstimator(SETTINGS)
+        first = [estimator.estimate(each).over_ground for each in triplets[:3]]
+        other = estimator.with_settings(SETTINGS.changed({"objects.cell_size_m": 0.3}))
+        later = car_of(other.estimate(triplets[3]).over_ground).track_id
+        assert later not in {each.track_id for known in first for each in known.objects}
+
+
+class TestOddInput:
+    def assert_sound(self, known):
+        for each in known.objects:
+            numbers = (each.center, each.size, each.velocity, each.covariance, each.yaw)
+            assert all(np.isfinite(number).all() for number in numbers)
+            assert each.age_s >= 0
+
+    def test_without_stamps(self):
+        estimator = ObjectFlowEstimator(SETTINGS)
+        sweeps = [Sweep(each.xyz) for each in drive(3)]
+        for _ in range(2):
+            known = estimator.estimate(SweepTriplet(*sweeps)).over_ground
+            self.assert_sound(known)
+            # What stamps do not tell counts as the usual interval.
+            assert np.linalg.norm(car_of(known).velocity) == pytest.approx(SPEED_M_S, abs=0.3)
+            assert car_of(known).age_s == 0
+
+    def test_two_sweeps(self):
+        known = ObjectFlowEstimator(SETTINGS).estimate(SweepTriplet(None, *drive(2))).over_ground
+        self.assert_sound(known)
+        assert car_of(known).age_s == 0
+
+    def test_same_triplet_again(self):
+        estimator, triplets = ObjectFlowEstimator(SETTINGS), list(triplets_of(drive(5)))
+        for number in (0, 1, 1, 0, 2):
+            self.assert_sound(estimator.estimate(triplets[number]).over_ground)
+
+    @pytest.mark.parametrize("interval_ns", [1, 10**6, 2 * 10**9 - 1])
+    def test_odd_intervals(self, interval_ns):
+        sweeps = [Sweep(each.xyz, interval_ns * i, "lidar") for i, each in enumerate(drive(5))]
+        for known in estimates(sweeps):
+            self.assert_sound(known)
+
+    @pytest.mark.parametrize("far", [1e6, 1e20, 3e38])
+    def test_huge_coordinates(self, far):
+        beyond = np.full((5, 3), far, np.float32)
+        sweeps = [
+            Sweep(np.vstack([beyond, each.xyz]), each.stamp_ns, each.frame_id) for each in drive(5)
+        ]
+        for known in estimates(sweeps):
+            self.assert_sound(known)
