@@ -1,19 +1,32 @@
-"""Where tensors live and how many threads may work."""
+"""Where tensors live and how many threads may work.
+
+PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
+"""
 
 from __future__ import annotations
 
-import torch
+import os
+from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import ComputeSettings
 
+if TYPE_CHECKING:
+    import torch
+
 
 def compute_device(settings: ComputeSettings) -> torch.device:
-    """The device that the settings ask for.
+    """Returns the device that the settings ask for.
 
     Raises:
-        SettingsError: If CUDA is asked for and torch finds none.
+        SettingsError: If CUDA is asked for and torch finds none, or there is no torch.
     """
+    try:
+        import torch
+    except ImportError as error:
+        raise SettingsError(
+            f"this method needs PyTorch (torch), which cannot be used: {error}"
+        ) from error
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise SettingsError(
             "compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu"
@@ -23,12 +36,24 @@ def compute_device(settings: ComputeSettings) -> torch.device:
     return torch.device(settings.device)
 
 
-def limit_threads(settings: ComputeSettings) -> int:
-    """Applies `compute.num_threads` to torch, for the calling thread too; 0 changes nothing.
+def check_device(settings: ComputeSettings) -> None:
+    """Checks that the device is there, if the settings ask for a certain one.
 
-    Returns:
-        The number of threads, for the libraries that have to be told.
+    Raises:
+        SettingsError: If CUDA is asked for and torch finds none, or there is no torch.
     """
+    if settings.device == "cuda":
+        compute_device(settings)
+
+
+def limit_threads(settings: ComputeSettings) -> None:
+    """Applies `compute.num_threads` to torch, for the calling thread too; 0 changes nothing."""
+    import torch
+
     if settings.num_threads:
         torch.set_num_threads(settings.num_threads)
-    return torch.get_num_threads()
+
+
+def usable_threads(settings: ComputeSettings) -> int:
+    """Returns the number of threads for libraries that have to be told."""
+    return settings.num_threads or len(os.sched_getaffinity(0))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-
-from mnsf_ros.core.optimization import OptimizationResult
 
 
 class Start(Enum):
@@ -25,6 +22,30 @@ class Start(Enum):
     COLD_TIME_JUMP = "cold: time went back"
     COLD_FRAME = "cold: frame_id changed"
     COLD_LOSS = "cold: the carried fields no longer fit"
+
+
+class StopReason(Enum):
+    """Why an optimization ended."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_BUDGET = "time_budget"
+    NOT_FINITE = "not_finite"
+
+
+@dataclass(frozen=True)
+class OptimizationResult:
+    """How an optimization went.
+
+    Attributes:
+        loss_m: Lowest loss where all points are used in each step, else the last one.
+        iterations: Steps taken.
+        stop_reason: Why it ended.
+    """
+
+    loss_m: float
+    iterations: int
+    stop_reason: StopReason
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +150,14 @@ class FlowEstimate:
 
 @dataclass
 class StageClock:
-    """Measures the stages of an estimate; waits for the GPU at the end of each."""
+    """Measures the stages of an estimate.
 
-    device: torch.device
+    Attributes:
+        finish: Called at the end of each stage, to wait for a GPU.
+        times_ms: Stage to wall time.
+    """
+
+    finish: Callable[[], None] = lambda: None
     times_ms: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
@@ -139,7 +165,6 @@ class StageClock:
         """Adds the time of the block to the stage's time."""
         start = time.perf_counter()
         yield
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
+        self.finish()
         elapsed_ms = (time.perf_counter() - start) * 1e3
         self.times_ms[name] = self.times_ms.get(name, 0.0) + elapsed_ms

@@ -8,9 +8,9 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches
+from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.optimization import (
     Learner,
-    OptimizationResult,
     PartlyJudgedLoss,
     minimize,
 )

@@ -7,23 +7,14 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import torch
 from torch import nn
 
+from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import CancelledError, OptimizationError
-
-
-class StopReason(Enum):
-    """Why an optimization ended."""
-
-    CONVERGED = "converged"
-    ITERATION_LIMIT = "iteration_limit"
-    TIME_BUDGET = "time_budget"
-    NOT_FINITE = "not_finite"
 
 
 @dataclass
@@ -61,21 +52,6 @@ class PartlyJudgedLoss:
 
     total: torch.Tensor
     judged: torch.Tensor
-
-
-@dataclass(frozen=True)
-class OptimizationResult:
-    """How an optimization went.
-
-    Attributes:
-        loss_m: Lowest loss where all points are used in each step, else the last one.
-        iterations: Steps taken.
-        stop_reason: Why it ended.
-    """
-
-    loss_m: float
-    iterations: int
-    stop_reason: StopReason
 
 
 class EarlyStopping:

@@ -9,8 +9,9 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches
+from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.flow_field import perceptron
-from mnsf_ros.core.optimization import Learner, OptimizationResult, minimize
+from mnsf_ros.core.optimization import Learner, minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.settings import FusionSettings

@@ -9,10 +9,9 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches, evaluate
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Start
+from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock, Start
 from mnsf_ros.core.optimization import (
     Learner,
-    OptimizationResult,
     PartlyJudgedLoss,
     minimize,
 )
@@ -80,7 +79,7 @@ class Workbench:
         self.fits: dict[str, OptimizationResult] = {}
         self.warm_start = warm_start or WarmStart()
         self.start = Start.COLD_BY_SETTING
-        self._clock = StageClock(device)
+        self._clock = StageClock(self._wait_for_gpu)
         # A generator of its own: the same triplet gives the same flow whatever came before.
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
         with self.stage("prepare"):
@@ -169,6 +168,10 @@ class Workbench:
             device=self.device.type,
             distance_kind=distance_kind or self.next.distance.kind,
         )
+
+    def _wait_for_gpu(self) -> None:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)
 
     def _sampled(self, rows: torch.Tensor) -> torch.Tensor:
         wanted = self.settings.optimization.max_points

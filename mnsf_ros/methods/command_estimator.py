@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
@@ -33,7 +32,6 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 COMMAND_PREFIX = "command:"
 
 _TIMEOUT_S = 600.0
-_CPU = torch.device("cpu")
 _TIME_LINE = re.compile(r"^time_ms: ([0-9.eE+]+)\s*$", re.MULTILINE)
 _MAX_MESSAGE = 300
 
@@ -112,7 +110,7 @@ class CommandEstimator:
             MethodError: If the program cannot be started, fails, takes too long, or writes no
                 finite flow for each point.
         """
-        clock = StageClock(_CPU)
+        clock = StageClock()
         with clock.stage("prepare"):
             current, following = self._preparation.prepare(triplet.current, triplet.next)
         with clock.stage("command"):

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.compute_device import compute_device, limit_threads, usable_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
@@ -122,12 +122,12 @@ class NetworkEstimator:
             OptimizationError: If the optimization finds no finite flow.
             CancelledError: If `cancelled` returns True.
         """
-        num_threads = limit_threads(self.settings.compute)
+        limit_threads(self.settings.compute)
         if not self.settings.ego_motion.removed:
             return self._fitted(triplet, cancelled)
-        clock = StageClock(torch.device("cpu"))
+        clock = StageClock()
         with clock.stage("ego motion"):
-            self._poses.use_threads(num_threads)
+            self._poses.use_threads(usable_threads(self.settings.compute))
             poses = self._poses.of(triplet)
             common = _in_frame_of_current(triplet, poses)
         estimate = self._fitted(common, cancelled)

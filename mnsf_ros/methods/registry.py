@@ -3,6 +3,8 @@
 Another package registers a method with an entry point in the group `mnsf_ros.methods`. Its name
 is the name of the method; its object is called with the settings and returns an estimator, see
 `SceneFlowEstimator`.
+
+Modules of methods that fit networks are imported when such a method is made: PyTorch takes seconds.
 """
 
 from __future__ import annotations
@@ -11,15 +13,11 @@ import difflib
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final
+from pkgutil import resolve_name
+from typing import Any, Final
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods.command_estimator import CommandEstimator
-from mnsf_ros.methods.fnsf import fnsf, fnsf_joint, fnsf_linear, fnsf_time
-from mnsf_ros.methods.mnsf import mnsf, mnsf_cycle
-from mnsf_ros.methods.network_estimator import NetworkEstimator
-from mnsf_ros.methods.nsfp import nsfp, nsfp_linear
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -37,11 +35,23 @@ MethodMaker = Callable[[Settings], SceneFlowEstimator]
 _TRIPLET: Final = 3
 
 
+def _later(path: str) -> Callable[..., Any]:
+    """Something of this package that is called, and imported when that happens first."""
+    return partial(_called, f"mnsf_ros.methods.{path}")
+
+
+def _called(path: str, *args: object, **options: object) -> Any:  # noqa: ANN401 - what it is
+    return resolve_name(path)(*args, **options)
+
+
+_NETWORK: Final = _later("network_estimator:NetworkEstimator")
+
+
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
     """The method of the paper, with some settings of its fusion fixed."""
     return partial(
-        NetworkEstimator,
-        flow_of=partial(mnsf, num_fields=num_sweeps - 1),
+        _NETWORK,
+        flow_of=partial(_later("mnsf:mnsf"), num_fields=num_sweeps - 1),
         num_sweeps=num_sweeps,
         fixed={f"fusion.{name}": value for name, value in changes.items()},
         starts_warm=True,
@@ -56,13 +66,13 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     "zero": ZeroEstimator,
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
-    "nsfp": partial(NetworkEstimator, flow_of=nsfp, distance_kind="tree"),
-    "nsfp-linear": partial(NetworkEstimator, flow_of=nsfp_linear, distance_kind="tree"),
-    "fnsf": partial(NetworkEstimator, flow_of=fnsf),
-    "fnsf-linear": partial(NetworkEstimator, flow_of=fnsf_linear),
-    "fnsf-joint": partial(NetworkEstimator, flow_of=fnsf_joint, num_sweeps=3),
-    "fnsf-time": partial(NetworkEstimator, flow_of=fnsf_time, num_sweeps=3),
-    "mnsf-cycle": partial(NetworkEstimator, flow_of=mnsf_cycle, num_sweeps=3),
+    "nsfp": partial(_NETWORK, flow_of=_later("nsfp:nsfp"), distance_kind="tree"),
+    "nsfp-linear": partial(_NETWORK, flow_of=_later("nsfp:nsfp_linear"), distance_kind="tree"),
+    "fnsf": partial(_NETWORK, flow_of=_later("fnsf:fnsf")),
+    "fnsf-linear": partial(_NETWORK, flow_of=_later("fnsf:fnsf_linear")),
+    "fnsf-joint": partial(_NETWORK, flow_of=_later("fnsf:fnsf_joint"), num_sweeps=3),
+    "fnsf-time": partial(_NETWORK, flow_of=_later("fnsf:fnsf_time"), num_sweeps=3),
+    "mnsf-cycle": partial(_NETWORK, flow_of=_later("mnsf:mnsf_cycle"), num_sweeps=3),
     # Ablations (a) to (c) of the paper; (d) is the method itself.
     "mnsf-no-backward": _mnsf(2),
     "mnsf-mean": _mnsf(kind="mean"),
@@ -74,14 +84,14 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     # With two sweeps there is no backward flow: that is ablation (a).
     **{f"mnsf-frames{number}": _mnsf(number) for number in (2, 3, 4, 5)},
     **{
-        name: partial(CommandEstimator.from_environment, name)
+        name: partial(_later("command_estimator:CommandEstimator.from_environment"), name)
         for name in ("flot", "3dflow", "gmsf", "scoop")
     },
 }
 
 # What follows the prefix says which files or programs they are.
 _PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
-    "command:": CommandEstimator.from_text,
+    "command:": _later("command_estimator:CommandEstimator.from_text"),
     FILE_PREFIX: PredictionFiles,
 }
 
@@ -114,7 +124,10 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
         SettingsError: If there is no such method, it cannot be made, or the settings ask for a
             device that is not there.
     """
-    return _maker(name)(settings_for(name, settings))
+    try:
+        return _maker(name)(settings_for(name, settings))
+    except ImportError as error:
+        raise SettingsError(f"method {name!r} cannot be imported: {error}") from error
 
 
 def _maker(name: str) -> MethodMaker:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import limit_threads
+from mnsf_ros.core.compute_device import usable_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.ego_motion.ego_motion import TripletPoses
@@ -16,8 +15,6 @@ from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-
-_CPU = torch.device("cpu")
 
 
 class _Reference:
@@ -41,7 +38,7 @@ class _Reference:
         Raises:
             SweepError: The ego motion is needed and not known.
         """
-        clock = StageClock(_CPU)
+        clock = StageClock()
         with clock.stage(self._stage):
             flow = self._flow(triplet)
         return FlowEstimate(flow, np.ones(len(flow), bool), clock.times_ms)
@@ -96,7 +93,7 @@ class EstimatedEgoMotionEstimator(_Reference):
         return other
 
     def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
-        self._poses.use_threads(limit_threads(self.settings.compute))
+        self._poses.use_threads(usable_threads(self.settings.compute))
         poses = self._poses.of(triplet)
         current, following = (
             poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)

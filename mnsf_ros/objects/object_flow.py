@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.compute_device import check_device, usable_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
@@ -49,7 +48,7 @@ class ObjectFlowEstimator:
             SettingsError: If the settings ask for a device that is not there.
         """
         # It runs on the CPU, but a device that is not available is an error here too.
-        compute_device(settings.compute)
+        check_device(settings.compute)
         self.settings = settings
         self._memory = MotionMemory(settings)
 
@@ -72,7 +71,7 @@ class ObjectFlowEstimator:
             SweepError: If crop and ground removal leave too few points of a sweep.
             CancelledError: If `cancelled` says so.
         """
-        self._memory.use_threads(limit_threads(self.settings.compute))
+        self._memory.use_threads(usable_threads(self.settings.compute))
         clock = _Clock(cancelled)
         with clock.stage("prepare"):
             scene = Scene.of(triplet, self._memory, self.settings.objects.min_points)
@@ -143,7 +142,7 @@ class _Clock(StageClock):
     """Measures stages, and ends the estimate before one if the caller asked for it."""
 
     def __init__(self, cancelled: Callable[[], bool]) -> None:
-        super().__init__(torch.device("cpu"))
+        super().__init__()
         self._cancelled = cancelled
 
     @contextmanager

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mnsf_ros.core.compute_device import compute_device
+from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.methods import check_method, make_method
@@ -93,7 +93,7 @@ class OnlinePipeline:
                 changes then.
         """
         check_method(settings.method.name)
-        compute_device(settings.compute)
+        check_device(settings.compute)
         if settings != self._settings:
             self._settings = settings
 

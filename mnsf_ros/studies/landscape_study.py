@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
 from mnsf_ros.core.motion_inversion import invert_motion
-from mnsf_ros.core.optimization import OptimizationResult, StopReason
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 import torch
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.compute_device import check_device, compute_device, limit_threads, usable_threads
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import Settings
 
@@ -30,8 +32,9 @@ def test_auto_takes_cuda_where_there_is_one():
 def test_cuda_where_there_is_none():
     settings = settings_with(device="cuda")
     text = "^compute.device: got 'cuda', but torch finds no usable CUDA device; use auto or cpu$"
-    with pytest.raises(SettingsError, match=text):
-        compute_device(settings.compute)
+    for ask in (compute_device, check_device):
+        with pytest.raises(SettingsError, match=text):
+            ask(settings.compute)
 
 
 @pytest.fixture
@@ -43,7 +46,12 @@ def threads():
 
 
 def test_number_of_threads(threads):
-    assert limit_threads(settings_with(num_threads=threads + 1).compute) == threads + 1
+    limit_threads(settings_with(num_threads=threads + 1).compute)
     assert torch.get_num_threads() == threads + 1
-    assert limit_threads(settings_with(num_threads=0).compute) == threads + 1
+    limit_threads(settings_with(num_threads=0).compute)
     assert torch.get_num_threads() == threads + 1
+
+
+def test_threads_for_other_libraries():
+    assert usable_threads(settings_with(num_threads=3).compute) == 3
+    assert usable_threads(settings_with(num_threads=0).compute) == len(os.sched_getaffinity(0))

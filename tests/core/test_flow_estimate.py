@@ -6,8 +6,13 @@ import time
 
 import numpy as np
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock, Start
-from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.core.flow_estimate import (
+    FlowEstimate,
+    OptimizationResult,
+    StageClock,
+    Start,
+    StopReason,
+)
 
 
 def test_time_and_words():
@@ -28,7 +33,7 @@ def test_time_and_words():
 
 
 def test_clock_adds_up_the_blocks_of_a_stage(device):
-    clock = StageClock(device)
+    clock = StageClock()
     for _ in range(2):
         with clock.stage("forward"):
             time.sleep(0.01)

@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Start
-from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.core.flow_estimate import (
+    FlowEstimate,
+    OptimizationResult,
+    OverGround,
+    Start,
+    StopReason,
+)
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings

@@ -7,8 +7,13 @@ import threading
 import numpy as np
 import pytest
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Start
-from mnsf_ros.core.optimization import OptimizationResult, StopReason
+from mnsf_ros.core.flow_estimate import (
+    FlowEstimate,
+    OptimizationResult,
+    OverGround,
+    Start,
+    StopReason,
+)
 from mnsf_ros.online.online_statistics import OnlineStatistics, StatisticsSnapshot, rate_hz
 
 

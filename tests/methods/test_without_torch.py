@@ -1,0 +1,53 @@
+"""PyTorch takes seconds to import: only methods that fit networks do it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+ESTIMATE = """
+import sys
+import numpy as np
+from mnsf_ros.methods import make_method
+from mnsf_ros.online import online_pipeline
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+xyz = np.random.default_rng(0).uniform(-20, 20, (2000, 3)).astype(np.float32)
+sweeps = [Sweep(xyz, number * 100_000_000) for number in range(3)]
+for name in sys.argv[1:]:
+    estimate = make_method(name, preset("online")).estimate(SweepTriplet(*sweeps))
+    assert len(estimate.flow) == len(xyz)
+print(sorted({"torch", "matplotlib"} & set(sys.modules)))
+"""
+BLOCKED = """
+import sys
+sys.modules["torch"] = None
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.methods import make_method
+from mnsf_ros.settings import Settings
+for name, device in (("mnsf", "auto"), ("online", "cuda")):
+    try:
+        make_method(name, Settings().changed({"compute.device": device}))
+    except SettingsError as error:
+        print(error)
+"""
+
+
+def run(code, *arguments):
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("names", [["online"], ["zero", "ego-estimated"]])
+def test_methods_that_do_without(names):
+    assert run(ESTIMATE, *names).strip() == "[]"
+
+
+def test_methods_that_need_it_say_so_where_there_is_none():
+    network, device = run(BLOCKED).splitlines()
+    assert "mnsf" in network
+    assert "torch" in network
+    assert "torch" in device
