@@ -36,6 +36,15 @@ def stored_files(path: Path) -> list[Path]:
     return [entry for entry in stored if entry not in copies]
 
 
+def plain_files(path: Path, suffix: str) -> list[Path]:
+    """Returns the files with messages at a path if all of them are of one kind, else none."""
+    try:
+        files = stored_files(path)
+        return files if all(f.suffix == suffix and f.is_file() for f in files) else []
+    except OSError:
+        return []
+
+
 def recording_files(path: Path) -> list[Path]:
     """Returns what to open for the recording at a path.
 

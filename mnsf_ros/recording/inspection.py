@@ -1,26 +1,34 @@
-"""What is in a recording and what is wrong with it, found out by reading all of it once."""
+"""What is in a recording, found out by reading all of it once."""
 
 from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import StreamReader
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import MCAP, ROS1, stored_files
+from mnsf_ros.recording.bag_files import MCAP, plain_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
-from mnsf_ros.recording.damage import Damage, reason
-from mnsf_ros.recording.salvage.salvage_reader import SalvageReader, salvaged_messages
+from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.mcap_parts import (
+    MCAP_UNREADABLE,
+    MESSAGE_HEAD,
+    Summary,
+    chunk_content,
+    read_summary,
+    records_in,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-_OTHER_PROFILE: Final = "Profile is not ros2"
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 
 @dataclass(frozen=True)
@@ -63,30 +71,32 @@ class Inspection:
                 else:
                     yield reader
                     return
+            from mnsf_ros.recording.salvage.salvage_reader import SalvageReader
+
             yield stack.enter_context(SalvageReader(self.path, self.files, self.topics))
 
 
-@dataclass(frozen=True)
-class _FileContent:
-    """What was found in one file: receive times of first and last message, and as in Inspection.
+class Progress:
+    """Tells how many bytes of some files have been read; does nothing unless it is watched."""
 
-    Its index can be used if it is complete and the messages are stored in the order of time.
-    """
+    def __init__(
+        self, files: Sequence[Path], watch: Callable[[int, int], None] | None = None
+    ) -> None:
+        """Calls `watch` with the number of bytes read and that of all."""
+        self._sizes = {file: file.stat().st_size for file in files}
+        self._begins: dict[Path, int] = {}
+        self._watch = watch
 
-    file: Path
-    first_ns: float
-    last_ns: float
-    topics: dict[str, TopicSummary]
-    damages: tuple[Damage, ...]
-    has_checksums: bool
-    is_regular: bool
-
-
-def _nobody(done: int, total: int) -> None:
-    pass
+    def read(self, file: Path, offset: int) -> None:
+        """Tells that a file is read up to a place, all files before it to their end."""
+        if self._watch is not None:
+            before = self._begins.setdefault(file, sum(self._sizes[one] for one in self._begins))
+            self._watch(before + offset, sum(self._sizes.values()))
 
 
-def inspect_recording(path: Path | str, watch: Callable[[int, int], None] = _nobody) -> Inspection:
+def inspect_recording(
+    path: Path | str, watch: Callable[[int, int], None] | None = None
+) -> Inspection:
     """Reads a recording once and says what can be used of it.
 
     Args:
@@ -97,103 +107,105 @@ def inspect_recording(path: Path | str, watch: Callable[[int, int], None] = _nob
         RecordingError: There is none, or no message of it can be read.
     """
     path = Path(path)
-    files = _plain_files(path, MCAP)
-    problem: RecordingError | None = None
     topics: dict[str, TopicSummary] = {}
+    problem: RecordingError | None = None
     try:
         with BagReader(path) as reader:
             topics = reader.topics
+        files = plain_files(path, MCAP)
+        return _of_mcap(path, topics, files, watch) if files else Inspection(path, topics)
     except RecordingError as error:
-        # Of a ROS 1 bag that cannot be opened, the index is damaged or was never written.
-        files = files or _plain_files(path, ROS1)
-        if not files:
-            raise
         problem = error
-    if not files:
-        return Inspection(path, topics)
-    contents = sorted(_contents(files, watch), key=lambda content: content.first_ns)
-    inspection = _of_contents(path, contents, problem)
-    if problem is None and not inspection.damages and inspection.topics != topics:
+    except MCAP_UNREADABLE:
+        pass
+    from mnsf_ros.recording.salvage.inspection import inspect_damaged
+
+    return inspect_damaged(path, topics, problem, watch)
+
+
+class _IrregularError(ValueError):
+    """A file has no full index that fits, or its messages are not in the order of time."""
+
+
+class _FileContent(NamedTuple):
+    """What is in one file: receive times of the first and last message, and as in Inspection."""
+
+    file: Path
+    first_ns: float
+    last_ns: float
+    topics: dict[str, TopicSummary]
+    has_checksums: bool
+
+
+def _of_mcap(
+    path: Path,
+    topics: dict[str, TopicSummary],
+    files: Sequence[Path],
+    watch: Callable[[int, int], None] | None,
+) -> Inspection:
+    progress = Progress(files, watch)
+    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
+    if merged(content.topics for content in contents) != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
-    return inspection
-
-
-def _plain_files(path: Path, suffix: str) -> list[Path]:
-    """The files of the recording if all of them are of one kind."""
-    try:
-        files = stored_files(path)
-        return files if all(f.suffix == suffix and f.is_file() for f in files) else []
-    except OSError:
-        return []
-
-
-def _contents(files: Sequence[Path], watch: Callable[[int, int], None]) -> Iterator[_FileContent]:
-    sizes = [file.stat().st_size for file in files]
-    before = 0
-    for file, size in zip(files, sizes, strict=True):
-        yield _read_content(file, partial(_told, watch, before, sum(sizes)))
-        before += size
-
-
-def _told(watch: Callable[[int, int], None], before: int, total: int, offset: int) -> None:
-    watch(before + offset, total)
-
-
-def _read_content(file: Path, watch: Callable[[int], None]) -> _FileContent:
-    """Reads a file from front to end, whatever its index says."""
-    summary, messages = salvaged_messages(file)
-    types = summary.types()
-    counts: Counter[str] = Counter()
-    damages: list[Damage] = []
-    first_ns, last_ns = float("inf"), float("-inf")
-    has_checksums, is_regular = True, summary.is_complete
-    try:
-        for message in messages:
-            if isinstance(message, Damage):
-                damages.append(message)
-                continue
-            watch(message.offset or 0)
-            counts[message.topic] += 1
-            types.setdefault(message.topic, message.msgtype)
-            is_regular = is_regular and message.received_ns >= last_ns
-            first_ns = min(first_ns, message.received_ns)
-            last_ns = max(last_ns, message.received_ns)
-            has_checksums = has_checksums and message.is_verified
-    except OSError as error:
-        damages.append(Damage(str(file), "", f"cannot be read: {reason(error)}"))
-    if not damages:
-        for topic, promised in (summary.counts or {}).items():
-            if topic in types and counts[topic] != promised:
-                text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
-                damages.append(Damage(str(file), "", text))
-    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
-    return _FileContent(file, first_ns, last_ns, topics, tuple(damages), has_checksums, is_regular)
-
-
-def _of_contents(
-    path: Path, contents: Sequence[_FileContent], problem: RecordingError | None
-) -> Inspection:
-    topics: dict[str, TopicSummary] = {}
-    for content in contents:
-        for topic, summary in content.topics.items():
-            known = topics.get(topic, TopicSummary(summary.msgtype, 0))
-            topics[topic] = TopicSummary(known.msgtype, known.count + summary.count)
-    if not any(summary.count for summary in topics.values()):
-        raise problem or RecordingError(f"{path}: holds no messages that can be read")
-    damages = [damage for content in contents for damage in content.damages]
-    if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
-        damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
     # rosbags sorts by receive time. Where the clock of the recorder jumped back, that would mix
     # sweeps from before and after the jump.
-    is_regular = all(content.is_regular for content in contents) and all(
-        former.last_ns <= latter.first_ns for former, latter in pairwise(contents)
-    )
-    return Inspection(
-        path=path,
-        topics=dict(sorted(topics.items())),
-        damages=tuple(damages),
-        has_checksums=all(content.has_checksums for content in contents),
-        files=tuple(content.file for content in contents),
-        needs_salvage=problem is not None or bool(damages) or not is_regular,
-    )
+    if any(former.last_ns > latter.first_ns for former, latter in pairwise(contents)):
+        raise _IrregularError
+    has_checksums = all(content.has_checksums for content in contents)
+    in_order = tuple(content.file for content in contents)
+    return Inspection(path, topics, has_checksums=has_checksums, files=in_order)
+
+
+def merged(parts: Iterable[Mapping[str, TopicSummary]]) -> dict[str, TopicSummary]:
+    """Returns the topics of several files together, by name."""
+    topics: dict[str, TopicSummary] = {}
+    for part in parts:
+        for name, summary in part.items():
+            known = topics.get(name, TopicSummary(summary.msgtype, 0))
+            topics[name] = TopicSummary(known.msgtype, known.count + summary.count)
+    return dict(sorted(topics.items()))
+
+
+def _read_file(file: Path, progress: Progress) -> _FileContent:
+    """Reads a file from front to end, and compares it with its index and checksums.
+
+    Raises:
+        Exception: One of `MCAP_UNREADABLE`: it is damaged, or cannot be read by its index.
+    """
+    summary = read_summary(file)
+    if not summary.is_complete:
+        raise _IrregularError
+    counts: Counter[str] = Counter()
+    first_ns, last_ns = float("inf"), float("-inf")
+    num_chunks, num_indexes, has_checksums = 0, 0, True
+    with file.open("rb") as stream:
+        limit = file.stat().st_size
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
+            num_indexes += isinstance(record, MessageIndex)
+            if not isinstance(record, Chunk):
+                continue
+            progress.read(file, stream.tell())
+            num_chunks += 1
+            for topic, received_ns in _messages_in(record, summary):
+                if received_ns < last_ns:
+                    raise _IrregularError
+                counts[topic] += 1
+                first_ns, last_ns = min(first_ns, received_ns), received_ns
+                has_checksums = has_checksums and record.uncompressed_crc != 0
+    types = summary.types()
+    promised = {topic: count for topic, count in (summary.counts or {}).items() if topic in types}
+    if counts != promised or (num_chunks, num_indexes) != summary.num_parts:
+        raise _IrregularError
+    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in types}
+    return _FileContent(file, first_ns, last_ns, topics, has_checksums)
+
+
+def _messages_in(chunk: Chunk, summary: Summary) -> Iterator[tuple[str, int]]:
+    """Yields topic and receive time of the messages in a chunk that ROS 2 can read."""
+    for opcode, payload in records_in(chunk_content(chunk)):
+        if opcode == Opcode.MESSAGE:
+            number, _, received_ns, _ = MESSAGE_HEAD.unpack_from(payload)
+            channel = summary.channels[number]
+            if channel.message_encoding == "cdr":
+                yield channel.topic, received_ns

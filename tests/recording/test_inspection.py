@@ -19,7 +19,7 @@ from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.conventions import CLOUD_TYPE
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.recording.salvage.mcap_file import read_summary
+from mnsf_ros.recording.mcap_parts import read_summary
 from mnsf_ros.recording.salvage.salvage_reader import SalvageReader
 from msg_utils.stamps import decode_stamp
 

@@ -18,8 +18,9 @@ from mnsf_ros.recording.bag_reader import (
 )
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage, reason
+from mnsf_ros.recording.mcap_parts import Summary, read_summary
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
-from mnsf_ros.recording.salvage.mcap_file import Summary, read_mcap_messages, read_summary
+from mnsf_ros.recording.salvage.mcap_file import read_mcap_messages
 from mnsf_ros.recording.salvage.ros1_file import read_ros1_messages
 
 

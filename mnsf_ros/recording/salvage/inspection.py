@@ -1,0 +1,101 @@
+"""What is left in a recording that is damaged, has no index or is not in the order of time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
+from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.damage import Damage, reason
+from mnsf_ros.recording.inspection import Inspection, Progress, merged
+from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+_OTHER_PROFILE: Final = "Profile is not ros2"
+
+
+class _FileContent(NamedTuple):
+    """What was found in one file: receive time of its first message, and as in Inspection."""
+
+    file: Path
+    first_ns: float
+    topics: dict[str, TopicSummary]
+    damages: list[Damage]
+    has_checksums: bool
+
+
+def inspect_damaged(
+    path: Path,
+    topics: dict[str, TopicSummary],
+    problem: RecordingError | None,
+    watch: Callable[[int, int], None] | None = None,
+) -> Inspection:
+    """Reads a recording once, around whatever is damaged, and says what can be used of it.
+
+    Args:
+        path: The recording.
+        topics: What it holds by its index.
+        problem: Why it cannot be opened, if it cannot.
+        watch: See `inspect_recording`.
+
+    Raises:
+        RecordingError: No message of it can be read.
+    """
+    files = plain_files(path, MCAP)
+    if problem is not None:
+        # Of a ROS 1 bag that cannot be opened, the index is damaged or was never written.
+        files = files or plain_files(path, ROS1)
+        if not files:
+            raise problem
+    progress = Progress(files, watch)
+    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
+    found = merged(content.topics for content in contents)
+    if not any(summary.count for summary in found.values()):
+        raise problem or RecordingError(f"{path}: holds no messages that can be read")
+    damages = [damage for content in contents for damage in content.damages]
+    if problem is None and not damages and found != topics:
+        # Its metadata.yaml knows better which of the files belong to the recording.
+        return Inspection(path, topics)
+    if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
+        damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
+    return Inspection(
+        path=path,
+        topics=found,
+        damages=tuple(damages),
+        has_checksums=all(content.has_checksums for content in contents),
+        files=tuple(content.file for content in contents),
+        needs_salvage=True,
+    )
+
+
+def _read_file(file: Path, progress: Progress) -> _FileContent:
+    """Reads a file from front to end, whatever its index says."""
+    summary, messages = salvaged_messages(file)
+    types = summary.types()
+    counts: Counter[str] = Counter()
+    damages: list[Damage] = []
+    first_ns, has_checksums = float("inf"), True
+    try:
+        for message in messages:
+            if isinstance(message, Damage):
+                damages.append(message)
+                continue
+            progress.read(file, message.offset or 0)
+            counts[message.topic] += 1
+            types.setdefault(message.topic, message.msgtype)
+            first_ns = min(first_ns, message.received_ns)
+            has_checksums = has_checksums and message.is_verified
+    except OSError as error:
+        damages.append(Damage(str(file), "", f"cannot be read: {reason(error)}"))
+    if not damages:
+        for topic, promised in (summary.counts or {}).items():
+            if topic in types and counts[topic] != promised:
+                text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
+                damages.append(Damage(str(file), "", text))
+    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
+    return _FileContent(file, first_ns, topics, damages, has_checksums)
