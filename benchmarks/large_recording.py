@@ -25,8 +25,8 @@ from rich.table import Table
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, POINTS_TOPIC
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import CLOUD_TYPE, POINTS_TOPIC
 from msg_utils.point_cloud2 import encode_columns
 
 _NUM_BEAMS: Final = 128

@@ -39,9 +39,7 @@ _CATEGORY: Final = {"category_indices": 0, "classes": 0, "classes_0": -1}
 def open_log(source: Path, labels: Path | None = None) -> SweepSource:
     """Opens the folder of a log, with `sensors/lidar` in it.
 
-    Args:
-        source: The folder.
-        labels: Folder of the scene flow labels of this log, to use instead of boxes.
+    Scene flow labels of this log in the folder `labels` are used instead of boxes.
     """
     files = numbered_files(source / "sensors" / "lidar", "*.feather")
     flows = {} if labels is None else _flow_files(labels, list(files))

@@ -75,13 +75,10 @@ FORMATS: Final[Mapping[str, Format]] = {
 def open_source(
     name: str, source: Path, *, sequence: str | None = None, labels: Path | None = None
 ) -> SweepSource:
-    """Opens a sequence of a data set.
+    """Opens a sequence of a data set whose format is a key of `FORMATS`.
 
-    Args:
-        name: A key of `FORMATS`.
-        source: Where it is.
-        sequence: Which sequence to read from a source that holds several.
-        labels: Folder of labels that are kept apart from the sweeps.
+    A source that holds several needs the name of the `sequence`. `labels` is the folder of labels
+    that are kept apart from the sweeps.
 
     Raises:
         DatasetError: The format is unknown or does not take an option that is given, or

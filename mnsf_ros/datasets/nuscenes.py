@@ -192,12 +192,9 @@ def read_sweep_rows(tables: Path, samples: Collection[str]) -> list[SweepRow]:
 
 
 def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
-    """Opens a scene.
+    """Opens a scene, whose name is needed if there are several.
 
-    Args:
-        source: The folder with `sweeps`, `samples` and the tables in `v1.0-…`, or the folder
-            of the tables in it.
-        sequence: Name of the scene, needed if there are several.
+    The source has `sweeps`, `samples` and the tables in `v1.0-…`, or is the folder of the tables.
     """
     tables = _tables_folder(source)
     scenes = dict(_table(tables, "scene", "name", "token"))

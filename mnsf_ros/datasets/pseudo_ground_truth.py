@@ -26,12 +26,9 @@ _Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bo
 def sweep_truth(
     sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
 ) -> FlowTruth:
-    """Returns what is known about the motion of every point of a sweep.
+    """Returns what is known about the motion of every point until the following sweep.
 
-    Args:
-        sweep: The sweep.
-        following: The next one; None if there is none, then no flow is valid.
-        settings: How far labels are believed.
+    If there is none, no flow is valid.
     """
     ground = _ground_of(sweep)
     boxes = sweep.boxes or ()

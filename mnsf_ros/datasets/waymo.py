@@ -161,12 +161,10 @@ def waymo_box(
 
 
 def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
-    """Opens a segment.
+    """Opens a segment, whose name is needed if there are several.
 
-    Args:
-        source: The folder of a split, with `lidar`, `lidar_pose`, `lidar_calibration`,
-            `vehicle_pose` and mostly `lidar_box` in it.
-        sequence: Name of the segment, needed if there are several.
+    The folder of a split has `lidar`, `lidar_pose`, `lidar_calibration`, `vehicle_pose` and mostly
+    `lidar_box` in it.
     """
     names = [file.stem for file in files_in(source / "lidar", "*.parquet")]
     file_name = f"{choose(sequence, names, source / 'lidar', 'segment')}.parquet"

@@ -11,8 +11,8 @@ from mnsf_ros.demo.node_process import NodeProcess
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import CLOUD_TYPE
 
 POINTS_TOPIC = "/scene_flow/points"
 FLOW_TOPIC = "/scene_flow/flow"

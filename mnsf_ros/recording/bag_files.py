@@ -46,14 +46,7 @@ def plain_files(path: Path, suffix: str) -> list[Path]:
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Returns what to open for the recording at a path.
-
-    Args:
-        path: A rosbag2 folder, a folder with storage files but without its metadata.yaml, or
-            one storage file.
-
-    Returns:
-        The folder itself if it has a metadata.yaml, otherwise the storage files.
+    """Returns what to open for a recording: its folder if there is a metadata.yaml, else its files.
 
     Raises:
         RecordingError: There is no recording, or something in it is not a regular file.

@@ -5,20 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rosbags.typesys.stores.ros2_jazzy import (
-    builtin_interfaces__msg__Time,
-    geometry_msgs__msg__Point,
-    geometry_msgs__msg__Pose,
-    geometry_msgs__msg__PoseWithCovariance,
-    geometry_msgs__msg__Quaternion,
-    geometry_msgs__msg__Twist,
-    geometry_msgs__msg__TwistWithCovariance,
-    geometry_msgs__msg__Vector3,
-    nav_msgs__msg__Odometry,
-    sensor_msgs__msg__PointCloud2,
-    sensor_msgs__msg__PointField,
-    std_msgs__msg__Header,
-)
+from rosbags.typesys.stores import ros2_jazzy as ros
 
 from mnsf_ros.geometry.pose_messages import pose_quaternion
 from msg_utils.stamps import encode_stamp
@@ -31,18 +18,18 @@ if TYPE_CHECKING:
 
 def cloud_message(
     cloud: EncodedCloud, stamp_ns: int, frame_id: str, *, is_dense: bool
-) -> sensor_msgs__msg__PointCloud2:
+) -> ros.sensor_msgs__msg__PointCloud2:
     """Returns a sensor_msgs/PointCloud2.
 
     Raises:
         MessageError: The stamp does not fit a ROS message.
     """
-    return sensor_msgs__msg__PointCloud2(
+    return ros.sensor_msgs__msg__PointCloud2(
         header=_header(stamp_ns, frame_id),
         height=cloud.height,
         width=cloud.width,
         fields=[
-            sensor_msgs__msg__PointField(
+            ros.sensor_msgs__msg__PointField(
                 name=field.name, offset=field.offset, datatype=field.datatype, count=field.count
             )
             for field in cloud.fields
@@ -57,43 +44,35 @@ def cloud_message(
 
 def odometry_message(
     pose: NDArray[np.floating[Any]], stamp_ns: int, frame_id: str, child_frame_id: str
-) -> nav_msgs__msg__Odometry:
-    """Returns a nav_msgs/Odometry without velocity or covariance.
-
-    Args:
-        pose: (4, 4) pose of the child frame in the other frame.
-        stamp_ns: Header stamp in nanoseconds.
-        frame_id: The fixed frame.
-        child_frame_id: The moving frame.
+) -> ros.nav_msgs__msg__Odometry:
+    """Returns a nav_msgs/Odometry of the (4, 4) pose of the child frame, without velocity.
 
     Raises:
         MessageError: The stamp does not fit a ROS message, or the pose is no rigid motion.
     """
     x, y, z = (float(value) for value in pose[:3, 3])
     qx, qy, qz, qw = pose_quaternion(pose)
-    return nav_msgs__msg__Odometry(
+    still = ros.geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0)
+    return ros.nav_msgs__msg__Odometry(
         header=_header(stamp_ns, frame_id),
         child_frame_id=child_frame_id,
-        pose=geometry_msgs__msg__PoseWithCovariance(
-            pose=geometry_msgs__msg__Pose(
-                position=geometry_msgs__msg__Point(x=x, y=y, z=z),
-                orientation=geometry_msgs__msg__Quaternion(x=qx, y=qy, z=qz, w=qw),
+        pose=ros.geometry_msgs__msg__PoseWithCovariance(
+            pose=ros.geometry_msgs__msg__Pose(
+                position=ros.geometry_msgs__msg__Point(x=x, y=y, z=z),
+                orientation=ros.geometry_msgs__msg__Quaternion(x=qx, y=qy, z=qz, w=qw),
             ),
             covariance=np.zeros(36),
         ),
-        twist=geometry_msgs__msg__TwistWithCovariance(
-            twist=geometry_msgs__msg__Twist(
-                linear=geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
-                angular=geometry_msgs__msg__Vector3(x=0.0, y=0.0, z=0.0),
-            ),
+        twist=ros.geometry_msgs__msg__TwistWithCovariance(
+            twist=ros.geometry_msgs__msg__Twist(linear=still, angular=still),
             covariance=np.zeros(36),
         ),
     )
 
 
-def _header(stamp_ns: int, frame_id: str) -> std_msgs__msg__Header:
+def _header(stamp_ns: int, frame_id: str) -> ros.std_msgs__msg__Header:
     stamp = encode_stamp(stamp_ns)
-    return std_msgs__msg__Header(
-        stamp=builtin_interfaces__msg__Time(sec=stamp.sec, nanosec=stamp.nanosec),
+    return ros.std_msgs__msg__Header(
+        stamp=ros.builtin_interfaces__msg__Time(sec=stamp.sec, nanosec=stamp.nanosec),
         frame_id=frame_id,
     )

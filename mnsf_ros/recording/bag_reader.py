@@ -24,7 +24,6 @@ from mnsf_ros.recording.rosbags_limits import limit_rosbags
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from types import TracebackType
 
 Converted = TypeVar("Converted")
 # A message with its receive time in nanoseconds, or why some may be missing.
@@ -90,12 +89,7 @@ class BagReader:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Closes the recording."""
         self.close()
 
@@ -134,15 +128,9 @@ class BagReader:
     def raw_messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[tuple[int, bytes]]:
-        """Returns the messages of a topic as they go over the wire in ROS 2.
+        """Returns receive time in nanoseconds and CDR bytes of each message of a topic.
 
-        Args:
-            topic: One of `topics`.
-            start_ns: Receive time to begin with, in nanoseconds; None for the first message.
-            stop_ns: Receive time to end before; None for the last message included.
-
-        Returns:
-            Receive time in nanoseconds and CDR bytes of each message.
+        Only those are returned that were received from `start_ns` on and before `stop_ns`.
 
         Raises:
             RecordingError: The topic is unknown (at once), or damage is met on the way.
@@ -151,10 +139,9 @@ class BagReader:
         return self._whole(self._converted(topic, start_ns, stop_ns, self._serialized))
 
     def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
-        """Returns all messages that can be read, with a Damage wherever some may be missing.
+        """Returns receive time in nanoseconds and message of all messages that can be read.
 
-        Returns:
-            Receive time in nanoseconds and message of each, or a Damage.
+        Wherever some may be missing there is a Damage.
 
         Raises:
             RecordingError: The topic is unknown.
@@ -184,11 +171,10 @@ class BagReader:
                 converted = convert(item.raw, item.msgtype)
             except UNREADABLE as error:
                 where = "" if item.offset is None else f"byte {item.offset}"
-                text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
-                yield Damage(str(item.file), where, text)
-                continue
-            yield item.received_ns, converted
-            number += 1
+                yield _damage(item.file, where, number, topic, error)
+            else:
+                yield item.received_ns, converted
+                number += 1
 
     def _stored(
         self, topic: str, start_ns: int | None, stop_ns: int | None
@@ -202,8 +188,7 @@ class BagReader:
                 try:
                     found = next(scan, None)
                 except UNREADABLE as error:
-                    text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
-                    yield Damage(str(self.path), "", text)
+                    yield _damage(self.path, "", number, topic, error)
                     return
                 if found is None:
                     break
@@ -271,11 +256,13 @@ class BagReader:
         return source
 
 
+def _damage(file: Path, where: str, number: int, topic: str, error: Exception) -> Damage:
+    text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
+    return Damage(str(file), where, text)
+
+
 def decompressed(raw: bytes) -> bytes:
     """Returns a ROS 2 message as it was before it was compressed by itself, if it was.
-
-    Args:
-        raw: CDR bytes, or zstd frames of them.
 
     Raises:
         DecompressionError: It is damaged, or expands to more than any cloud has.

@@ -1,19 +1,26 @@
-"""What topics a recording holds, and which of them are used."""
+"""The topics of a recording: their usual names and types, and which of them are used.
+
+`docs/recordings.md` explains them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.conventions import (
-    CLOUD_TYPE,
-    ODOMETRY_TYPE,
-    POINTS_TOPIC,
-    TRUTH_FLOW_TOPIC,
-    TRUTH_ODOMETRY_TOPIC,
-)
+
+POINTS_TOPIC: Final = "/points"
+TRUTH_FLOW_TOPIC: Final = "/truth/flow"
+TRUTH_ODOMETRY_TOPIC: Final = "/truth/odometry"
+
+CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
+
+LIDAR_FRAME: Final = "lidar"
+ODOMETRY_FRAME: Final = "odom"
 
 
 @dataclass(frozen=True)
@@ -45,14 +52,9 @@ def used_topics(
     truth: str | None = None,
     odometry: str | None = None,
 ) -> UsedTopics:
-    """Returns which topics of a recording to use.
+    """Returns which topics of a recording to use: those named, else the usual ones.
 
-    Args:
-        path: The recording, for error texts.
-        topics: What it holds.
-        points: Topic of the sweeps; None for the only one that it can be.
-        truth: Topic of the true flow; None for that of `docs/recordings.md`, if it is there.
-        odometry: Topic of the sensor's poses; None for that of `docs/recordings.md`, likewise.
+    Points may also be the only topic of that type.
 
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.

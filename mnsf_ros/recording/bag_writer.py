@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
-from mnsf_ros.recording.conventions import (
+from mnsf_ros.recording.bag_topics import (
     CLOUD_TYPE,
     ODOMETRY_FRAME,
     ODOMETRY_TYPE,
@@ -29,7 +29,6 @@ from msg_utils.point_cloud2 import EncodedCloud, encode_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from types import TracebackType
 
     from numpy.typing import NDArray
 
@@ -52,12 +51,10 @@ class BagWriter:
     def __init__(
         self, path: Path | str, *, overwrite: bool = False, compress: bool = False
     ) -> None:
-        """Names the recording; nothing is written before `with`.
+        """Names the folder to write, whose missing parents are made; nothing is written yet.
 
-        Args:
-            path: Folder to write; its missing parents are made.
-            overwrite: Whether a recording at the same path may be replaced.
-            compress: Whether to compress chunks of the file with zstd: smaller but slower.
+        A recording at the same path is replaced only if `overwrite` is set. With `compress` chunks
+        of the file are compressed with zstd: smaller but slower.
         """
         self.path = Path(path)
         self._overwrite = overwrite
@@ -86,30 +83,19 @@ class BagWriter:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:  # noqa: ANN401
         """Moves the finished recording to its path, or removes it after an exception.
 
         Raises:
             RecordingError: Nothing was written, or the recording cannot be finished.
         """
         with self._guarded():
-            self._stack.__exit__(kind, error, trace)
+            self._stack.__exit__(*error)
 
     def write_raw(
         self, topic: str, msgtype: str, stamp_ns: int, raw: bytes | bytearray | memoryview
     ) -> None:
-        """Adds a serialized message.
-
-        Args:
-            topic: Topic name; the first message on a topic fixes its type.
-            msgtype: A type of ROS 2 Jazzy, for example `sensor_msgs/msg/PointCloud2`.
-            stamp_ns: Receive time in nanoseconds.
-            raw: CDR bytes as they go over the wire.
+        """Adds a message as CDR bytes; the first on a topic fixes its type, one of ROS 2 Jazzy.
 
         Raises:
             RecordingError: The type is unknown or not the topic's, or writing fails.

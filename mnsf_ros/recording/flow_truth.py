@@ -74,10 +74,7 @@ class FlowTruth:
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
-        """Returns the cloud for a recording.
-
-        Args:
-            xyz: (N, 3) points of the sweep in metres, so that viewers can show the cloud.
+        """Returns the cloud for a recording, with the (N, 3) points so that viewers can show it.
 
         Raises:
             RecordingError: The numbers of points differ.

@@ -28,7 +28,7 @@ from mnsf_ros.recording.mcap_parts import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 
 @dataclass(frozen=True)
@@ -127,16 +127,6 @@ class _IrregularError(ValueError):
     """A file has no full index that fits, or its messages are not in the order of time."""
 
 
-class _FileContent(NamedTuple):
-    """What is in one file: receive times of the first and last message, and as in Inspection."""
-
-    file: Path
-    first_ns: float
-    last_ns: float
-    topics: dict[str, TopicSummary]
-    has_checksums: bool
-
-
 def _of_mcap(
     path: Path,
     topics: dict[str, TopicSummary],
@@ -144,30 +134,31 @@ def _of_mcap(
     watch: Callable[[int, int], None] | None,
 ) -> Inspection:
     progress = Progress(files, watch)
-    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
-    if merged(content.topics for content in contents) != topics:
+    checked = sorted((_checked(file, progress) for file in files), key=lambda one: one.first_ns)
+    counts = sum((one.counts for one in checked), Counter[str]())
+    if counts != {topic: summary.count for topic, summary in topics.items() if summary.count}:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
     # rosbags sorts by receive time. Where the clock of the recorder jumped back, that would mix
     # sweeps from before and after the jump.
-    if any(former.last_ns > latter.first_ns for former, latter in pairwise(contents)):
+    if any(former.last_ns > latter.first_ns for former, latter in pairwise(checked)):
         raise _IrregularError
-    has_checksums = all(content.has_checksums for content in contents)
-    in_order = tuple(content.file for content in contents)
+    has_checksums = all(one.has_checksums for one in checked)
+    in_order = tuple(one.file for one in checked)
     return Inspection(path, topics, has_checksums=has_checksums, files=in_order)
 
 
-def merged(parts: Iterable[Mapping[str, TopicSummary]]) -> dict[str, TopicSummary]:
-    """Returns the topics of several files together, by name."""
-    topics: dict[str, TopicSummary] = {}
-    for part in parts:
-        for name, summary in part.items():
-            known = topics.get(name, TopicSummary(summary.msgtype, 0))
-            topics[name] = TopicSummary(known.msgtype, known.count + summary.count)
-    return dict(sorted(topics.items()))
+class _CheckedFile(NamedTuple):
+    """A file in good order: receive times of first and last message, and messages of each topic."""
+
+    file: Path
+    first_ns: float
+    last_ns: float
+    counts: Counter[str]
+    has_checksums: bool
 
 
-def _read_file(file: Path, progress: Progress) -> _FileContent:
+def _checked(file: Path, progress: Progress) -> _CheckedFile:
     """Reads a file from front to end, and compares it with its index and checksums.
 
     Raises:
@@ -193,12 +184,12 @@ def _read_file(file: Path, progress: Progress) -> _FileContent:
                 counts[topic] += 1
                 first_ns, last_ns = min(first_ns, received_ns), received_ns
                 has_checksums = has_checksums and record.uncompressed_crc != 0
-    types = summary.types()
-    promised = {topic: count for topic, count in (summary.counts or {}).items() if topic in types}
+    # What is not serialized as ROS 2 does it cannot be read, and counts for nothing.
+    readable = summary.types()
+    promised = Counter({t: count for t, count in (summary.counts or {}).items() if t in readable})
     if counts != promised or (num_chunks, num_indexes) != summary.num_parts:
         raise _IrregularError
-    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in types}
-    return _FileContent(file, first_ns, last_ns, topics, has_checksums)
+    return _CheckedFile(file, first_ns, last_ns, counts, has_checksums)
 
 
 def _messages_in(chunk: Chunk, summary: Summary) -> Iterator[tuple[str, int]]:

@@ -18,14 +18,10 @@ _REPLACEABLE_SUFFIXES = (*SUFFIXES, ".zstd")
 
 @contextmanager
 def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield where to make a folder; move it to `path` if the block ends well, else remove it.
+    """Yields where to make a folder; it is moved to `path` if the block ends well, else removed.
 
-    Args:
-        path: Where the folder shall be. Missing parents are made.
-        overwrite: Whether a recording that is there already may be replaced, at the very end.
-
-    Yields:
-        A path beside `path` with the same last name, where nothing exists yet.
+    It has the same last name; missing parents are made. With `overwrite` a recording that is there
+    already is replaced, at the very end.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.
@@ -50,11 +46,7 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Says what stands in the way of a recording, before any work is done for it.
-
-    Args:
-        path: Where the folder shall be.
-        overwrite: Whether a recording that is there already may be replaced.
+    """Says what stands in the way of a recording folder, before any work is done for it.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.

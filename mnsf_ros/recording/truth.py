@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.pose_messages import pose_matrix
-from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.errors import MessageError
 from msg_utils.stamps import StampLike, decode_stamp
@@ -50,29 +50,6 @@ class FlowTruthIndex(Mapping[int, FlowTruth]):
         """Returns the number of sweeps with truth."""
         return len(self._received_ns)
 
-    def of_sweep(self, stamp_ns: int, num_points: int) -> FlowTruth:
-        """Returns the truth of a sweep.
-
-        Args:
-            stamp_ns: Header stamp of the sweep.
-            num_points: Number of points in its cloud, before any of them are removed.
-
-        Raises:
-            RecordingError: There is none, or it has another number of rows.
-        """
-        if stamp_ns not in self._received_ns:
-            raise RecordingError(
-                f"{self._reader.path}: no truth for the sweep of stamp {stamp_ns} on "
-                f"{self._topic!r}, which has {len(self)} others"
-            )
-        truth = self[stamp_ns]
-        if len(truth) != num_points:
-            raise RecordingError(
-                f"{self._reader.path}: truth of stamp {stamp_ns} has {len(truth)} rows, "
-                f"its sweep has {num_points} points"
-            )
-        return truth
-
 
 def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> FlowTruthIndex:
     """Index the truth clouds of a recording by the stamp of their sweep.
@@ -95,9 +72,7 @@ def read_sensor_poses(
 ) -> dict[int, NDArray[np.float64]]:
     """Returns stamp (nanoseconds) -> (4, 4) `world_from_sensor`, from first to last stamp.
 
-    Args:
-        reader: An open recording.
-        topic: Topic of nav_msgs/Odometry; None for the only one.
+    If no topic is named, it is the only one of nav_msgs/Odometry.
 
     Raises:
         RecordingError: There is no such topic, a pose is no pose, or damage is met.

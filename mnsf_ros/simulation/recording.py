@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mnsf_ros.recording.bag_topics import LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import LIDAR_FRAME
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.simulation.sweeps import simulate_sweeps
 
@@ -28,14 +28,9 @@ def write_recording(
     overwrite: bool = False,
     compress: bool = False,
 ) -> None:
-    """Simulates a recording and writes it as a rosbag2 folder.
+    """Simulates a recording and writes it with a BagWriter.
 
-    Args:
-        settings: What to simulate.
-        path: Folder to write; it appears when all is done.
-        progress: Called after every sweep with the number of sweeps done and to do.
-        overwrite: Whether a recording at the same path may be replaced.
-        compress: Whether to compress the file: smaller but slower to write and read.
+    After every sweep `progress` is called with the number of sweeps done and to do.
 
     Raises:
         RecordingError: The recording cannot be written.

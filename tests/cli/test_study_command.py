@@ -6,8 +6,8 @@ import pytest
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import CLOUD_TYPE
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 

@@ -136,10 +136,7 @@ def read(path):
             frames={message.header.frame_id for message in messages},
             xyz=[decode_xyz(message)[0] for message in messages],
             columns=columns,
-            truth=[
-                truth.of_sweep(stamp, len(points))
-                for stamp, points in zip(stamps, columns, strict=True)
-            ],
+            truth=[truth[stamp] for stamp in stamps],
             poses=read_sensor_poses(reader) if "/truth/odometry" in reader.topics else {},
         )
 

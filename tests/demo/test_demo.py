@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from msg_utils.point_cloud2 import decode_points

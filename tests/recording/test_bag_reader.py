@@ -9,9 +9,8 @@ from rosbags.typesys import get_types_from_msg
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -10,8 +10,8 @@ from mcap.writer import Writer as McapWriter
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.conventions import CLOUD_TYPE, ODOMETRY_TYPE
 from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp

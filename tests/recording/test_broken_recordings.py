@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.stamps import decode_stamp
 

@@ -24,7 +24,7 @@ from mnsf_ros.decompression import (
     SizeLimitError,
     decompress,
 )
-from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.recording.salvage.ros1_file import read_ros1_messages
 

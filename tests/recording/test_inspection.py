@@ -15,8 +15,7 @@ from rosbags.rosbag2 import CompressionMode
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import TopicSummary
-from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, TopicSummary
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.recording.mcap_parts import read_summary

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.recording.bag_messages import cloud_message
-from mnsf_ros.recording.conventions import CLOUD_TYPE
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)

@@ -4,7 +4,7 @@ import dataclasses
 import re
 from pathlib import Path
 
-from mnsf_ros.recording import conventions
+from mnsf_ros.recording import bag_topics
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -27,6 +27,6 @@ def test_settings_are_documented_with_their_defaults():
 
 
 def test_topics_and_frames_are_documented():
-    for name, value in vars(conventions).items():
+    for name, value in vars(bag_topics).items():
         if name.endswith(("_TOPIC", "_FRAME")):
             assert f"`{value}`" in TEXT, name

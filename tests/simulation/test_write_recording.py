@@ -37,7 +37,7 @@ def test_recording_holds_what_was_simulated(tmp_path, compress):
             assert np.array_equal(np.stack([points[a] for a in "xyz"], axis=1), sweep.xyz)
             assert np.array_equal(points["ring"], sweep.ring)
             assert np.array_equal(points["intensity"], sweep.intensity)
-            found = truth.of_sweep(sweep.stamp_ns, len(sweep.xyz))
+            found = truth[sweep.stamp_ns]
             for name in ("dynamic", "ground", "class_id"):
                 assert np.array_equal(getattr(found, name), getattr(sweep, name)), name
             assert np.allclose(poses[sweep.stamp_ns], sweep.world_from_sensor, atol=1e-9)

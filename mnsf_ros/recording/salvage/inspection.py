@@ -9,11 +9,11 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage, reason
-from mnsf_ros.recording.inspection import Inspection, Progress, merged
+from mnsf_ros.recording.inspection import Inspection, Progress
 from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
 _OTHER_PROFILE: Final = "Profile is not ros2"
@@ -54,7 +54,7 @@ def inspect_damaged(
             raise problem
     progress = Progress(files, watch)
     contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
-    found = merged(content.topics for content in contents)
+    found = _merged(contents)
     if not any(summary.count for summary in found.values()):
         raise problem or RecordingError(f"{path}: holds no messages that can be read")
     damages = [damage for content in contents for damage in content.damages]
@@ -71,6 +71,15 @@ def inspect_damaged(
         files=tuple(content.file for content in contents),
         needs_salvage=True,
     )
+
+
+def _merged(contents: Sequence[_FileContent]) -> dict[str, TopicSummary]:
+    topics: dict[str, TopicSummary] = {}
+    for content in contents:
+        for name, summary in content.topics.items():
+            known = topics.get(name, TopicSummary(summary.msgtype, 0))
+            topics[name] = TopicSummary(known.msgtype, known.count + summary.count)
+    return dict(sorted(topics.items()))
 
 
 def _read_file(file: Path, progress: Progress) -> _FileContent:
