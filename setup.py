@@ -76,8 +76,8 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "mnsf = mnsf_ros.cli.main:main",
-            "scene_flow_node = mnsf_ros.node.main:main",
+            "mnsf = mnsf_ros.cli.__main__:main",
+            "scene_flow_node = mnsf_ros.node.__main__:main",
         ]
     },
     zip_safe=False,

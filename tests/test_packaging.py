@@ -132,7 +132,7 @@ def test_launch_file_starts_the_executable_with_files_that_are_there() -> None:
     text = (ROOT / "launch" / "scene_flow.launch.py").read_text()
     compile(text, "scene_flow.launch.py", "exec")
     assert 'executable="scene_flow_node"' in text
-    assert "scene_flow_node = mnsf_ros.node.main:main" in (ROOT / "setup.py").read_text()
+    assert "scene_flow_node = mnsf_ros.node.__main__:main" in (ROOT / "setup.py").read_text()
     for folder, name in re.findall(r'SHARE, "(\w+)", "([\w.]+)"', text):
         assert (ROOT / folder / name).exists()
 

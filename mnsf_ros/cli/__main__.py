@@ -1,6 +1,25 @@
-"""`python -m mnsf_ros.cli` is the `mnsf` command."""
+"""`mnsf` and `python -m mnsf_ros.cli` run a subcommand.
 
-from mnsf_ros.cli.main import main
+Nothing is imported before signals are handled: Python would answer one with a traceback.
+"""
+
+import os
+import signal
+
+
+def main() -> None:
+    """Runs a subcommand and ends the process, see `mnsf_ros.cli.main.main`."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, _leave)
+    from mnsf_ros.cli import main as command
+
+    command.main()
+
+
+def _leave(_number: int, _frame: object) -> None:
+    os.write(2, b"mnsf: interrupted\n")
+    os._exit(130)
+
 
 if __name__ == "__main__":
     main()

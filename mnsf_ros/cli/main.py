@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import io
+import os
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType
 
 from mnsf_ros import __version__
@@ -14,6 +16,8 @@ from mnsf_ros.cli.arguments import IntermixedParser
 from mnsf_ros.errors import MnsfError
 
 _SUBCOMMANDS = (demo, flow, evaluate, report, study, simulate, convert, parameters)
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
@@ -25,27 +29,26 @@ def main(arguments: list[str] | None = None) -> None:
     Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
     130: interrupted; any other is the subcommand's own.
     """
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        # What nohup ignores stays so.
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _interrupt)
+    # What nohup ignores stays so.
+    heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, _interrupt)
     _print_any_text()
-    sys.exit(run(arguments))
+    try:
+        sys.exit(run(arguments))
+    finally:
+        # Python takes a while to end, and answers an interruption of that with a traceback.
+        for number in heard:
+            signal.signal(number, _leave)
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            with suppress(OSError, ValueError):
+                stream.flush()
 
 
 def run(arguments: list[str] | None = None) -> int:
     """Runs a subcommand and returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="mnsf", description="Lidar scene flow: the motion of every point, without training."
-    )
-    parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    subparsers = parser.add_subparsers(
-        required=True, metavar="COMMAND", parser_class=IntermixedParser
-    )
-    for subcommand in _SUBCOMMANDS:
-        subcommand.add_to(subparsers)
-    options = parser.parse_args(arguments)
     try:
+        options = _parsed(arguments)
         status: int | None = options.run(options)
     except (MnsfError, OSError) as error:
         print(f"mnsf: {error}", file=sys.stderr)
@@ -56,6 +59,19 @@ def run(arguments: list[str] | None = None) -> int:
     return status or 0
 
 
+def _parsed(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="mnsf", description="Lidar scene flow: the motion of every point, without training."
+    )
+    parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
+    subparsers = parser.add_subparsers(
+        required=True, metavar="COMMAND", parser_class=IntermixedParser
+    )
+    for subcommand in _SUBCOMMANDS:
+        subcommand.add_to(subparsers)
+    return parser.parse_args(arguments)
+
+
 def _print_any_text() -> None:
     r"""A path that the terminal's encoding does not know is shown as `\xff`; it costs no result."""
     for stream in (sys.stdout, sys.stderr):
@@ -64,5 +80,9 @@ def _print_any_text() -> None:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """SIGTERM and SIGHUP are a Ctrl-C: child processes are ended, half-written files removed."""
+    """All signals are a Ctrl-C: child processes are ended, half-written files removed."""
     raise KeyboardInterrupt
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    os._exit(EXIT_INTERRUPTED)

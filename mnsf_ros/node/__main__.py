@@ -1,6 +1,20 @@
-"""`python -m mnsf_ros.node` runs the scene flow node."""
+"""`scene_flow_node` and `python -m mnsf_ros.node` run the scene flow node.
 
-from mnsf_ros.node.main import main
+Nothing is imported before signals are handled: Python would answer one with a traceback.
+"""
+
+import os
+import signal
+
+
+def main() -> None:
+    """Runs the node and ends the process, see `mnsf_ros.node.main.main`."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: os._exit(0))
+    from mnsf_ros.node import main as node
+
+    node.main()
+
 
 if __name__ == "__main__":
     main()

@@ -1,0 +1,64 @@
+"""Ctrl-C while Python still imports, or already ends: a word and a status, no traceback."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# Interrupts itself when it comes to import a module, or at the end.
+_SCRIPT = """
+import atexit, os, signal, sys
+
+command, module, *sys.argv[1:] = sys.argv[1:]
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+
+class Interrupting:
+    def find_spec(self, name, *_rest):
+        if name == module:
+            interrupt()
+
+sys.meta_path.insert(0, Interrupting())
+if module == "the end":
+    atexit.register(interrupt)
+from importlib import import_module
+import_module(command).main()
+"""
+
+
+def interrupted(command: str, module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", _SCRIPT, command, module, *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("module", ["mnsf_ros.cli.main", "argparse", "mnsf_ros.cli.study"])
+def test_of_the_command_line_while_it_starts(module: str) -> None:
+    ended = interrupted("mnsf_ros.cli.__main__", module, "parameters")
+    assert (ended.returncode, ended.stdout) == (130, "")
+    assert ended.stderr == "mnsf: interrupted\n"
+
+
+def test_of_the_command_line_while_it_ends() -> None:
+    ended = interrupted("mnsf_ros.cli.__main__", "the end", "parameters")
+    assert (ended.returncode, ended.stderr) == (130, "")
+    assert "ros__parameters" in ended.stdout
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs ROS")
+@pytest.mark.parametrize("module", ["mnsf_ros.node.main", "mnsf_ros.errors", "rclpy", "numpy"])
+def test_of_the_node_while_it_starts(module: str) -> None:
+    ended = interrupted("mnsf_ros.node.__main__", module)
+    assert (ended.returncode, ended.stderr) == (0, "")
