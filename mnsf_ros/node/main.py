@@ -110,7 +110,7 @@ def _run(signals: _EndSignals) -> int:
     status, node = 0, None
     try:
         _init_ros()
-        # It loads torch, which takes a second or two: after mistakes in the ROS arguments.
+        # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
         from mnsf_ros.node.scene_flow_node import SceneFlowNode
 
         signals.leave_to_rclpy()

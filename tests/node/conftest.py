@@ -159,6 +159,7 @@ def resting_peer(_peer_of_resting_node):
     """The other end of a node that works only if somebody watches, which this peer does not."""
     _peer_of_resting_node.advertise(reliable=True)
     _peer_of_resting_node.wait_for_node()
+    _peer_of_resting_node.wait_until_settled()
     yield _peer_of_resting_node
     _peer_of_resting_node.stop_watching()
 

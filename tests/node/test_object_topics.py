@@ -17,6 +17,7 @@ from waiting import PATIENCE_S
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 NUM_POINTS = 60
@@ -67,7 +68,7 @@ def triplet():
         xyz_message(surfaces(index, NUM_POINTS), stamp_ns=10**9 + index * 10**8)
         for index in range(3)
     ]
-    return SweepTriplet(*(sweep_from_message(message, 0) for message in messages))
+    return SweepTriplet(*(sweep_from_message(message, Settings().time, 0) for message in messages))
 
 
 def estimate(objects, *, knows_objects=True):
