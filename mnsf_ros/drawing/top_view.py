@@ -109,7 +109,7 @@ def _draw_writing(figure: Figure, title: str, height_px: int) -> None:
     # A dollar sign in a title is a dollar sign, not a formula.
     figure.text(left, top, title, color=INK, fontsize=17, weight="bold", va="top", parse_math=False)
     hint = (
-        f"color: direction and speed (grey: slow)  ·  arrow: motion over {SWEEPS_PER_ARROW} sweeps"
+        f"colour: direction and speed (grey: slow)  ·  arrow: motion over {SWEEPS_PER_ARROW} sweeps"
         "  ·  white triangle: sensor, pointing ahead"
     )
     figure.text(left, low, hint, color=FAINT_INK, fontsize=10)

@@ -37,14 +37,12 @@ def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[st
 def nearest_preset(settings: Settings) -> tuple[str, dict[str, SettingValue]]:
     """Returns the name of a preset, and the settings of a run that differ or were set by hand."""
     values = {k: value for k, value in settings.to_mapping().items() if k not in _OWN}
-    changes = {
-        name: {
-            k: value
-            for k, value in values.items()
-            if preset(name).value_of(k) != value or k in settings.explicit
+    changes = {}
+    for name in PRESET_NAMES:
+        usual = preset(name).to_mapping()
+        changes[name] = {
+            k: value for k, value in values.items() if usual[k] != value or k in settings.explicit
         }
-        for name in PRESET_NAMES
-    }
     nearest = min(changes, key=lambda name: len(changes[name]))
     return nearest, changes[nearest]
 

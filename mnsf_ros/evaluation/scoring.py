@@ -85,7 +85,9 @@ def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
             f"the estimate has flow of shape {estimate.flow.shape} and kept of shape "
             f"{estimate.kept.shape}, expected ({num_points}, 3) and ({num_points},)"
         )
-    answered = np.asarray(np.isfinite(estimate.flow).all(axis=1))
+    # Column by column: of a whole sweep that is many times faster than `all(axis=1)`.
+    x, y, z = np.isfinite(estimate.flow).T
+    answered = np.asarray(x & y & z)
     num_open = int(np.count_nonzero(~answered & estimate.kept))
     if num_open:
         raise EvaluationError(f"the flow of {num_open} of {num_points} points is not finite")
@@ -194,11 +196,12 @@ def landing_distances(
         `nearest_m` and, for zero flow, `zero_nearest_m`: mean distance to the nearest point of the
         next sweep. Empty if either sweep has no points.
     """
-    if not points.any() or len(triplet.next.kept_xyz) == 0:
+    rows, next_xyz = np.flatnonzero(points), triplet.next.kept_xyz
+    if len(rows) == 0 or len(next_xyz) == 0:
         return {}
-    tree = cKDTree(triplet.next.kept_xyz)
-    xyz = triplet.current.xyz[points]
-    moved, _ = tree.query(xyz + flow[points])
+    tree = cKDTree(next_xyz)
+    xyz = triplet.current.xyz[rows]
+    moved, _ = tree.query(xyz + flow[rows])
     unmoved, _ = tree.query(xyz)
     return {"nearest_m": float(moved.mean()), "zero_nearest_m": float(unmoved.mean())}
 
@@ -217,13 +220,13 @@ def cycle_distance(
     Returns:
         `cycle_m`, the mean over the points. Empty if either sweep has no points.
     """
-    if not points.any() or len(triplet.next.kept_xyz) == 0:
+    rows, following = np.flatnonzero(points), triplet.next
+    next_xyz = following.kept_xyz
+    if len(rows) == 0 or len(next_xyz) == 0:
         return {}
-    xyz = triplet.current.xyz[points]
-    following = triplet.next
-    _, nearest = cKDTree(following.kept_xyz).query(xyz + flow[points])
+    _, nearest = cKDTree(next_xyz).query(triplet.current.xyz[rows] + flow[rows])
     kept_flow = backward_flow if following.kept is None else backward_flow[following.kept]
-    way = flow[points] + kept_flow[nearest]
+    way = flow[rows] + kept_flow[nearest]
     return {"cycle_m": float(np.linalg.norm(way.astype(np.float64), axis=1).mean())}
 
 

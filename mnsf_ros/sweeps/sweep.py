@@ -42,7 +42,8 @@ class Sweep:
     @property
     def kept_xyz(self) -> NDArray[np.float32]:
         """The kept points, (M, 3) metres; all points if nobody has chosen any."""
-        return self.xyz if self.kept is None else self.xyz[self.kept]
+        # np.compress is several times faster than xyz[kept].
+        return self.xyz if self.kept is None else np.compress(self.kept, self.xyz, axis=0)
 
     @classmethod
     def from_array(
