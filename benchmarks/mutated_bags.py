@@ -38,12 +38,8 @@ from rich.table import Table
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import (
-    EvaluationOptions,
-    EvaluationTask,
-    choose_topics,
-    evaluated_methods,
-)
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
+from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset

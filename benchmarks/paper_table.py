@@ -69,7 +69,7 @@ def main() -> None:
         console.print("Interrupted; what is finished is kept.")
     except MnsfError as error:
         parser.error(str(error))
-    rows = folder.read_rows()
+    rows = list(folder.rows())
     for table in printed(rows):
         console.print(table)
     if options.document:
@@ -85,7 +85,7 @@ def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Con
     """Computes the rows that are not there yet, and those of the methods to compute again."""
     folder.cut_off_unfinished_lines()
     folder.drop_rows_of({(job.recording, job.method) for job in jobs if job.method in again})
-    done = done_jobs(folder.read_rows())
+    done = done_jobs(list(folder.rows()))
     todo = [job for job in jobs if job not in done]
     if todo:
         file = folder.path / RUN_FILE

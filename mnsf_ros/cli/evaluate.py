@@ -137,8 +137,8 @@ def _add_run_arguments(group: Arguments) -> None:
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate, new_folder
     from mnsf_ros.evaluation.options import EvaluationOptions
+    from mnsf_ros.evaluation.recordings import path_text
     from mnsf_ros.evaluation.run_folder import WritingError
-    from mnsf_ros.evaluation.run_record import path_text
 
     console = Console()
     if options.out is None:

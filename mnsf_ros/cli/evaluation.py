@@ -32,24 +32,22 @@ from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     MAX_SWEEPS,
-    EvaluatedRecording,
     EvaluationOptions,
     EvaluationTask,
     TaskKey,
-    choose_topics,
     evaluated_methods,
+)
+from mnsf_ros.evaluation.recordings import (
+    EvaluatedRecording,
+    choose_topics,
+    path_text,
+    recording_names,
+    short_name,
 )
 from mnsf_ros.evaluation.results import ResultRow, mean
 from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import path_text
-from mnsf_ros.evaluation.run_start import (
-    check_folder,
-    known_recordings,
-    recording_names,
-    short_name,
-    start_or_resume,
-)
+from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
 from mnsf_ros.evaluation.runner import (
     Executor,
     TaskEvent,
@@ -68,12 +66,7 @@ _PICTURES_LIMIT_S: Final = 60.0
 
 
 def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console: Console) -> bool:
-    """Evaluates and prints.
-
-    Args:
-        options: What the command line says, see `evaluate.add_to`.
-        evaluation: How to evaluate.
-        console: Where to print.
+    """Evaluates and prints; `options` are those of the command line, see `evaluate.add_to`.
 
     Returns:
         False if a recording is damaged or has no example, if a method failed on all examples of
@@ -186,13 +179,7 @@ class EvaluationProgress(Progress):
     """One bar for all tasks, counted in sweeps; elsewhere than on a terminal, a line for each."""
 
     def __init__(self, console: Console, runs: Sequence[EvaluationTask], every: int) -> None:
-        """Starts at what is there already.
-
-        Args:
-            console: Where to print.
-            runs: What is to be done.
-            every: Only one of so many sweeps counts.
-        """
+        """Starts at what is there already; only one of so many sweeps counts."""
         super().__init__(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -269,13 +256,8 @@ def _conclude(
 ) -> bool:
     """Writes and prints what the run gave so far; removes the folder of a run that gave nothing.
 
-    Args:
-        folder: The run.
-        recordings: The recordings of the run.
-        num_pictured: So many of the worst examples get pictures.
-        console: Where to print.
-        estimate_again: Whether to estimate these again, for a minute at most, where the run
-            wrote no flow.
+    `num_pictured` of the worst examples get pictures. Where the run wrote no flow, these are
+    estimated again if that is wanted, for a minute at most, from the `recordings` of this session.
 
     Returns:
         Whether the results are complete and there is a report.
@@ -290,14 +272,15 @@ def _conclude(
     _print_results(results, folder, console)
     from mnsf_ros.report.run_report import report_run
 
+    inspected = {one.name: one for one in recordings}
+    known = [inspected.get(one.name, one) for one in results.record.recordings]
     try:
         path = report_run(
-            results,
+            replace(results, record=replace(results.record, recordings=known)),
             folder.path,
             num_pictured=max(0, num_pictured),
             estimate_again=estimate_again,
             limit_s=_PICTURES_LIMIT_S,
-            recordings=recordings,
             say=console.say,
         )
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs

@@ -20,7 +20,8 @@ from mnsf_ros.demo.replay import FLOW_TOPIC, ReplayLog, replay
 from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, choose_topics
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
 from mnsf_ros.evaluation.results import ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.tables import TextTable, errors_table, format_number
@@ -44,20 +45,18 @@ def run_demo(
     folder: Path,
     console: Console,
 ) -> None:
-    """Runs the demo and prints its tables.
+    """Runs the demo with a recording, or with a simulated one, and prints its tables.
 
-    Args:
-        source: Recording to replay, or what to simulate.
-        topic: Topic of its clouds; None for the only one.
-        settings: Those of the node.
-        folder: Where everything is written.
-        console: Where to print.
+    `topic` is that of the clouds, None for the only one; everything is written into `folder`.
 
     Raises:
         MnsfError: If the recording cannot be read or the node gives no flow; one line.
     """
     if isinstance(source, SimulationSettings):
-        source = _simulated(source, folder, console)
+        street = folder / f"street_seed{source.seed}_{source.duration_s:g}s"
+        if not street.exists():
+            simulate_with_progress(source, street, console)
+        source = street
     recording = choose_topics(inspect_recording(source), source.name, topic)
     folder.mkdir(parents=True, exist_ok=True)
     flow_bag, picture = folder / "flow", folder / "flow.png"
@@ -72,13 +71,6 @@ def run_demo(
     console.print(f"flow      {flow_bag} (mcap, for Foxglove or `ros2 bag play`)")
 
 
-def _simulated(settings: SimulationSettings, folder: Path, console: Console) -> Path:
-    path = folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
-    if not path.exists():
-        simulate_with_progress(settings, path, console)
-    return path
-
-
 def _replayed(
     recording: EvaluatedRecording,
     flow_bag: Path,
@@ -91,11 +83,11 @@ def _replayed(
     parameter_file = folder / "parameters.yaml"
     parameter_file.write_text(settings_yaml(settings, "Settings of the demo."))
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    topic, path = recording.points, recording.inspection.path
+    topic, path = recording.points, recording.path
     console.print(f"replaying {topic} of {path}; live on ROS domain {domain}")
     arguments = ["--params-file", str(parameter_file)]
     with (
-        recording.inspection.open() as reader,
+        recording.open() as reader,
         node_process(arguments, folder / "node.log") as node,
         BagWriter(flow_bag, overwrite=True) as writer,
         counting_progress(console) as progress,
@@ -123,7 +115,7 @@ def _score_and_draw(
     options = EvaluationOptions(settings.changed({"ground.remove": False}))
     rows: list[ResultRow] = []
     last: tuple[Example, NDArray[np.float32]] | None = None
-    with recording.inspection.open() as reader, BagReader(flow_bag) as flows:
+    with recording.open() as reader, BagReader(flow_bag) as flows:
         for example in read_examples(reader, recording, options, Findings()):
             flow = _recorded_flow(flows, example)
             if flow is not None:

@@ -94,14 +94,9 @@ def replay(
     writer: BagWriter,
     progress: Callable[[int, int], None],
 ) -> ReplayLog:
-    """Publishes all sweeps of a topic and waits for the last flow.
+    """Publishes all sweeps of a topic, records flow and diagnostics, waits for the last flow.
 
-    Args:
-        reader: The open recording.
-        topic: Topic of its point clouds.
-        node: The running node.
-        writer: Gets the flow and the diagnostics.
-        progress: Called with the numbers of sweeps published and of flows received.
+    `progress` is called with the numbers of sweeps published and of flows received.
 
     Raises:
         RecordingError: If damage is met in the recording.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -30,42 +29,30 @@ _SHADES: Final = (1.0, 0.5, 0.22)
 _LOG_RATIO: Final = 30.0
 _SMALLEST_SHARE: Final = 1e-3
 _BAND_WIDTH, _BAND_HEIGHT, _BAR_WIDTH = 5.2, 3.1, 10.4
+_ERROR: Final = "EPE (m)"
 _LEGEND_ROW, _BAR_ROW = 0.21, 0.32
 _KNOWN_STAGES: Final = ("prepare", "forward", "backward", "fusion")
 
 
-@dataclass(frozen=True)
-class BandChart:
-    """What a chart of values over bands shows.
-
-    Attributes:
-        title: Its headline.
-        across: What the bands are bands of, with unit.
-        up: What the values are, with unit.
-        bands: Names of the B bands.
-        values: Name of the series to its B values, at least 0; NaN where there is none.
-    """
-
-    title: str
-    across: str
-    up: str
-    bands: Sequence[str]
-    values: Mapping[str, Sequence[float]]
-
-
 @mpl.rc_context(CHART_STYLE)
-def band_chart(chart: BandChart) -> str:
-    """Returns the chart as inline SVG, one line for each series; colour is never its only mark."""
-    figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, chart.values)
+def band_chart(
+    title: str, across: str, bands: Sequence[str], values: Mapping[str, Sequence[float]]
+) -> str:
+    """Returns errors over B bands as inline SVG, one line for each series.
+
+    `across` says what the bands are bands of, with unit. Each series has B values in metres, at
+    least 0, NaN where there is none. Colour is never its only mark.
+    """
+    figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, values)
     titles: dict[str, str] = {}
-    for number, (name, values) in enumerate(chart.values.items()):
-        titles |= _draw_series(axes, number, name, values, chart.bands)
-    _set_scale(axes, [v for values in chart.values.values() for v in values], chart.up)
-    axes.set_xticks(range(len(chart.bands)), chart.bands)
-    axes.set(xlim=(-0.5, len(chart.bands) - 0.5), xlabel=chart.across)
+    for number, (name, series) in enumerate(values.items()):
+        titles |= _draw_series(axes, number, name, series, bands)
+    _set_scale(axes, [value for series in values.values() for value in series])
+    axes.set_xticks(range(len(bands)), bands)
+    axes.set(xlim=(-0.5, len(bands) - 0.5), xlabel=across)
     axes.grid(axis="y")
     _draw_legend(figure, axes, columns)
-    label = f"{chart.title}: {chart.up} over {chart.across}. The numbers are in a table below."
+    label = f"{title}: {_ERROR} over {across}. The numbers are in a table below."
     return inline_svg(figure, label, titles)
 
 
@@ -91,7 +78,7 @@ def _draw_series(
     return titles
 
 
-def _set_scale(axes: Axes, values: Sequence[float], up: str) -> None:
+def _set_scale(axes: Axes, values: Sequence[float]) -> None:
     """Linear from 0, or logarithmic where values differ too much."""
     numbers = [value for value in values if math.isfinite(value)]
     largest = max(numbers, default=0.0) or 1.0
@@ -104,18 +91,17 @@ def _set_scale(axes: Axes, values: Sequence[float], up: str) -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
         axes.yaxis.set_minor_locator(NullLocator())
         axes.yaxis.set_major_formatter("{x:g}")
-        up = f"{up}, logarithmic"
+        axes.set_title(f"{_ERROR}, logarithmic")
     else:
         axes.set_ylim(0.0, largest * 1.08)
-    axes.set_title(up)
+        axes.set_title(_ERROR)
 
 
 @mpl.rc_context(CHART_STYLE)
 def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     """Returns a bar for each method, its stages stacked, as inline SVG.
 
-    Args:
-        times_ms: Method to stage to mean wall time, milliseconds.
+    `times_ms` has method to stage to mean wall time, milliseconds.
     """
     stages = stage_names(times_ms)
     totals_ms = {name: math.fsum(part.values()) for name, part in times_ms.items()}

@@ -15,56 +15,54 @@ _MAX_DAMAGES: Final = 100
 
 
 class Event(Enum):
-    """What is counted while a recording is read; the value is its name in `tasks.jsonl`."""
+    """What is counted while a recording is read: its name in `tasks.jsonl`, and for people."""
 
-    SWEEPS_READ = "sweeps_read"
-    SWEEPS_UNSTAMPED = "sweeps_unstamped"
-    SWEEPS_TIMES_UNUSED = "sweeps_times_unused"
-    SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth"
-    SWEEPS_WITHOUT_POSE = "sweeps_without_pose"
-    SWEEPS_DUPLICATE = "sweeps_duplicate"
-    SWEEPS_OUT_OF_ORDER = "sweeps_out_of_order"
-    JUMPS_BACK = "jumps_back"
-    GAPS = "gaps"
-    FRAME_CHANGES = "frame_changes"
-    INTERRUPTIONS = "interruptions"
-    TRUTH_WITHOUT_SWEEP = "truth_without_sweep"
-    TRUTH_UNFIT = "truth_unfit"
-    FRAMES_DIFFER = "frames_differ"
-    ODOMETRY_CONTRADICTS = "odometry_contradicts"
+    text: str
 
-    @property
-    def text(self) -> str:
-        """What happened, for people."""
-        return _TEXTS[self]
-
-
-_TEXTS: Final = {
-    Event.SWEEPS_READ: "sweeps read",
-    Event.SWEEPS_UNSTAMPED: "sweeps without a stamp; the time of reception was used",
-    Event.SWEEPS_TIMES_UNUSED: (
+    SWEEPS_READ = "sweeps_read", "sweeps read"
+    SWEEPS_UNSTAMPED = (
+        "sweeps_unstamped",
+        "sweeps without a stamp; the time of reception was used",
+    )
+    SWEEPS_TIMES_UNUSED = (
+        "sweeps_times_unused",
         "sweeps whose field of times cannot be read as such; they count as taken in one moment "
-        "(time.field, time.unit)"
-    ),
-    Event.SWEEPS_WITHOUT_TRUTH: "sweeps without truth",
-    Event.SWEEPS_WITHOUT_POSE: "sweeps without odometry",
-    Event.SWEEPS_DUPLICATE: "sweeps with the stamp of the previous sweep, skipped",
-    Event.SWEEPS_OUT_OF_ORDER: "sweeps older than the previous sweep, skipped",
-    Event.JUMPS_BACK: "jumps back in time; no triplet spans them",
-    Event.GAPS: "gaps in time; no triplet spans them",
-    Event.FRAME_CHANGES: "changes of frame_id; no triplet spans them",
-    Event.INTERRUPTIONS: "missing sweeps; no triplet spans the gap",
-    Event.TRUTH_WITHOUT_SWEEP: "truth clouds without a sweep",
-    Event.TRUTH_UNFIT: "truth clouds that do not match their sweep or cannot be read, not used",
-    Event.FRAMES_DIFFER: (
+        "(time.field, time.unit)",
+    )
+    SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth", "sweeps without truth"
+    SWEEPS_WITHOUT_POSE = "sweeps_without_pose", "sweeps without odometry"
+    SWEEPS_DUPLICATE = (
+        "sweeps_duplicate",
+        "sweeps with the stamp of the previous sweep, skipped",
+    )
+    SWEEPS_OUT_OF_ORDER = "sweeps_out_of_order", "sweeps older than the previous sweep, skipped"
+    JUMPS_BACK = "jumps_back", "jumps back in time; no triplet spans them"
+    GAPS = "gaps", "gaps in time; no triplet spans them"
+    FRAME_CHANGES = "frame_changes", "changes of frame_id; no triplet spans them"
+    INTERRUPTIONS = "interruptions", "missing sweeps; no triplet spans the gap"
+    TRUTH_WITHOUT_SWEEP = "truth_without_sweep", "truth clouds without a sweep"
+    TRUTH_UNFIT = (
+        "truth_unfit",
+        "truth clouds that do not match their sweep or cannot be read, not used",
+    )
+    FRAMES_DIFFER = (
+        "frames_differ",
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
-        "sensor_yaw_deg to where the sensor is mounted"
-    ),
-    Event.ODOMETRY_CONTRADICTS: (
+        "sensor_yaw_deg to where the sensor is mounted",
+    )
+    ODOMETRY_CONTRADICTS = (
+        "odometry_contradicts",
         "sweeps whose odometry contradicts the truth of static points; methods that use odometry "
-        "(ego) are wrong there"
-    ),
-}
+        "(ego) are wrong there",
+    )
+
+    def __new__(cls, value: str, text: str) -> Event:
+        """Makes an event of its value and its text."""
+        event = object.__new__(cls)
+        event._value_, event.text = value, text
+        return event
+
+
 # What the buffer of sweeps, the same as in the node, found odd about a sweep.
 ARRIVAL_EVENTS: Final = {
     Arrival.DUPLICATE: Event.SWEEPS_DUPLICATE,

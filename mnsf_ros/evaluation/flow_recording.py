@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -31,53 +31,43 @@ Columns = dict[str, NDArray[Any]]
 
 
 class FlowRecorder:
-    """Writes nothing; what a task without `--write-flow` has."""
+    """Writes clouds into a recording, if there is one to write to."""
 
-    def write(self, example: Example, flow: NDArray[np.float32]) -> None:
-        """Writes the flow (N, 3) of the current sweep, metres."""
-
-
-class BagFlowRecorder(FlowRecorder):
-    """Writes clouds into a recording."""
-
-    def __init__(self, writer: BagWriter) -> None:
-        """Takes an open recording to write to."""
+    def __init__(self, writer: BagWriter | None) -> None:
         self._writer = writer
 
     def write(self, example: Example, flow: NDArray[np.float32]) -> None:
         """Writes the flow of the scored points, and with truth its error and the true flow.
 
-        Args:
-            example: What was estimated.
-            flow: (N, 3) metres until the next sweep.
+        `flow` is (N, 3) metres until the next sweep, for all points of the current sweep.
 
         Raises:
             RecordingError: Writing fails.
         """
+        if self._writer is None:
+            return
         rows = np.flatnonzero(example.scored)
         xyz, flow = example.triplet.current.xyz[rows], flow[rows]
         points: Columns = {name: xyz[:, axis] for axis, name in enumerate("xyz")}
-        self._write(example, FLOW_TOPIC, {**points, **_flow_columns(flow)})
-        if example.truth is None:
-            return
-        truth = example.truth.of_points(rows)
-        true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
-        error_m = end_point_errors(flow, true_flow).astype(np.float32)
-        dynamic = truth.dynamic.astype(np.uint8)
-        self._write(example, ERROR_TOPIC, {**points, "error_m": error_m, "dynamic": dynamic})
-        columns = {**points, **_flow_columns(true_flow), "dynamic": dynamic}
-        self._write(example, TRUTH_TOPIC, columns)
-
-    def _write(self, example: Example, topic: str, columns: Columns) -> None:
+        clouds = {FLOW_TOPIC: _flow_columns(flow)}
+        if example.truth is not None:
+            truth = example.truth.of_points(rows)
+            true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
+            error_m = end_point_errors(flow, true_flow).astype(np.float32)
+            dynamic = truth.dynamic.astype(np.uint8)
+            clouds[ERROR_TOPIC] = {"error_m": error_m, "dynamic": dynamic}
+            clouds[TRUTH_TOPIC] = {**_flow_columns(true_flow), "dynamic": dynamic}
         sweep = example.triplet.current
-        is_dense = all(bool(np.isfinite(column).all()) for column in columns.values())
-        cloud = encode_columns(columns, 1, len(columns["x"]))
-        self._writer.write_cloud(topic, cloud, sweep.stamp_ns, sweep.frame_id, is_dense=is_dense)
+        for topic, values in clouds.items():
+            columns = {**points, **values}
+            is_dense = all(bool(np.isfinite(column).all()) for column in columns.values())
+            cloud = encode_columns(columns, 1, len(rows))
+            stamp = (sweep.stamp_ns, sweep.frame_id)
+            self._writer.write_cloud(topic, cloud, *stamp, is_dense=is_dense)
 
 
-def flow_recorder(
-    folder: Path | None, recording: str, method: str
-) -> AbstractContextManager[FlowRecorder]:
+@contextmanager
+def flow_recorder(folder: Path | None, recording: str, method: str) -> Iterator[FlowRecorder]:
     """Opens the recording of a task's flow in a folder; it appears when all is done.
 
     What is there of the same task is replaced: a task that is run again was lost before it could
@@ -86,7 +76,15 @@ def flow_recorder(
     Raises:
         RecordingError: Something else is there, or it cannot be written.
     """
-    return _recorder(flow_path(folder, recording, method))
+    path = flow_path(folder, recording, method)
+    if path is None:
+        yield FlowRecorder(None)
+        return
+    # What a process that was killed while it wrote the same has left behind.
+    for leftover in path.parent.glob(f".{escape(path.name)}.*.partial"):
+        shutil.rmtree(leftover, ignore_errors=True)
+    with BagWriter(path, overwrite=True) as writer:
+        yield FlowRecorder(writer)
 
 
 def flow_path(folder: Path | None, recording: str, method: str) -> Path | None:
@@ -100,18 +98,6 @@ def folder_name(recording: str, method: str) -> str:
     safe = re.sub(r"[^\w.-]+", "_", plain).strip("._")[:100]
     # What was lost must not make two tasks one.
     return safe if safe == plain else f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
-
-
-@contextmanager
-def _recorder(path: Path | None) -> Iterator[FlowRecorder]:
-    if path is None:
-        yield FlowRecorder()
-        return
-    # What a process that was killed while it wrote the same has left behind.
-    for leftover in path.parent.glob(f".{escape(path.name)}.*.partial"):
-        shutil.rmtree(leftover, ignore_errors=True)
-    with BagWriter(path, overwrite=True) as writer:
-        yield BagFlowRecorder(writer)
 
 
 def _flow_columns(flow: NDArray[np.float32]) -> Columns:

@@ -11,8 +11,9 @@ from typing import Final
 
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
-from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings, SettingValue
 
@@ -155,47 +156,30 @@ def notes_of(
     run: RunRecord, finished: Iterable[FinishedTask], rows: Iterable[ResultRow] = ()
 ) -> list[Note]:
     """Returns one note for each thing to know."""
-    finished, rows = list(finished), list(rows)
+    finished, rows, recordings = list(finished), list(rows), run.recordings
+    found = [*(one.damages for one in recordings), *(one.damages for one in finished)]
+    unchecked = [one.name for one in recordings if not one.has_checksums]
+    without_truth = [one.name for one in recordings if one.truth is None]
     notes = {
-        NoteKind.DAMAGE: _damages(run, finished),
+        NoteKind.DAMAGE: (f"Damage: {damage}" for damage in chain.from_iterable(found)),
         NoteKind.NO_EXAMPLE: _without_example(run, finished),
         NoteKind.NO_FLOW: _without_flow(rows),
         NoteKind.FAILURES: _failures(rows),
-        NoteKind.NO_ERRORS: _without_errors(run.recordings, rows),
-        NoteKind.NO_CHECKSUMS: _without_checksums(run.recordings),
-        NoteKind.NO_TRUTH: _without_truth(run.recordings),
-        NoteKind.EVENT: _events(finished),
+        NoteKind.NO_ERRORS: _without_errors(recordings, rows),
+        NoteKind.NO_CHECKSUMS: _listed(
+            unchecked, "no checksums, so flipped bits inside a message would go unnoticed."
+        ),
+        NoteKind.NO_TRUTH: _listed(without_truth, "no true flow, so no errors."),
+        NoteKind.EVENT: (
+            # Runs of early versions have texts in place of names.
+            f"{task.recording}: {_EVENTS.get(name, name)}: {count:,}."
+            for task in finished
+            for name, count in task.counts.items()
+            if name not in _NO_EVENTS
+        ),
         NoteKind.MIXED_SESSIONS: _mixed_sessions(run.sessions),
     }
     return [Note(kind, text) for kind, texts in notes.items() for text in dict.fromkeys(texts)]
-
-
-def _damages(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterator[str]:
-    found = [*(one.damages for one in run.recordings), *(one.damages for one in finished)]
-    for damage in chain.from_iterable(found):
-        yield f"Damage: {damage}"
-
-
-def _without_checksums(recordings: Iterable[RecordingRecord]) -> Iterator[str]:
-    names = [one.name for one in recordings if not one.has_checksums]
-    if names:
-        yield (
-            f"{_listed(names)}: no checksums, so flipped bits inside a message would go unnoticed."
-        )
-
-
-def _without_truth(recordings: Iterable[RecordingRecord]) -> Iterator[str]:
-    names = [one.name for one in recordings if one.truth is None]
-    if names:
-        yield f"{_listed(names)}: no true flow, so no errors."
-
-
-def _events(finished: Iterable[FinishedTask]) -> Iterator[str]:
-    for task in finished:
-        for name, count in task.counts.items():
-            if name not in _NO_EVENTS:
-                # Runs of early versions have texts in place of names.
-                yield f"{task.recording}: {_EVENTS.get(name, name)}: {count:,}."
 
 
 def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterator[str]:
@@ -212,7 +196,7 @@ def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterat
 
 
 def _without_errors(
-    recordings: Iterable[RecordingRecord], rows: Iterable[ResultRow]
+    recordings: Iterable[EvaluatedRecording], rows: Iterable[ResultRow]
 ) -> Iterator[str]:
     """Recordings whose truth says nothing of any point that was scored."""
     num_points: Counter[str] = Counter()
@@ -271,6 +255,7 @@ def _failures(rows: Iterable[ResultRow]) -> Iterator[str]:
         )
 
 
-def _listed(names: Sequence[str]) -> str:
+def _listed(names: Sequence[str], text: str) -> list[str]:
+    """One note on all recordings of these names, if there are any."""
     more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    return ", ".join(names[:_MAX_NAMES]) + more
+    return [f"{', '.join(names[:_MAX_NAMES])}{more}: {text}"] if names else []

@@ -11,39 +11,14 @@ from typing import Any, Final, Literal
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.errors import EvaluationError, SettingsError
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.methods import make_method, method_names
-from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.recording.inspection import Inspection
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import Settings, SettingValue
 
 TaskKey = tuple[str, str]
 
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
-
-
-@dataclass(frozen=True)
-class EvaluatedRecording:
-    """A recording and the topics that are used of it.
-
-    Attributes:
-        name: What it is called in results.
-        inspection: What is in it.
-        points: Topic of the sweeps.
-        truth: Topic of the true flow; None if there is none.
-        odometry: Topic of the sensor's poses; None if there is none.
-    """
-
-    name: str
-    inspection: Inspection
-    points: str
-    truth: str | None = None
-    odometry: str | None = None
-
-    @property
-    def num_sweeps(self) -> int:
-        """Number of sweeps that are stored."""
-        return self.inspection.topics[self.points].count
 
 
 @dataclass(frozen=True)
@@ -156,41 +131,21 @@ def evaluated_methods(
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
-    return [EvaluatedMethod(name, _traits(name, options.settings, is_remote)) for name in names]
-
-
-def _traits(name: str, settings: Settings, is_remote: bool) -> MethodTraits:
-    if is_remote:
-        # The device may be on the machines of the cluster only.
-        settings = settings.changed({"compute.device": "cpu"})
-    try:
-        return make_method(name, settings).traits
-    except SettingsError:
-        if is_remote and name in method_names():
+    # The device may be on the machines of the cluster only.
+    changes: dict[str, SettingValue] = {"compute.device": "cpu"} if is_remote else {}
+    settings, methods = options.settings.changed(changes), []
+    for name in names:
+        try:
+            traits = make_method(name, settings).traits
+        except SettingsError:
+            if not is_remote or name not in method_names():
+                raise
             # Nothing is known, so nothing is taken for granted.
-            return MethodTraits(num_sweeps=3, carries_state=True)
-        raise
+            traits = MethodTraits(num_sweeps=3, carries_state=True)
+        methods.append(EvaluatedMethod(name, traits))
+    return methods
 
 
 def num_sweeps_needed(options: EvaluationOptions, there: int) -> int:
     """Returns the minimum number of sweeps of an example; all if a recording has fewer."""
     return max(2, min(options.num_sweeps, there))
-
-
-def choose_topics(
-    inspection: Inspection,
-    name: str,
-    points: str | None = None,
-    truth: str | None = None,
-    odometry: str | None = None,
-) -> EvaluatedRecording:
-    """Finds out which topics of a recording to use.
-
-    Topics that are None are chosen: the only one that can be that of the sweeps; truth and
-    odometry as in `docs/recordings.md`, if they are there.
-
-    Raises:
-        RecordingError: There is no such topic, or there are several to choose from.
-    """
-    used = used_topics(inspection.path, inspection.topics, points, truth, odometry)
-    return EvaluatedRecording(name, inspection, used.points, used.truth, used.odometry)

@@ -68,11 +68,9 @@ class RayCluster:
     """Runs tasks on a Ray cluster; one whose worker or node is lost is tried again. An Executor."""
 
     def __init__(self, address: str, *, num_gpus: float = 0.0) -> None:
-        """Names the cluster.
+        """Names the cluster: `local` starts one on this machine.
 
-        Args:
-            address: `local` to start one on this machine, `auto`, or the address of one.
-            num_gpus: GPUs that a task takes, which may be a part of one.
+        A task takes `num_gpus`, which may be a part of one.
 
         Raises:
             EvaluationError: Ray is not installed, or the number of GPUs is below 0.

@@ -26,8 +26,9 @@ from cattrs.v import format_exception
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, TaskKey
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 from mnsf_ros.evaluation.results import DROPPED, FailureKind, FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_record import RunRecord, path_text
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings, SettingValue, declared_settings
 
@@ -53,85 +54,52 @@ class WritingError(EvaluationError):
 
 
 class RunFolder:
-    """Reads and writes the files of a run; `start_or_resume` opens one for writing."""
+    """Reads and writes the files of a run; `start_or_resume` opens one for writing.
+
+    Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
+    a WritingError if that fails.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Names the folder."""
         self.path = path
 
     def read_record(self) -> RunRecord:
-        """Returns what was run.
-
-        Raises:
-            EvaluationError: There is no such file, or it is damaged.
-        """
+        """Returns what was run."""
         if not (self.path / RUN_FILE).exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
         return read_json(self.path / RUN_FILE, RunRecord)
 
     def write_record(self, record: RunRecord) -> None:
-        """Writes what is run.
-
-        Raises:
-            WritingError: That fails.
-        """
+        """Writes what is run."""
         replace_file(self.path / RUN_FILE, [to_json(record, indent=2), "\n"])
 
     def rows(self) -> Iterator[ResultRow]:
-        """Yields all rows, in the order in which they got ready.
-
-        Raises:
-            EvaluationError: A line is no row.
-        """
+        """Yields all rows, in the order in which they got ready."""
         return _parsed(self.path / ROWS_FILE, ResultRow)
 
-    def read_rows(self) -> list[ResultRow]:
-        """Returns all rows at once, see `rows`."""
-        return list(self.rows())
-
     def read_finished(self) -> dict[TaskKey, FinishedTask]:
-        """Returns recording and method of each finished task, and what was noticed.
-
-        Raises:
-            EvaluationError: A line is damaged.
-        """
+        """Returns recording and method of each finished task, and what was noticed."""
         tasks = _parsed(self.path / TASKS_FILE, FinishedTask)
         return {(task.recording, task.method): task for task in tasks}
 
     def append_row(self, row: ResultRow) -> None:
-        """Adds a row.
-
-        Raises:
-            WritingError: That fails.
-        """
+        """Adds a row."""
         _append(self.path / ROWS_FILE, to_json(row))
 
     def append_finished(self, key: TaskKey, findings: Findings, num_examples: int) -> None:
-        """Adds a finished task.
-
-        Raises:
-            WritingError: That fails.
-        """
+        """Adds a finished task."""
         counts = {event.value: count for event, count in findings.counts.items()}
         damages = [path_text(str(damage)) for damage in findings.damages]
         _append(self.path / TASKS_FILE, to_json(FinishedTask(*key, num_examples, counts, damages)))
 
     def drop_rows_of(self, keys: Iterable[TaskKey]) -> None:
-        """Takes the rows of some tasks away.
-
-        Raises:
-            EvaluationError: A line is no row, or the file cannot be written.
-        """
+        """Takes the rows of some tasks away."""
         dropped = set(keys)
         rows = (row for row in self.rows() if (row.recording, row.method) not in dropped)
         replace_file(self.path / ROWS_FILE, (f"{to_json(row)}\n" for row in rows))
 
     def cut_off_unfinished_lines(self) -> None:
-        """Takes away what was being written when a run was killed.
-
-        Raises:
-            EvaluationError: A file cannot be read or written.
-        """
+        """Takes away what was being written when a run was killed."""
         for name in (ROWS_FILE, TASKS_FILE):
             replace_file(self.path / name, (f"{line}\n" for line in _lines(self.path / name)))
 
@@ -146,11 +114,7 @@ class RunFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keeps other processes from writing to the same folder.
-
-        Raises:
-            EvaluationError: Another one is at it.
-        """
+        """Keeps other processes from writing to the same folder; an EvaluationError if one does."""
         with (self.path / _LOCK_FILE).open("a", encoding="utf-8") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -312,22 +276,23 @@ def _old_method(method: str | dict[str, Any]) -> dict[str, Any]:
 
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
-    for kind, check in ((float, _float), (int, _int), (str, _str), (bool, _bool)):
-        converter.register_structure_hook(kind, lambda value, _, check=check: check(value))
-    converter.register_structure_hook_func(lambda kind: kind == SettingValue, _setting)
+    for kind in (float, int, str, bool):
+        converter.register_structure_hook(kind, _checked)
+    converter.register_structure_hook_func(lambda kind: kind == SettingValue, _checked)
     converter.register_unstructure_hook(float, lambda x: x if math.isfinite(x) else None)
     converter.register_structure_hook(Settings, lambda values, _: _settings(**values))
     converter.register_unstructure_hook(
         Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
     )
-    # A resumed run may write flow or not, as it likes.
-    omitted = override(omit=True)
-    structure = make_dict_structure_fn(
-        EvaluationOptions, converter, _cattrs_forbid_extra_keys=True, flow_folder=omitted
-    )
-    unstructure = make_dict_unstructure_fn(EvaluationOptions, converter, flow_folder=omitted)
-    converter.register_structure_hook(EvaluationOptions, structure)
-    converter.register_unstructure_hook(EvaluationOptions, unstructure)
+    # A resumed run may write flow or not, as it likes; what is in recordings may be read again.
+    for owner, name in ((EvaluationOptions, "flow_folder"), (EvaluatedRecording, "inspection")):
+        left_out: dict[str, Any] = {name: override(omit=True)}
+        structure = make_dict_structure_fn(
+            owner, converter, _cattrs_forbid_extra_keys=True, **left_out
+        )
+        converter.register_structure_hook(owner, structure)
+        unstructure = make_dict_unstructure_fn(owner, converter, **left_out)
+        converter.register_unstructure_hook(owner, unstructure)
     return converter
 
 
@@ -341,36 +306,24 @@ def _reason(error: BaseException, kind: type | None) -> str:
     return str(error) if is_ours else format_exception(error, kind)
 
 
-def _float(value: object) -> float:
-    if value is None:
+# Type of a value to the types that JSON may have for it, and what an error calls it.
+_KINDS: Final[dict[Any, tuple[Any, str]]] = {
+    float: ((float, int), "a number"),
+    int: ((int,), "a whole number"),
+    str: ((str,), "text"),
+    bool: ((bool,), "true or false"),
+    SettingValue: ((bool, int, float, str), "the value of a setting"),
+}
+
+
+def _checked(value: Any, kind: Any) -> Any:  # noqa: ANN401 - a type or a union of some
+    """The value if it has the type; a null is no number."""
+    if value is None and kind is float:
         return math.nan
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise TypeError(f"got {value!r}, expected a number")
-    return float(value)
-
-
-def _int(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise TypeError(f"got {value!r}, expected a whole number")
-    return value
-
-
-def _str(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"got {value!r}, expected text")
-    return value
-
-
-def _bool(value: object) -> bool:
-    if not isinstance(value, bool):
-        raise TypeError(f"got {value!r}, expected true or false")
-    return value
-
-
-def _setting(value: object, _: object) -> SettingValue:
-    if not isinstance(value, (bool, int, float, str)):
-        raise TypeError(f"got {value!r}, expected the value of a setting")
-    return value
+    kinds, expected = _KINDS[kind]
+    if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+        raise TypeError(f"got {value!r}, expected {expected}")
+    return float(value) if kind is float else value
 
 
 _CONVERTER: Final = _converter()

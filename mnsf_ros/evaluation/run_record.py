@@ -16,71 +16,13 @@ from typing import Final
 import torch
 
 from mnsf_ros import __version__
-from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluatedRecording, EvaluationOptions
-from mnsf_ros.recording.bag_files import fingerprint
-from mnsf_ros.settings import SettingValue
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 
 # Layout of the files of a run; those of another layout can be read, but not resumed.
 FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
-
-
-def path_text(path: Path | str) -> str:
-    r"""Returns a path, or text with paths in it, as text that every file and terminal can hold.
-
-    Python keeps the bytes of a file name that its locale cannot decode as lone surrogates. Those
-    that are UTF-8 after all are decoded, so that the text is the same in every locale; the others
-    are shown as `\xff`.
-    """
-    return str(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-
-
-@dataclass(frozen=True)
-class RecordingRecord:
-    """A recording of a run.
-
-    Attributes:
-        name: What it is called in results.
-        path: Where it was.
-        points: Topic of the sweeps.
-        truth: Topic of the true flow; None if there is none.
-        odometry: Topic of the sensor's poses; None if there are none.
-        num_sweeps: Number of sweeps that are stored.
-        has_checksums: Whether flipped bits within a message would have been noticed.
-        damages: What could not be read.
-        fingerprint: See `recording.bag_files`; None in runs of early versions.
-    """
-
-    name: str
-    path: str
-    points: str
-    truth: str | None
-    odometry: str | None
-    num_sweeps: int
-    has_checksums: bool
-    damages: list[str]
-    fingerprint: dict[str, SettingValue] | None = None
-
-    @classmethod
-    def of(cls, recording: EvaluatedRecording) -> RecordingRecord:
-        """Returns what is to be remembered of a recording.
-
-        Raises:
-            OSError: It cannot be read any more.
-        """
-        inspection = recording.inspection
-        return cls(
-            name=recording.name,
-            path=str(inspection.path.resolve()),
-            points=recording.points,
-            truth=recording.truth,
-            odometry=recording.odometry,
-            num_sweeps=recording.num_sweeps,
-            has_checksums=inspection.has_checksums,
-            damages=[path_text(str(damage)) for damage in inspection.damages],
-            fingerprint=fingerprint(inspection.path),
-        )
 
 
 @dataclass(frozen=True)
@@ -170,7 +112,7 @@ class RunRecord:
 
     options: EvaluationOptions
     methods: list[EvaluatedMethod]
-    recordings: list[RecordingRecord]
+    recordings: list[EvaluatedRecording]
     sessions: list[SessionRecord]
     format: int = FORMAT
 

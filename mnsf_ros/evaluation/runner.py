@@ -11,13 +11,8 @@ from typing import Any, Final, Protocol
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
-from mnsf_ros.evaluation.options import (
-    EvaluatedMethod,
-    EvaluatedRecording,
-    EvaluationOptions,
-    EvaluationTask,
-    TaskKey,
-)
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions, EvaluationTask, TaskKey
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.task import run_task

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,8 @@ from mnsf_ros.evaluation.metrics import (
 from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
-# Argoverse 2 counts motion per sweep of this length.
-_USUAL_INTERVAL_S = 0.1
 # Fewer standing points, or such that lie closer together or on a line, do not fix the sensor's
 # motion: the second largest of their standard deviations counts.
 _MIN_STANDING = 20
@@ -74,7 +72,7 @@ def scored_row(
     row = replace(row, consistency=landing_distances(example.triplet, estimate.flow, looked_at))
     if example.truth is None:
         return row
-    return _with_errors(row, _Comparison.of(example, example.truth, estimate.flow, answered))
+    return _with_errors(row, example, example.truth, estimate.flow, answered)
 
 
 def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
@@ -92,52 +90,6 @@ def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
     if num_open:
         raise EvaluationError(f"the flow of {num_open} of {num_points} points is not finite")
     return answered
-
-
-@dataclass(frozen=True, eq=False)
-class _Comparison:
-    """Estimate and truth of the points to score.
-
-    Attributes:
-        estimate: (M, 3) metres per sweep.
-        truth: (M, 3) metres per sweep.
-        dynamic: (M,) bool.
-        class_id: (M,) kind of surface.
-        xy: (M, 2) metres, sensor frame.
-        motion_m: (M,) length of the true motion without that of the sensor.
-        interval_s: Time between the two sweeps.
-    """
-
-    estimate: NDArray[np.float32]
-    truth: NDArray[np.float32]
-    dynamic: NDArray[np.bool_]
-    class_id: NDArray[np.uint8]
-    xy: NDArray[np.float64]
-    motion_m: NDArray[np.float64]
-    interval_s: float
-
-    @classmethod
-    def of(
-        cls,
-        example: Example,
-        truth: FlowTruth,
-        flow: NDArray[np.float32],
-        answered: NDArray[np.bool_],
-    ) -> _Comparison:
-        scored = truth.valid & answered & example.scored
-        xyz, true_flow = example.triplet.current.xyz[scored], truth.flow[scored]
-        dynamic = truth.dynamic[scored]
-        motion = _sensor_motion(xyz, true_flow, dynamic, example.triplet.next_from_current)
-        own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
-        return cls(
-            estimate=flow[scored],
-            truth=true_flow,
-            dynamic=dynamic,
-            class_id=truth.class_id[scored],
-            xy=xyz[:, :2].astype(np.float64),
-            motion_m=np.linalg.norm(own, axis=1),
-            interval_s=example.triplet.interval_s or _USUAL_INTERVAL_S,
-        )
 
 
 def _sensor_motion(
@@ -160,25 +112,30 @@ def _fix_a_motion(xyz: NDArray[np.float32]) -> bool:
     return bool(variances[1] >= _MIN_SPREAD_M**2)
 
 
-def _with_errors(row: ResultRow, compared: _Comparison) -> ResultRow:
-    estimate, truth = compared.estimate, compared.truth
-    every = np.ones(len(truth), dtype=bool)
-    errors_m = end_point_errors(estimate, truth)
-    per_usual_interval = _USUAL_INTERVAL_S / compared.interval_s
-    groups = three_way_sums(errors_m, compared.dynamic, compared.class_id)
-    buckets = bucket_sums(
-        errors_m * per_usual_interval,
-        compared.motion_m * per_usual_interval,
-        compared.xy,
-        compared.class_id,
-    )
-    range_m = np.linalg.norm(compared.xy, axis=1)
-    speed_m_s = compared.motion_m / compared.interval_s
+def _with_errors(
+    row: ResultRow,
+    example: Example,
+    truth: FlowTruth,
+    flow: NDArray[np.float32],
+    answered: NDArray[np.bool_],
+) -> ResultRow:
+    scored = truth.valid & answered & example.scored
+    xyz, true_flow, flow = example.triplet.current.xyz[scored], truth.flow[scored], flow[scored]
+    dynamic, class_id = truth.dynamic[scored], truth.class_id[scored]
+    motion = _sensor_motion(xyz, true_flow, dynamic, example.triplet.next_from_current)
+    own_m = np.linalg.norm(true_flow.astype(np.float64) - rigid_flow(xyz, motion), axis=1)
+    interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
+    share = USUAL_INTERVAL_S / interval_s
+    xy = xyz[:, :2].astype(np.float64)
+    errors_m = end_point_errors(flow, true_flow)
+    groups = three_way_sums(errors_m, dynamic, class_id)
+    buckets = bucket_sums(errors_m * share, own_m * share, xy, class_id)
+    every, range_m = np.ones(len(xyz), dtype=bool), np.linalg.norm(xy, axis=1)
     return replace(
         row,
-        errors=by_motion(estimate, truth, compared.dynamic),
-        by_range=errors_by_band(estimate, truth, every, range_m, RANGE_LIMITS_M),
-        by_speed=errors_by_band(estimate, truth, every, speed_m_s, SPEED_LIMITS_M_S),
+        errors=by_motion(flow, true_flow, dynamic),
+        by_range=errors_by_band(flow, true_flow, every, range_m, RANGE_LIMITS_M),
+        by_speed=errors_by_band(flow, true_flow, every, own_m / interval_s, SPEED_LIMITS_M_S),
         three_way_epe_m=three_way_epe_m(groups),
         bucketed=bucketed_errors(buckets),
         sums={**groups, **buckets},

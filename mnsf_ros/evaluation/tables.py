@@ -195,46 +195,52 @@ def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
 
 def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
     """Returns the errors of all, dynamic and static points, without tables that would be empty."""
-    tables = [_group_table(summaries, group) for group in _GROUP_TITLES]
-    return [table for table in tables if table is not None]
-
-
-def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
-    """Returns the tables for those who look closer, without those that would be empty."""
-    ranges = _bands_table(
-        "EPE (m) by range (upper limit of each band)",
-        {summary.method: summary.by_range for summary in summaries},
-        "m",
-    )
-    speeds = _bands_table(
-        "EPE (m) by true speed without ego motion (upper limit of each band)",
-        {summary.method: summary.by_speed for summary in summaries},
-        "m/s",
-    )
-    tables = [_three_way_table(summaries), _bucketed_table(summaries), ranges, speeds]
-    return [table for table in [*tables, work_table(summaries)] if table is not None]
+    tables = []
+    for group, words in _GROUP_TITLES.items():
+        errors = {s.method: s.errors[group] for s in summaries if group in s.errors}
+        counts = sorted({item.num_points for item in errors.values()})
+        if any(counts):
+            points = " to ".join(f"{count:,}" for count in dict.fromkeys(counts[:1] + counts[-1:]))
+            times_ms = {s.method: s.time_ms for s in summaries} if group == "all" else None
+            title = f"{words} ({points} points)"
+            tables.append(errors_table(errors, title=title, times_ms=times_ms))
+    return tables
 
 
 def consistency_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     """Returns the figures that need no truth; None if there are none."""
-    if not any(summary.consistency for summary in summaries):
-        return None
     columns = {
         "nearest_m": "nearest point, moved (m)",
         "zero_nearest_m": "nearest point, unmoved (m)",
         "cycle_m": "there and back (m)",
     }
-    if all(math.isnan(summary.consistency.get("cycle_m", math.nan)) for summary in summaries):
-        # Nobody has asked for it.
-        del columns["cycle_m"]
-    rows = [
-        [
-            summary.method,
-            *(format_number(summary.consistency.get(key, math.nan), 3) for key in columns),
-        ]
-        for summary in summaries
+    values = {s.method: s.consistency for s in summaries}
+    return _values_table("Self-consistency (needs no truth)", values, columns, better=None)
+
+
+def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
+    """Returns the tables for those who look closer, without those that would be empty."""
+    tables = [
+        _values_table(
+            "Three-way EPE (m) of Argoverse 2, over all points of all examples",
+            {s.method: s.three_way_epe_m for s in summaries},
+            {name: name for name in (*THREE_WAY, "mean")},
+            decimals=4,
+        ),
+        _bucketed_table(summaries),
+        _bands_table(
+            "EPE (m) by range (upper limit of each band)",
+            {s.method: s.by_range for s in summaries},
+            lambda limit: "farther" if limit == "inf" else f"{limit} m",
+        ),
+        _bands_table(
+            "EPE (m) by true speed without ego motion (upper limit of each band)",
+            {s.method: s.by_speed for s in summaries},
+            lambda limit: "faster" if limit == "inf" else f"{limit} m/s",
+        ),
+        work_table(summaries),
     ]
-    return TextTable(["method", *columns.values()], rows, "Self-consistency (needs no truth)")
+    return [table for table in tables if table is not None]
 
 
 def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
@@ -257,66 +263,46 @@ def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
     return TextTable(header, rows, title, better)
 
 
-def _group_table(summaries: Sequence[MethodSummary], group: str) -> TextTable | None:
-    errors = {s.method: s.errors[group] for s in summaries if group in s.errors}
-    num_scored = {name: item.num_points for name, item in errors.items()}
-    if not any(num_scored.values()):
-        return None
-    least, most = min(num_scored.values()), max(num_scored.values())
-    points = f"{most:,} points" if least == most else f"{least:,} to {most:,} points"
-    title = f"{_GROUP_TITLES[group]} ({points})"
-    if group != "all":
-        return errors_table(errors, title=title)
-    times_ms = {summary.method: summary.time_ms for summary in summaries}
-    return errors_table(errors, title=title, times_ms=times_ms)
-
-
-def _three_way_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    scored = [summary for summary in summaries if summary.three_way_epe_m]
-    if not scored:
-        return None
-    names = (*THREE_WAY, "mean")
-    rows = [
-        [s.method, *(format_number(s.three_way_epe_m[name], 4) for name in names)] for s in scored
-    ]
-    title = "Three-way EPE (m) of Argoverse 2, over all points of all examples"
-    return TextTable(["method", *names], rows, title, [None, *[min] * len(names)])
-
-
 def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    classes = _in_order(summary.bucketed for summary in summaries)
-    if not classes:
-        return None
-    columns = [(name, kind) for name in classes for kind in (DYNAMIC, STATIC)]
-    header = ["method", *(f"{name} {kind}" for name, kind in columns)]
-    rows = []
-    for summary in summaries:
-        values = [summary.bucketed.get(name, {}).get(kind, math.nan) for name, kind in columns]
-        rows.append([summary.method, *(format_number(value, 3) for value in values)])
-    title = (
+    # The mean over the classes comes last.
+    classes = dict.fromkeys(name for s in summaries for name in s.bucketed if name != "mean")
+    columns = [f"{name} {kind}" for name in (*classes, "mean") for kind in (DYNAMIC, STATIC)]
+    return _values_table(
         "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
-        "dynamic (1: ego motion only) and static (m)"
+        "dynamic (1: ego motion only) and static (m)",
+        {
+            s.method: {f"{name} {k}": x for name, own in s.bucketed.items() for k, x in own.items()}
+            for s in summaries
+        },
+        dict(zip(columns, columns, strict=True)),
     )
-    return TextTable(header, rows, title, [None, *[min] * len(columns)])
 
 
 def _bands_table(
-    title: str, bands: Mapping[str, Mapping[str, FlowErrors]], unit: str
+    title: str, bands: Mapping[str, Mapping[str, FlowErrors]], name_of: Callable[[str], str]
 ) -> TextTable | None:
-    limits = sorted(_in_order(bands.values()), key=float)
-    if not limits:
-        return None
-    header = ["method", *("farther" if x == "inf" else f"{x} {unit}" for x in limits)]
-    if unit == "m/s":
-        header = [column.replace("farther", "faster") for column in header]
-    rows = [
-        [method, *(format_number(errors[x].epe_m if x in errors else math.nan, 3) for x in limits)]
-        for method, errors in bands.items()
+    limits = sorted({limit for errors in bands.values() for limit in errors}, key=float)
+    values = {name: {x: item.epe_m for x, item in own.items()} for name, own in bands.items()}
+    return _values_table(title, values, {limit: name_of(limit) for limit in limits})
+
+
+def _values_table(
+    title: str,
+    values: Mapping[str, Mapping[str, float]],
+    columns: Mapping[str, str],
+    *,
+    decimals: int = 3,
+    better: Better | None = min,
+) -> TextTable | None:
+    """Method to key to value as a table, without columns without values; None if there are none."""
+    known = [
+        key for key in columns if not all(math.isnan(v.get(key, math.nan)) for v in values.values())
     ]
-    return TextTable(header, rows, title, [None, *[min] * len(limits)])
-
-
-def _in_order(parts: Iterable[Mapping[str, object]]) -> list[str]:
-    """All keys, in the order in which they come first; `mean` last."""
-    names = list(dict.fromkeys(name for part in parts for name in part))
-    return sorted(names, key=lambda name: name == "mean")
+    if not known:
+        return None
+    rows = [
+        [method, *(format_number(own.get(key, math.nan), decimals) for key in known)]
+        for method, own in values.items()
+    ]
+    header = ["method", *(columns[key] for key in known)]
+    return TextTable(header, rows, title, [None, *[better] * len(known)])

@@ -48,7 +48,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[Resul
     recording = task.recording
     scorer = _Scorer(task.method.name, options)
     with (
-        recording.inspection.open() as reader,
+        recording.open() as reader,
         flow_recorder(options.flow_folder, *task.key) as recorder,
     ):
         examples = read_examples(reader, recording, options, findings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol, TypeVar
 
@@ -92,52 +92,48 @@ def recorded_sweeps(
 
     None stands where sweeps may be missing; findings get what cannot be read.
     """
-    for item in reader.readable_messages(topic):
-        if isinstance(item, Damage):
-            findings.report(item)
-            yield None
-            continue
-        received_ns, message = item
-        try:
-            cloud = decode_cloud(message, settings, received_ns)
-        except MessageError as error:
-            number = findings.counts[Event.SWEEPS_READ]
-            where = f"after {number} sweeps on {topic!r}"
-            findings.report(Damage(str(reader.path), where, f"damaged cloud: {error}"))
-            yield None
-            continue
+
+    def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
+        cloud = decode_cloud(message, settings, received_ns)
         findings.count(Event.SWEEPS_READ)
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
-        yield replace(cloud.sweep, source=source)
+        return replace(cloud.sweep, source=source)
+
+    return _decoded(reader, topic, findings, sweep_of)
 
 
 def recorded_poses(
     reader: BagReader, topic: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
     """Yields the poses of a topic of odometry in stamp order, None where some may be missing."""
-    return in_stamp_order(_received_poses(reader, topic, findings))
+
+    def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
+        stamp_ns = decode_stamp(message.header.stamp)
+        return StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
+
+    return in_stamp_order(_decoded(reader, topic, findings, pose_of))
 
 
-def _received_poses(
-    reader: BagReader, topic: str, findings: Findings
-) -> Iterator[StampedPose | None]:
+def _decoded(
+    reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
+) -> Iterator[Item | None]:
+    """What messages and their times of reception give, None where something cannot be read."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             findings.report(item)
             yield None
             continue
-        message = item[1]
+        received_ns, message = item
         try:
-            stamp_ns = decode_stamp(message.header.stamp)
-            pose = pose_matrix(message.pose.pose)
+            decoded = decode(message, received_ns)
         except MessageError as error:
             where = f"message {number} on {topic!r}"
             findings.report(Damage(str(reader.path), where, str(error)))
             yield None
             continue
-        yield StampedPose(stamp_ns, pose, message.child_frame_id)
+        yield decoded
 
 
 # Stamps that went through floating point numbers are off by less, and no lidar is faster.
@@ -162,15 +158,11 @@ class TruthCloud:
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
     """Yields the truth clouds of a topic as they were received."""
-    for number, item in enumerate(reader.readable_messages(topic)):
-        if isinstance(item, Damage):
-            findings.report(item)
-            continue
-        try:
-            yield TruthCloud(decode_stamp(item[1].header.stamp), item[1])
-        except MessageError as error:
-            where = f"message {number} on {topic!r}"
-            findings.report(Damage(str(reader.path), where, str(error)))
+
+    def cloud_of(message: Any, _: int) -> TruthCloud:  # noqa: ANN401 - a PointCloud2
+        return TruthCloud(decode_stamp(message.header.stamp), message)
+
+    return filter(None, _decoded(reader, topic, findings, cloud_of))
 
 
 class TruthTrack:

@@ -12,13 +12,12 @@ import jinja2
 from markupsafe import Markup
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, time_text
+from mnsf_ros.drawing.charts import band_chart, stage_bars, time_text
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
-from mnsf_ros.evaluation.run_record import RecordingRecord, RunRecord
 from mnsf_ros.evaluation.tables import (
     NO_VALUE,
     TextTable,
@@ -55,11 +54,8 @@ def write_report(
 ) -> None:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
-    Args:
-        results: All that the run gave.
-        path: The file.
-        pictured: Sweeps to show in pictures, the worst one first.
-        focus: Method whose worst sweeps are shown; None for `focus_method`.
+    Sweeps are `pictured`, the worst one first; it is that of the method in `focus`, by default
+    `focus_method`, whose worst sweeps are shown.
 
     Raises:
         WritingError: Writing fails.
@@ -72,8 +68,6 @@ def write_report(
         version=__version__,
         light=LIGHT,
         dark=DARK,
-        title=_title(record),
-        subtitle=_subtitle(results, focus),
         tiles=[tile for one in summaries if one.method == focus for tile in _tiles(one)],
         results=results,
         best_cells=lambda table: best_cells(table, record.references),
@@ -85,23 +79,10 @@ def write_report(
         times=_times_chart(rows, summaries),
         focus=focus,
         worst=worst_table(rows, focus),
-        cards=[worst_card(rows, example) for example in pictured],
-        facts=_facts(record),
-        recordings=[(one.name, _recording_text(one)) for one in record.recordings],
+        cards=[worst_card(rows, example, focus) for example in pictured],
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )
     replace_file(path, [f"{page}\n"])
-
-
-def _title(record: RunRecord) -> str:
-    names = [recording.name for recording in record.recordings]
-    return f"Scene flow of {names[0] if len(names) == 1 else f'{len(names)} recordings'}"
-
-
-def _subtitle(results: RunResults, focus: str) -> str:
-    methods = len(results.summaries)
-    text = f"{methods} method{'' if methods == 1 else 's'}, {len(results.rows):,} estimates"
-    return f"{text}. The large figures are those of {focus}." if focus else f"{text}."
 
 
 def _tiles(summary: MethodSummary) -> list[tuple[str, str]]:
@@ -198,8 +179,8 @@ def _band_charts(
             for method, errors in bands.items()
         }
         if limits:
-            chart = BandChart(title, across, "EPE (m)", band_names(limits), values)
-            charts.append((title, Markup(band_chart(chart))))
+            chart = band_chart(title, across, band_names(limits), values)
+            charts.append((title, Markup(chart)))
     return charts
 
 
@@ -237,27 +218,3 @@ def stage_times_ms(
         rest = whole - math.fsum(parts.values())
         times_ms[method] = parts | ({_REST: rest} if rest > _REST_SHARE * whole else {})
     return times_ms
-
-
-def _facts(record: RunRecord) -> dict[str, str]:
-    options, sessions = record.options, record.sessions
-    facts = {
-        **sessions[-1].facts,
-        "system": sessions[-1].machine.system,
-        "seed": str(options.seed),
-        "points per sweep": "all" if options.num_points is None else f"{options.num_points:,}",
-        "ground from": options.ground,
-    }
-    if options.realtime_rate is not None:
-        facts["real time"] = f"{options.realtime_rate:g} times, sweeps are dropped as on a robot"
-    if len(sessions) > 1:
-        facts["sessions"] = str(len(sessions))
-    return facts
-
-
-def _recording_text(recording: RecordingRecord) -> str:
-    text = f"{recording.num_sweeps:,} sweeps on {recording.points}"
-    text += f", truth on {recording.truth}" if recording.truth else ", no truth"
-    if recording.odometry:
-        text += f", poses on {recording.odometry}"
-    return text + (f"; damaged: {'; '.join(recording.damages)}" if recording.damages else "")

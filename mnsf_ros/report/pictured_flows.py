@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -24,16 +24,12 @@ from mnsf_ros.evaluation.flow_recording import (
     folder_name,
 )
 from mnsf_ros.evaluation.metrics import end_point_errors
-from mnsf_ros.evaluation.options import (
-    EvaluatedRecording,
-    EvaluationOptions,
-    choose_topics,
-)
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.inspection import inspect_recording
 from msg_utils.point_cloud2 import decode_points
 
 
@@ -119,34 +115,20 @@ def _columns(points: NDArray[np.void], names: Sequence[str]) -> NDArray[np.float
 
 
 def estimated_examples(
-    record: RunRecord,
-    rows: Sequence[ResultRow],
-    methods: Sequence[str],
-    budget: TimeBudget,
-    recordings: Iterable[EvaluatedRecording] | None = None,
+    record: RunRecord, rows: Sequence[ResultRow], methods: Sequence[str], budget: TimeBudget
 ) -> list[PicturedExample]:
-    """Estimates examples again, each from its sweeps alone.
+    """Returns the examples of rows, in their order, with flows that are estimated for them.
 
-    That gives the flow of the run again, unless something was carried over there from one
-    example to the next.
-
-    Args:
-        record: What was run.
-        rows: The examples wanted, in this order.
-        methods: With which methods, the most important one first; those that fail on an example
-            are left out of it.
-        budget: How long it may take, but for the estimate that is under way then.
-        recordings: Those of the run, if they are known; None to find out what is in them.
-
-    Returns:
-        The examples that have a flow.
+    Each estimate starts from nothing, also by methods that carry something from one example to the
+    next. The most important method comes first; those that fail on an example are left out of it.
+    The budget is kept but for the estimate that is under way when it ends.
 
     Raises:
         MnsfError: A recording cannot be read any more.
     """
     options = record.options
     examples: dict[tuple[str, int], Example] = {}
-    for recording in recordings or _recordings_of(record, {row.recording for row in rows}):
+    for recording in record.recordings:
         wanted = {row.number for row in rows if row.recording == recording.name}
         for example in _examples(recording, options, wanted, budget):
             examples[recording.name, example.number] = example
@@ -164,13 +146,6 @@ def estimated_examples(
     return [picture for _, picture in pictured if picture.flows]
 
 
-def _recordings_of(record: RunRecord, names: set[str]) -> Iterator[EvaluatedRecording]:
-    for one in record.recordings:
-        if one.name in names:
-            inspection = inspect_recording(one.path)
-            yield choose_topics(inspection, one.name, one.points, one.truth, one.odometry)
-
-
 def _examples(
     recording: EvaluatedRecording,
     options: EvaluationOptions,
@@ -179,7 +154,7 @@ def _examples(
 ) -> Iterator[Example]:
     if not wanted:
         return
-    with recording.inspection.open() as reader:
+    with recording.open() as reader:
         for example in read_examples(reader, recording, options, Findings()):
             if example.number in wanted:
                 yield example

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import EvaluationError, MnsfError
-from mnsf_ros.evaluation.options import EvaluatedRecording
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -30,7 +26,6 @@ def report_run(
     num_pictured: int = 3,
     estimate_again: bool = True,
     limit_s: float = math.inf,
-    recordings: Sequence[EvaluatedRecording] | None = None,
     focus: str | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> Path:
@@ -43,9 +38,8 @@ def report_run(
         folder: Folder of the run.
         num_pictured: So many of the worst examples get pictures.
         estimate_again: Whether to estimate these again where the run wrote no flow.
-        limit_s: Seconds that this may take. If there is a limit, examples far into a recording
-            are left alone.
-        recordings: Those to estimate, as they were in the run; None to find out what is in all.
+        limit_s: Seconds that this may take. If there is a limit, examples far into a recording,
+            or of a recording that would have to be inspected first, are left alone.
         focus: Method whose worst sweeps are shown; None for `focus_method`.
         say: Gets one line for each thing that takes time or cannot be done.
 
@@ -67,7 +61,7 @@ def report_run(
     methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
     path = folder / REPORT_FILE
     pictured = recorded_examples(folder, worst[:num_pictured], methods)
-    write_report(results, path, pictured=_without_empty_flows(pictured, focus), focus=focus)
+    write_report(results, path, pictured=pictured, focus=focus)
     if pictured or not estimate_again:
         return path
     if math.isfinite(limit_s):
@@ -75,32 +69,16 @@ def report_run(
         # Other programs may take long, or do more than one expects of a picture.
         external = {method.name for method in record.methods if method.traits.is_external}
         methods = [method for method in methods if method not in external]
-    if recordings is not None:
-        names = {recording.name for recording in recordings}
-        worst = [row for row in worst if row.recording in names]
+        known = [one.name for one in record.recordings if one.inspection is not None]
+        worst = [row for row in worst if row.recording in known] if known else worst
     wanted = worst[:num_pictured]
     if methods and wanted:
         times_s = {summary.method: summary.time_ms / 1e3 for summary in results.summaries}
         budget = TimeBudget(limit_s, times_s)
-        pictured = _estimated(record, wanted, methods, budget, recordings, say)
+        pictured = _estimated(record, wanted, methods, budget, say)
     if pictured:
-        write_report(results, path, pictured=_without_empty_flows(pictured, focus), focus=focus)
+        write_report(results, path, pictured=pictured, focus=focus)
     return path
-
-
-def _without_empty_flows(pictured: list[PicturedExample], focus: str) -> list[PicturedExample]:
-    """Leaves out flows that are zero everywhere, of which there is nothing to be seen."""
-    return [
-        replace(
-            example,
-            flows=[
-                item
-                for item in example.flows
-                if item.method == focus or np.nan_to_num(item.flow).any()
-            ],
-        )
-        for example in pictured
-    ]
 
 
 def _estimated(
@@ -108,7 +86,6 @@ def _estimated(
     wanted: Sequence[ResultRow],
     methods: Sequence[str],
     budget: TimeBudget,
-    recordings: Sequence[EvaluatedRecording] | None,
     say: Callable[[str], None],
 ) -> list[PicturedExample]:
     """The examples that get ready in time; says why there are none."""
@@ -125,7 +102,7 @@ def _estimated(
     examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
     say(f"estimating {examples} again for pictures, about {seconds:.0f} s")
     try:
-        found = estimated_examples(record, wanted, methods, budget, recordings)
+        found = estimated_examples(record, wanted, methods, budget)
     except MnsfError as error:
         say(f"no pictures: {error}")
         return []

@@ -92,8 +92,11 @@ def _cells(row: ResultRow, has_truth: bool) -> list[str]:
     return [*cells, format_number(nearest_m, 3), format_number(row.time_ms, 0)]
 
 
-def worst_card(rows: Sequence[ResultRow], example: PicturedExample) -> Card:
-    """Returns a sweep with pictures of its truth and of the flow of each method."""
+def worst_card(rows: Sequence[ResultRow], example: PicturedExample, focus: str) -> Card:
+    """Returns a sweep with pictures of its truth and of the flow of each method.
+
+    Other flows than that of the method in focus are left out where they are zero everywhere.
+    """
     painter = ExamplePainter(example)
     own = {row.method: row for row in rows if (row.recording, row.number) == example.key}
     where = f"sweep {example.number} of {example.recording}"
@@ -102,6 +105,8 @@ def worst_card(rows: Sequence[ResultRow], example: PicturedExample) -> Card:
         alt = f"True flow of {where} in top view, and what moves without ego motion."
         pictures.append(Picture(_uri(true_picture), alt, "Truth", is_truth=True))
     for item in example.flows:
+        if item.method != focus and not np.nan_to_num(item.flow).any():
+            continue
         said = _caption(item, own.get(item.method))
         alt = f"Flow of {where} by {item.method} and its {example.error_name}, top view. {said}."
         pictures.append(Picture(_uri(painter.method(item)), alt, said))

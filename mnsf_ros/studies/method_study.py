@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from itertools import count
 from typing import Final
 
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import (
     MAX_SWEEPS,
-    EvaluatedRecording,
     EvaluationOptions,
     EvaluationTask,
     TaskKey,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
 from mnsf_ros.evaluation.results_files import read_results, write_results
 from mnsf_ros.evaluation.run_folder import RunFolder
@@ -35,10 +36,8 @@ from mnsf_ros.evaluation.runner import (
 from mnsf_ros.evaluation.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
-_HEADER: Final = (
-    *("variant", "method", "points", "epe_m", "acc5", "acc10", "outliers"),
-    *("angle_error_rad", "num_points", "time_ms"),
-)
+_ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
+_HEADER: Final = ("variant", "method", "points", *_ERRORS, "time_ms")
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 _FIGURES: Final = (
     ("EPE (m), less is better", "epe_m", 1.0),
@@ -201,10 +200,10 @@ def _result(
         times_ms = {n: s.time_ms for n, s in named.items()} if group == "all" else None
         title = f"{study.title}, {words}"
         tables.append(errors_table(errors, title=title, row_title="variant", times_ms=times_ms))
-        for name, item in errors.items():
-            shares = (item.acc5, item.acc10, item.outliers)
-            values = (item.epe_m, *shares, item.angle_error_rad, item.num_points)
-            rows.append((name, study.variants[name], group, *values, named[name].time_ms))
+        rows += [
+            (name, study.variants[name], group, *astuple(item), named[name].time_ms)
+            for name, item in errors.items()
+        ]
     panels = {
         title: {
             words: [

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -100,15 +100,10 @@ def changes(
     num_repeats: int,
     seed: int,
 ) -> Iterator[Change]:
-    """Replaces points and yields what that does.
+    """Replaces points of the full sweeps and yields what that does.
 
-    Args:
-        method: Name of the method.
-        estimator: The method; the same triplet must give the same flow.
-        triplet: The full sweeps.
-        sizes: Numbers of points, each less than the smallest sweep has.
-        num_repeats: So many draws of points for each size.
-        seed: Of the draws, which are the same for all methods.
+    Each of the `sizes` must be less than the smallest sweep has points. For each, there are
+    `num_repeats` draws, the same for all methods with the same seed.
 
     Raises:
         EvaluationError: A sweep has too few points.
@@ -217,8 +212,8 @@ def _result(found: Sequence[Change], options: StudyOptions) -> StudyResult:
         title=_TITLE,
         texts=[text],
         tables=tables,
-        header=("method", "num_points", "sweep", "repeat", "flow_m", "loss_m"),
-        rows=[(c.method, c.num_points, c.sweep, c.repeat, c.flow_m, c.loss_m) for c in found],
+        header=[field.name for field in fields(Change)],
+        rows=[astuple(change) for change in found],
         picture=log_lines(_TITLE, "points N of each sweep", options.sizes, panels),
     )
 

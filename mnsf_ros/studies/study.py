@@ -10,8 +10,8 @@ from typing import Final
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import EvaluatedRecording, EvaluationOptions, choose_topics
-from mnsf_ros.evaluation.run_start import recording_names
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, recording_names
 from mnsf_ros.evaluation.tables import TextTable
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
@@ -165,7 +165,7 @@ def first_example(options: StudyOptions) -> Example:
         RecordingError: There is none.
     """
     for recording in study_recordings(options):
-        with recording.inspection.open() as reader:
+        with recording.open() as reader:
             for example in read_examples(reader, recording, options.evaluation(), Findings()):
                 return example
     raise RecordingError("the recordings hold no three sweeps in a row")

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mnsf_ros.drawing.charts import BandChart, band_chart, stage_bars, stage_names, time_text
+from mnsf_ros.drawing.charts import band_chart, stage_bars, stage_names, time_text
 from mnsf_ros.drawing.example_pictures import (
     ExamplePainter,
     PicturedExample,
@@ -24,7 +24,7 @@ BAD = "<script>alert(1)</script>\"'& $x_{"
 
 
 def chart(**values):
-    return band_chart(BandChart("title", "range (m)", "EPE (m)", ["a", "b", "c"], values))
+    return band_chart("title", "range (m)", ["a", "b", "c"], values)
 
 
 def texts(svg):

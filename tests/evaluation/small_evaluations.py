@@ -11,9 +11,9 @@ from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
     EvaluationTask,
-    choose_topics,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset

@@ -185,7 +185,7 @@ def test_examples_of_a_recording(tmp_path, num_points):
     path = small.write_recording(tmp_path / "drive", 5)
     recording = small.recording_at(path)
     findings = Findings()
-    with recording.inspection.open() as reader:
+    with recording.open() as reader:
         options = small.options(num_points=num_points)
         examples = list(read_examples(reader, recording, options, findings))
     assert [example.number for example in examples] == [1, 2, 3]
@@ -271,7 +271,7 @@ def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     recording = small.recording_at(small.write_recording(tmp_path / "drive", 6))
     options = small.options({"ego_motion.source": "odometry"})
     told, found = (make_method(method, options.settings) for method in ("ego", "ego-estimated"))
-    with recording.inspection.open() as reader:
+    with recording.open() as reader:
         examples = list(read_examples(reader, recording, options, Findings()))
     assert len(examples) == 4
     for example in examples:

@@ -282,7 +282,7 @@ def test_notes_tell_damage_missing_truth_and_what_was_noticed(results):
 )
 def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
     rows = [
-        replace(row(1, 0.1, method), consistency={"nearest_m": 0.2, **cycle})
+        replace(row(1, 0.1, method), consistency={"nearest_m": 0.2, "zero_nearest_m": 0.3, **cycle})
         for method, cycle in zip(("zero", "mnsf"), cycles, strict=True)
     ]
     table = consistency_table(summarize(rows, ["zero", "mnsf"]))

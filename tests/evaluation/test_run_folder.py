@@ -13,12 +13,11 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.notes import NoteKind
+from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
-from mnsf_ros.evaluation.run_record import path_text
 from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
-from mnsf_ros.recording.damage import Damage
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
@@ -92,7 +91,7 @@ def folder(tmp_path):
 def test_rows_are_there_as_soon_as_they_are_written(folder):
     for number in range(3):
         folder.append_row(full_row(number))
-        assert [row.number for row in folder.read_rows()] == list(range(number + 1))
+        assert [row.number for row in folder.rows()] == list(range(number + 1))
 
 
 def test_line_that_was_being_written_is_lost_but_no_other(folder):
@@ -100,10 +99,10 @@ def test_line_that_was_being_written_is_lost_but_no_other(folder):
         folder.append_row(full_row(number))
     file = folder.path / "rows.jsonl"
     file.write_text(file.read_text()[:-40])
-    assert [row.number for row in folder.read_rows()] == [0, 1]
+    assert [row.number for row in folder.rows()] == [0, 1]
     folder.cut_off_unfinished_lines()
     folder.append_row(full_row(2))
-    assert [row.number for row in folder.read_rows()] == [0, 1, 2]
+    assert [row.number for row in folder.rows()] == [0, 1, 2]
 
 
 def test_damaged_line_is_named(folder):
@@ -111,7 +110,7 @@ def test_damaged_line_is_named(folder):
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("rubbish\n")
     with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
-        folder.read_rows()
+        list(folder.rows())
 
 
 def test_rows_of_a_task_can_be_dropped(folder):
@@ -119,7 +118,7 @@ def test_rows_of_a_task_can_be_dropped(folder):
         for number in range(2):
             folder.append_row(full_row(number, method))
     folder.drop_rows_of([("drive", "mnsf"), ("other", "fnsf")])
-    assert [(row.method, row.number) for row in folder.read_rows()] == [("fnsf", 0), ("fnsf", 1)]
+    assert [(row.method, row.number) for row in folder.rows()] == [("fnsf", 0), ("fnsf", 1)]
 
 
 def test_finished_tasks_come_back(folder):
@@ -151,7 +150,7 @@ def test_folder_in_which_nothing_happened_can_be_taken_away(tmp_path, recording)
     folder = start(tmp_path / "out", recording)
     folder.append_row(full_row())
     assert not folder.remove_if_unused()
-    assert len(folder.read_rows()) == 1
+    assert len(list(folder.rows())) == 1
 
 
 def test_run_of_another_process_is_not_resumed(tmp_path, recording):
@@ -350,8 +349,7 @@ def test_run_of_an_early_version_cannot_be_resumed(tmp_path, recording):
 
 def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
     def damaged(text):
-        damages = (Damage("drive.mcap", "byte 7", text),)
-        return replace(recording, inspection=replace(recording.inspection, damages=damages))
+        return replace(recording, damages=[f"drive.mcap, byte 7: {text}"])
 
     start(tmp_path / "out", damaged("old"))
     start(tmp_path / "out", damaged("new"), resume=True)

@@ -10,8 +10,8 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.run_record import RecordingRecord
-from mnsf_ros.evaluation.run_start import known_recordings, recording_names, start_or_resume
+from mnsf_ros.evaluation.recordings import recording_names
+from mnsf_ros.evaluation.run_start import known_recordings, start_or_resume
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
 
 
@@ -25,10 +25,7 @@ def bags(tmp_path):
 
 
 def known(*bags, names=("drive",)):
-    return [
-        RecordingRecord.of(small.recording_at(bag, name))
-        for bag, name in zip(bags, names, strict=True)
-    ]
+    return [small.recording_at(bag, name) for bag, name in zip(bags, names, strict=True)]
 
 
 def test_recordings_keep_their_names_and_new_ones_get_free_ones(bags):
@@ -134,7 +131,6 @@ def test_other_odometry_is_another_recording(bags, tmp_path):
 def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, before, now):
     recording = small.recording_at(bags[0])
     for has_checksums in (before, now):
-        inspection = replace(recording.inspection, has_checksums=has_checksums)
-        resume(tmp_path / "out", replace(recording, inspection=inspection))
+        resume(tmp_path / "out", replace(recording, has_checksums=has_checksums))
     (known,) = known_recordings(tmp_path / "out")
     assert known.has_checksums == (before and now)

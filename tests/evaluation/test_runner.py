@@ -9,12 +9,10 @@ import small_evaluations as small
 from mnsf_ros.errors import EvaluationError, RecordingError, SettingsError
 from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.findings import Event, Findings
-from mnsf_ros.evaluation.options import (
-    EvaluationOptions,
-    choose_topics,
-)
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import choose_topics, recording_names
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_start import recording_names, start_or_resume
+from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.runner import (
     TaskFailed,
     TaskRestarted,
@@ -155,7 +153,7 @@ def test_run_writes_rows_and_tasks(bag, tmp_path):
     outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"])
     assert outcome.num_new_rows == 10
     assert not outcome.failed
-    rows = folder.read_rows()
+    rows = list(folder.rows())
     assert [(row.method, row.number) for row in rows] == [
         (method, number) for method in ("zero", "ego") for number in range(1, 6)
     ]
@@ -193,14 +191,14 @@ def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, cha
     _, whole = evaluate(tmp_path / "whole", bag, methods, options)
     with pytest.raises(Stop):
         evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(num_rows))
-    kept = {(r.method, r.number): r.time_ms for r in _folder(tmp_path / "out").read_rows()}
+    kept = {(r.method, r.number): r.time_ms for r in list(_folder(tmp_path / "out").rows())}
     assert len(kept) == num_rows - (num_rows > 5)
     _, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
     assert by_key(resumed) == by_key(whole)
-    assert len(resumed.read_rows()) == 10
+    assert len(list(resumed.rows())) == 10
     if not changes:
         # What was there was not computed again.
-        times = {(row.method, row.number): row.time_ms for row in resumed.read_rows()}
+        times = {(row.method, row.number): row.time_ms for row in resumed.rows()}
         assert kept.items() <= times.items()
 
 
@@ -219,7 +217,7 @@ def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
         False,
         True,
     ]
-    assert {row.method for row in folder.read_rows()} == {"fnsf"}
+    assert {row.method for row in folder.rows()} == {"fnsf"}
 
 
 def _folder(path):
@@ -230,8 +228,7 @@ def _folder(path):
 
 def by_key(folder):
     return {
-        (row.recording, row.method, row.number): small.without_times(row)
-        for row in folder.read_rows()
+        (row.recording, row.method, row.number): small.without_times(row) for row in folder.rows()
     }
 
 
@@ -239,7 +236,7 @@ def test_method_added_to_a_run_is_all_that_is_computed(bag, tmp_path):
     evaluate(tmp_path / "out", bag, ["zero"])
     outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"], resume=True)
     assert outcome.num_new_rows == 5
-    assert len(folder.read_rows()) == 10
+    assert len(list(folder.rows())) == 10
 
 
 def scripted(events):
@@ -259,7 +256,7 @@ def row(number, method="ego"):
 def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
     events = [row(1), row(2), TaskRestarted("lost"), row(2), row(3), Findings()]
     outcome, folder = evaluate(tmp_path / "out", bag, ["ego"], execute=scripted(events))
-    assert [item.number for item in folder.read_rows()] == [1, 2, 3]
+    assert [item.number for item in folder.rows()] == [1, 2, 3]
     assert outcome.restarted == {("drive", "ego"): "lost"}
 
 
@@ -269,7 +266,7 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
     execute = scripted([*events, TaskFailed("lost again")])
     options = small.options(WARM)
     outcome, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
-    assert [item.number for item in folder.read_rows()] == [1]
+    assert [item.number for item in folder.rows()] == [1]
     assert outcome.failed == {("drive", method): "lost again"}
     assert folder.read_finished() == {}
 
@@ -277,7 +274,7 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
     outcome, folder = evaluate(tmp_path / "out", bag, ["mnfs", "ego"])
     assert "unknown method 'mnfs'" in outcome.failed["drive", "mnfs"]
-    assert len(folder.read_rows()) == 5
+    assert len(list(folder.rows())) == 5
 
 
 def test_sweeps_are_the_usual_ones_where_there_is_truth(bag):

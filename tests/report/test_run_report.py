@@ -13,7 +13,8 @@ import pytest
 
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.options import EvaluationOptions, choose_topics, evaluated_methods
+from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
+from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder, plain, structured, to_json
 from mnsf_ros.evaluation.run_start import start_or_resume
@@ -72,7 +73,7 @@ def test_other_flows_are_estimated_once_more(street, tmp_path):
 
 def test_both_sources_give_the_same_pictures(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", write_flow=True)
-    run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
+    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows())
     rows = [row for row in rows if row.method == "ego"][:1]
     (recorded,) = recorded_examples(folder, rows, METHODS)
     (estimated,) = estimated_examples(run, rows, METHODS, TimeBudget())
@@ -136,7 +137,7 @@ def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
 
 def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
-    rows = RunFolder(folder).read_rows()
+    rows = list(RunFolder(folder).rows())
     slow = [dataclasses.replace(row, time_ms=9e3 if row.method == "ego" else 1.0) for row in rows]
     (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in slow))
     text, said = report_of(folder, limit_s=8.0)
@@ -150,7 +151,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
 
 def test_no_time_at_all_leaves_a_report(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["zero"])
-    run, rows = RunFolder(folder).read_record(), RunFolder(folder).read_rows()
+    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows())
     assert estimated_examples(run, rows, ["zero"], TimeBudget(0.0)) == []
 
 

@@ -1,0 +1,178 @@
+"""The recordings of a run: what is in them, which topics are used, and what they are called."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+from mnsf_ros.errors import EvaluationError
+from mnsf_ros.recording.bag_files import fingerprint, storage_files
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.recording.inspection import Inspection, inspect_recording
+from mnsf_ros.settings import SettingValue
+
+
+def path_text(path: Path | str) -> str:
+    r"""Returns a path, or text with paths in it, as text that every file and terminal can hold.
+
+    Python keeps the bytes of a file name that its locale cannot decode as lone surrogates. Those
+    that are UTF-8 after all are decoded, so that the text is the same in every locale; the others
+    are shown as `\xff`.
+    """
+    return str(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+@dataclass(frozen=True)
+class EvaluatedRecording:
+    """A recording and the topics that are used of it.
+
+    Attributes:
+        name: What it is called in results.
+        path: Where it is, or was in an earlier run.
+        points: Topic of the sweeps.
+        truth: Topic of the true flow; None if there is none.
+        odometry: Topic of the sensor's poses; None if there is none.
+        num_sweeps: Number of sweeps that are stored.
+        has_checksums: Whether flipped bits within a message would have been noticed.
+        damages: What could not be read.
+        fingerprint: See `recording.bag_files`; None in runs of early versions.
+        inspection: What reading it once has shown; None of one of an earlier run.
+    """
+
+    name: str
+    path: str
+    points: str
+    truth: str | None
+    odometry: str | None
+    num_sweeps: int
+    has_checksums: bool
+    damages: list[str]
+    fingerprint: dict[str, SettingValue] | None = None
+    inspection: Inspection | None = None
+
+    @contextmanager
+    def open(self) -> Iterator[BagReader]:
+        """Opens the recording; one of an earlier run is inspected first.
+
+        Raises:
+            RecordingError: It cannot be read, or has changed since it was inspected.
+        """
+        with (self.inspection or inspect_recording(self.path)).open() as reader:
+            yield reader
+
+
+def choose_topics(
+    inspection: Inspection,
+    name: str,
+    points: str | None = None,
+    truth: str | None = None,
+    odometry: str | None = None,
+) -> EvaluatedRecording:
+    """Finds out which topics of a recording to use.
+
+    Topics that are None are chosen: the only one that can be that of the sweeps; truth and
+    odometry as in `docs/recordings.md`, if they are there.
+
+    Raises:
+        RecordingError: There is no such topic, or there are several to choose from.
+        OSError: The recording cannot be read any more.
+    """
+    used = used_topics(inspection.path, inspection.topics, points, truth, odometry)
+    return EvaluatedRecording(
+        name=name,
+        path=str(inspection.path.resolve()),
+        points=used.points,
+        truth=used.truth,
+        odometry=used.odometry,
+        num_sweeps=inspection.topics[used.points].count,
+        has_checksums=inspection.has_checksums,
+        damages=[path_text(str(damage)) for damage in inspection.damages],
+        fingerprint=fingerprint(inspection.path),
+        inspection=inspection,
+    )
+
+
+def recording_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording] = ()) -> list[str]:
+    """Returns a name for each recording: the last part of its path, or all of it if need be.
+
+    Those known to a run keep their names, also where they have moved; others get one that is free.
+
+    Raises:
+        EvaluationError: The same recording is named twice, in whatever spelling.
+    """
+    _check_each_once(paths)
+    names = _known_names(paths, known)
+    taken = {record.name for record in known}
+    short = {path: short_name(path) for path in paths if path not in names}
+    counts = Counter(chain(short.values(), taken))
+    for path, name in short.items():
+        names[path] = name if counts[name] == 1 else _free_name(path, taken)
+        taken.add(names[path])
+    return [names[path] for path in paths]
+
+
+def _check_each_once(paths: Sequence[Path]) -> None:
+    for path, times in Counter(paths).items():
+        if times > 1:
+            raise EvaluationError(f"{path}: is named {times} times")
+    owners: dict[Path, Path] = {}
+    for path in paths:
+        for file in storage_files(path):
+            owner = owners.setdefault(file, path)
+            if owner != path:
+                raise EvaluationError(f"{path}: is the same recording as {owner}; name it once")
+
+
+def _known_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording]) -> dict[Path, str]:
+    """The names of recordings that a run has already."""
+    left = {record.name: record for record in known}
+    names: dict[Path, str] = {}
+    # Read once: that is up to some megabytes of each file.
+    contents = {path: _content(path) for path in paths if known}
+    # Copies may lie side by side, and another recording where one was before it moved. One that
+    # is like none, but lies or is called as one, is for `start_or_resume` to compare.
+    for key_of_path, key_of_record in (
+        (
+            lambda path: (_files(path), contents[path]),
+            lambda one: (_files(one.path), one.fingerprint),
+        ),
+        (contents.__getitem__, lambda one: one.fingerprint),
+        (_files, lambda one: _files(one.path)),
+        (short_name, lambda one: one.name),
+    ):
+        names_of = {repr(key_of_record(record)): name for name, record in left.items()}
+        for path in (path for path in paths if path not in names and names_of):
+            name = names_of.pop(repr(key_of_path(path)), None)
+            if name is not None:
+                names[path] = name
+                del left[name]
+    return names
+
+
+def _files(path: Path | str) -> list[Path]:
+    return storage_files(Path(path))
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        return fingerprint(path)
+    except OSError:
+        # Whoever reads it says why it cannot be read.
+        return {}
+
+
+def short_name(path: Path) -> str:
+    """Returns the last part of a path."""
+    return path_text(path.stem if path.is_file() else path.resolve().name)
+
+
+def _free_name(path: Path, taken: set[str]) -> str:
+    whole = path_text(path.resolve())
+    names = chain((path_text(path), whole), (f"{whole} ({number})" for number in count(2)))
+    return next(name for name in names if name not in taken)
