@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
-from mnsf_ros.node.main import require_ros
+from mnsf_ros.node.environment import require_ros
 from mnsf_ros.presets import PRESET_NAMES, preset
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE, FlowWatch
+from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, FlowWatch
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
     SWEEPS_RECEIVED,
@@ -67,6 +67,8 @@ class Diagnostics:
             level, message = DiagnosticStatus.WARN, "clouds without a finite point"
         elif silence_s > stale_after_s:
             level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
+        elif self._new(snapshot, CLOUDS_MISSED):
+            level, message = DiagnosticStatus.WARN, f"clouds are missed (see {CLOUDS_MISSED})"
         else:
             level, message = DiagnosticStatus.OK, "receiving"
         rate_hz = snapshot.input_rate_hz(now_s)

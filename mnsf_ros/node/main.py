@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import signal
 import sys
-from collections.abc import MutableMapping
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.environment import (
+    NoRosError,
+    prepare_environment,
+    require_ros,
+    transport_fault,
+)
 
 if TYPE_CHECKING:
     from mnsf_ros.node.scene_flow_node import SceneFlowNode
-
-TRANSPORT_PROFILE = Path(__file__).with_name("fastdds.xml")
-
-_PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
 _CLOSE_TIMEOUT_S = 0.5
@@ -53,34 +52,6 @@ def main() -> None:
     os._exit(status)
 
 
-def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Sets what the user has not set, before ROS and torch are loaded.
-
-    The Fast DDS profile lets clouds of several megabytes through; the OpenMP policy keeps torch's
-    threads from burning the core that the ROS executor needs.
-    """
-    if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
-        environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
-    environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
-
-class NoRosError(MnsfError):
-    """There is no rclpy in this Python."""
-
-
-def require_ros() -> None:
-    """Checks that rclpy can be imported.
-
-    Raises:
-        NoRosError: If not; it says what to do.
-    """
-    if importlib.util.find_spec("rclpy") is None:
-        raise NoRosError(
-            "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install "
-            "its wheels (pip install 'mnsf_ros[wheels]')"
-        )
-
-
 class _EndSignals:
     """SIGINT and SIGTERM: without a KeyboardInterrupt, which could come in the clean-up, too.
 
@@ -110,6 +81,9 @@ def _run(signals: _EndSignals) -> int:
     status, node = 0, None
     try:
         _init_ros()
+        fault = transport_fault()
+        if fault:
+            get_logger(_LOGGER_NAME).warning(fault)
         # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
         from mnsf_ros.node.scene_flow_node import SceneFlowNode
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import time
 import traceback
@@ -24,7 +25,7 @@ from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
-from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE
+from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
@@ -63,8 +64,15 @@ class SceneFlowNode(Node):
         self._odometry = OdometrySubscription(
             self, "~/odometry", self._settings.ego_motion, self._on_bad_odometry, self._guarded
         )
-        reliability, on_cloud = self._settings.node.input_reliability, self._guarded(self._on_cloud)
-        self._input = InputSubscription(self, "~/points", reliability, on_cloud, self._on_lost)
+        self._input = InputSubscription(
+            self,
+            "~/points",
+            self._settings.node.input_reliability,
+            self._on_cloud,
+            self._on_lost,
+            self._on_missed,
+            self._guarded,
+        )
         self._diagnostics = Diagnostics(self.get_name())
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._start_timers()
@@ -170,6 +178,14 @@ class SceneFlowNode(Node):
             "Fast DDS profile of this package (see README)",
         )
 
+    def _on_missed(self, how_many: int) -> None:
+        self._pipeline.statistics.count(CLOUDS_MISSED, how_many)
+        self._faults.warn(
+            "missed",
+            "clouds were published that this node has not seen: lost in transport, or overwritten "
+            "in its queue because the computer is too busy",
+        )
+
     def _refresh_input(self) -> None:
         if self._input.refresh():
             self.get_logger().info(f"subscribed {self._input.reliability} to {self._input.topic}")
@@ -207,6 +223,8 @@ class SceneFlowNode(Node):
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Returns a callback that logs and counts errors, which would end the node."""
 
+        # With the signature of the callback: rclpy looks at it.
+        @functools.wraps(callback)
         def guarded(*arguments: object) -> None:
             try:
                 callback(*arguments)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -15,13 +15,16 @@ from sensor_msgs.msg import PointCloud2
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.online.missed_clouds import MissedClouds
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
 # Callbacks only decode and hand over, so waiting messages mean a short stall, not a queue.
 _DEPTH = 5
+
+Guard: TypeAlias = Callable[[Callable[..., None]], Callable[..., None]]
 
 
 class InputSubscription:
@@ -39,16 +42,23 @@ class InputSubscription:
         reliability: str,
         on_cloud: Callable[[PointCloud2], None],
         on_lost: Callable[[int], None],
+        on_missed: Callable[[int], None],
+        guarded: Guard,
     ) -> None:
         """Subscribes with reliability `auto`, `reliable` or `best_effort`.
 
-        `on_lost` gets the number of messages that the transport has just lost.
+        `on_lost` gets the number of messages that the transport says it has just lost; `on_missed`
+        that of messages that were published and never came, for whatever reason; `guarded` makes a
+        callback one that raises nothing.
         """
         self._node = node
         self._topic = topic
         self._wanted = reliability
         self._on_cloud = on_cloud
         self._on_lost = on_lost
+        self._on_missed = on_missed
+        self._missed = MissedClouds()
+        self._callback = guarded(self._receive)
         self._is_reliable = reliability == "reliable"
         self._subscription = self._subscribe()
 
@@ -88,12 +98,21 @@ class InputSubscription:
         return self._node.create_subscription(
             PointCloud2,
             self._topic,
-            self._on_cloud,
+            self._callback,
             QoSProfile(depth=_DEPTH, reliability=policy),
             event_callbacks=SubscriptionEventCallbacks(
                 message_lost=lambda event: self._on_lost(int(event.total_count_change))
             ),
         )
+
+    def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
+        stamp = message.header.stamp
+        stamp_ns = stamp.sec * NANOSECONDS + stamp.nanosec
+        number = info["publication_sequence_number"]
+        missed = self._missed.before(number, stamp_ns, self.num_publishers)
+        if missed:
+            self._on_missed(missed)
+        self._on_cloud(message)
 
 
 class OdometrySubscription:
@@ -105,7 +124,7 @@ class OdometrySubscription:
         topic: str,
         settings: EgoMotionSettings,
         on_bad: Callable[[str, str], None],
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        guarded: Guard,
     ) -> None:
         """Subscribes, unless the settings do without odometry.
 

@@ -15,6 +15,7 @@ from mnsf_ros.online.online_pipeline import (
 
 CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
 CLOUDS_EMPTY: Final = "clouds_empty"
+CLOUDS_MISSED: Final = "clouds_missed"
 
 _ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
 # Signs that the node does what it should.

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mnsf_ros.node.main import prepare_environment
+from mnsf_ros.node.environment import prepare_environment
 
 _NUM_DOMAINS = 101
 

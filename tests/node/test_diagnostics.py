@@ -147,6 +147,11 @@ class TestLevels:
         story.statistics.count("clouds_empty")
         assert story.says()[0] == (WARN, "clouds without a finite point")
 
+    def test_when_clouds_are_missed(self, story):
+        story.receive("clouds_missed")
+        assert story.says()[0] == (WARN, "clouds are missed (see clouds_missed)")
+        assert story.says()[0] == (OK, "receiving")
+
     def test_when_an_estimate_fails(self, story):
         story.receive()
         story.statistics.add_failure("too few points")

@@ -14,6 +14,9 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from synthetic_clouds import column, flow_columns, velocity_columns, xyz_columns, xyz_message
+from visualization_msgs.msg import MarkerArray
+
+from msg_utils.point_cloud2 import decode_points
 
 STREET = BoxStreet()
 POINTS_PER_CAR = 400
@@ -194,6 +197,35 @@ def test_covariance_of_the_ego_motion_grows_with_the_way(street_peer, hear, numb
     assert (np.linalg.eigvalsh(before) > 0).all()
     assert (np.diag(after) > 2 * np.diag(before)).all()
     assert 0.01 < np.sqrt(after[0, 0]) < 0.1
+
+
+def test_the_car_is_one_object_with_a_velocity(street_peer, hear, numbers):
+    objects, markers = hear(PointCloud2, "objects"), hear(MarkerArray, "objects/markers")
+    number = next(numbers)
+    clouds = [street_message(index, number) for index in range(10)]
+    found = []
+    for index in range(10):
+        street_peer.send(clouds[index])
+        if index < 6:
+            continue
+        message, sensor = objects.of(clouds[index - 1]), path(index - 1)
+        assert message.header == clouds[index - 1].header
+        car = np.array([8 + CAR_STEP_M * (index - 1), -2.0, 0.0]) - sensor[:3, 3]
+        offsets = xyz_columns(message)[:, :2] - (car @ sensor[:3, :3])[:2]
+        nearest = np.linalg.norm(offsets, axis=1).argmin()
+        np.testing.assert_allclose(offsets[nearest], 0, atol=0.3)
+        found.append(decode_points(message).ravel()[nearest])
+        velocity = 10 * CAR_STEP_M * sensor[0, :3]
+        np.testing.assert_allclose(velocity_columns(message)[nearest], velocity, atol=0.3)
+        assert found[-1]["yaw"] == pytest.approx(np.arctan2(velocity[1], velocity[0]), abs=0.1)
+        assert found[-1]["length"] == pytest.approx(4.0, abs=0.5)
+        assert found[-1]["num_points"] > 0.7 * POINTS_PER_CAR
+    assert len({row["id"] for row in found}) == 1
+    assert found[-1]["age"] == pytest.approx(found[0]["age"] + 0.3)
+    street_peer.spin_until(lambda: len(markers.messages) >= 4, "markers")
+    assert all(
+        found[0]["id"] in {item.id for item in each.markers} for each in markers.messages[-4:]
+    )
 
 
 def test_source_is_latched(street_peer, hear, numbers):

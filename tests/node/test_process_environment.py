@@ -1,13 +1,20 @@
 from __future__ import annotations
 
 import itertools
+import shutil
+import types
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
 
-from mnsf_ros.node.main import TRANSPORT_PROFILE, prepare_environment
+from mnsf_ros.node.environment import (
+    SEGMENT_BYTES,
+    TRANSPORT_PROFILE,
+    prepare_environment,
+    transport_fault,
+)
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -39,6 +46,37 @@ class TestPrepareEnvironment:
         root = ElementTree.parse(TRANSPORT_PROFILE).getroot()
         (segment,) = root.findall(".//dds:segment_size", names)
         assert 2 * 4_000_000 < int(segment.text) <= 32 * 2**20
+        assert int(segment.text) == SEGMENT_BYTES
+
+
+class TestTransportFault:
+    OURS = types.MappingProxyType({_PROFILE: str(TRANSPORT_PROFILE)})
+
+    def test_is_none_where_there_is_shared_memory(self, tmp_path):
+        assert transport_fault(self.OURS, tmp_path) == ""
+
+    def test_says_what_is_wrong_and_what_follows(self, tmp_path):
+        fault = transport_fault(self.OURS, tmp_path / "gone")
+        assert fault.startswith(f"no shared memory, {tmp_path / 'gone'}: No such file or directory")
+        assert "clouds go through UDP, which loses large ones of best-effort" in fault
+        assert "Publish reliable" in fault
+        assert "\n" not in fault
+
+    def test_is_also_too_little_room(self, tmp_path, monkeypatch):
+        usage = shutil.disk_usage(tmp_path)._replace(free=8 << 20)
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+        assert "8 MiB left, 24 are needed" in transport_fault(self.OURS, tmp_path)
+
+    @pytest.mark.parametrize(
+        "environment",
+        [
+            {},
+            {_PROFILE: "/my/profile.xml"},
+            {_PROFILE: str(TRANSPORT_PROFILE), "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"},
+        ],
+    )
+    def test_is_not_looked_for_in_transports_of_others(self, environment, tmp_path):
+        assert transport_fault(environment, tmp_path / "gone") == ""
 
 
 def large_sweep(index, drive):
