@@ -15,6 +15,8 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps
 from mnsf_ros.sweeps.sweep import Sweep
 
+# Recordings whose sweeps are motion compensated: the times of points say nothing of where they are.
+_COMPENSATED = frozenset({"apollo_arz034"})
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
 
@@ -50,7 +52,12 @@ def real_sweeps(name: str) -> list[TrueSweep]:
 def _real(path: Path) -> TrueSweep:
     with np.load(path) as content:
         arrays: dict[str, NDArray[Any]] = dict(content)
-    sweep = Sweep(np.ascontiguousarray(arrays["xyz"], np.float32), int(arrays["stamp_ns"]), "lidar")
+    sweep = Sweep(
+        np.ascontiguousarray(arrays["xyz"], np.float32),
+        int(arrays["stamp_ns"]),
+        "lidar",
+        times_s=None if path.parent.name in _COMPENSATED else arrays["time_offset"],
+    )
     if "flow" not in arrays:
         return TrueSweep(sweep, arrays["pose"])
     # Movers are labelled only where the camera looks; outside of it they would count as standing.

@@ -187,6 +187,11 @@ class EgoMotionSettings:
         "robot's odometry, and registration where it is missing",
         choices=("registration", "odometry"),
     )
+    deskew: bool = _setting(
+        True,
+        "Where the time of each point is known, move points to where they would have been measured "
+        "in the middle of the sweep. Disable for clouds that are already motion compensated",
+    )
     max_range_m: float = _setting(80.0, "Maximum range of points used for registration", 1, 1000)
     max_points: int = _setting(
         65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000

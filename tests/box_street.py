@@ -76,6 +76,28 @@ class BoxStreet:
         xyz = self.xyz(world_from_sensor, seed=round(10 * index) + 1000, **how)
         return Sweep(xyz, stamp_ns(index), frame_id, odometry=odometry)
 
+    def bent_sweep(self, path, index, first_s=0.0, columns=400):
+        """A sweep of a sensor that turns clockwise while it moves.
+
+        Args:
+            path: Number of a sweep, also between two, to the pose of the sensor.
+            index: Number of the sweep.
+            first_s: Seconds from its stamp to its first point, which is behind the sensor.
+            columns: Times that points are measured at.
+
+        Returns:
+            The sweep, and where its points were at the stamp: (N, 3) metres.
+        """
+        straight = self.xyz(path(index), seed=round(10 * index) + 1000).astype(np.float64)
+        turns = 0.5 - np.arctan2(straight[:, 1], straight[:, 0]) / (2 * np.pi)
+        column = np.minimum((turns * columns).astype(int), columns - 1)
+        column_s = first_s + (np.arange(columns) + 0.5) / columns * INTERVAL_NS / 1e9
+        then = [path(index + time_s / (INTERVAL_NS / 1e9)) for time_s in column_s]
+        moved = np.array([np.linalg.inv(place) @ path(index) for place in then])[column]
+        xyz = np.einsum("nij,nj->ni", moved[:, :3, :3], straight) + moved[:, :3, 3]
+        times_s = column_s[column].astype(np.float32)
+        return Sweep(xyz.astype(np.float32), stamp_ns(index), "lidar", times_s=times_s), straight
+
 
 def unrelated_sweep(index, num_points=8000):
     """Points anywhere: nothing of the street."""

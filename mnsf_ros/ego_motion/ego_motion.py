@@ -1,8 +1,4 @@
-"""Where the sensor was at each sweep: by odometry where there is some, else by registration.
-
-Covariances are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about
-x, y and z in radians.
-"""
+"""Where the sensor was at each sweep: by odometry where there is some, else by registration."""
 
 from __future__ import annotations
 
@@ -13,21 +9,27 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from mnsf_ros.ego_motion.covariance import (
+    UNKNOWN_COVARIANCE,
+    StepNoise,
+    chained_covariance,
+    step_covariance,
+)
 from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
+from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
-
-UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
 
 # So many times the last interval: farther ahead an extrapolation is no guess any more.
 _MAX_INTERVALS: Final = 3.0
 # Odometry that jumps farther than any robot drives, as after a reset, is no motion.
 _MAX_SPEED_M_S: Final = 100.0
 _MAX_STEP_M: Final = 1.0  # without stamps, too
+# A sweep is matched so often at most, each time with the motion that was found last.
+_MAX_ROUNDS: Final = 3
 
 
 class EgoSource(Enum):
@@ -37,16 +39,6 @@ class EgoSource(Enum):
     ODOMETRY = "odometry"
     REGISTRATION = "registration"
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
-
-
-@dataclass(frozen=True)
-class StepNoise:
-    """Standard deviations of the motion from one sweep to the next, of each axis."""
-
-    shift_m: float
-    shift_share: float  # more metres for each metre of the way
-    turn_rad: float
-    turn_share: float  # more radians for each radian of the turn
 
 
 # Registration: 0.005 m and 0.5 mrad a sweep on KITTI 0005 and on an Apollo drive, 0.025 m where
@@ -65,8 +57,11 @@ class SensorPose:
     """Where the sensor was when it took a sweep.
 
     Attributes:
-        world_from_sensor: (4, 4) float64. The world is the sensor frame of the first sweep.
+        world_from_sensor: (4, 4) float64, at the moment of `motion`. The world is the sensor frame
+            of the first sweep.
         source: What it was taken from.
+        motion: How the sensor moved meanwhile; None if the sweep counts as taken in one moment, at
+            its stamp.
         covariance: Of the pose, in the axes of the world.
         step_covariance: Of the motion since the sweep before, in the axes of that.
     """
@@ -75,6 +70,21 @@ class SensorPose:
     source: EgoSource
     covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
     step_covariance: NDArray[np.float64] = field(default_factory=UNKNOWN_COVARIANCE.copy)
+    motion: SweepMotion | None = None
+
+    @property
+    def world_from_stamp(self) -> NDArray[np.float64]:
+        """(4, 4) where the sensor was at the stamp of the sweep."""
+        if self.motion is None:
+            return self.world_from_sensor
+        pose: NDArray[np.float64] = self.world_from_sensor @ self.motion.moment_from_stamp
+        return pose
+
+    def in_one_moment(self, sweep: Sweep) -> NDArray[np.float32]:
+        """Returns where the points (N, 3) of this pose's sweep are at the moment of `motion`."""
+        if self.motion is None or sweep.times_s is None:
+            return sweep.xyz
+        return self.motion.moved(sweep.xyz, sweep.times_s)
 
 
 class EgoMotion:
@@ -89,6 +99,9 @@ class EgoMotion:
         self._last_pose = _origin()
         self._last_motion: NDArray[np.float64] | None = None
         self._last_interval_ns = 0
+        # The same for all sweeps of a world, so that intervals are those of the stamps.
+        self._moment_s: float | None = None
+        self._bending: SweepMotion | None = None
 
     def use_threads(self, num_threads: int) -> None:
         """Sets the most threads that registration may use; poses do not depend on it."""
@@ -110,13 +123,27 @@ class EgoMotion:
         self._last = sweep
         return self._last_pose
 
+    def motion_in(self, sweep: Sweep) -> SweepMotion | None:
+        """How the sensor moves while it takes a sweep, as far as is known by now."""
+        return None if sweep.times_s is None else self._bending
+
+    def _bent_by(
+        self, sweep: Sweep, step: NDArray[np.float64], interval_ns: int
+    ) -> SweepMotion | None:
+        """How a sweep is bent by a motion within an interval."""
+        if not self._settings.deskew or sweep.times_s is None or interval_ns <= 0:
+            return None
+        if self._moment_s is None:
+            self._moment_s = sweep.middle_s
+        return SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
+
     def _is_new_start(self, last: Sweep, sweep: Sweep) -> bool:
         elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
         is_late = elapsed_s < 0 or elapsed_s > self._settings.max_gap_s
         return is_late or sweep.frame_id != last.frame_id
 
     def _start(self, sweep: Sweep) -> SensorPose:
-        self._last_motion = None
+        self._last_motion = self._moment_s = self._bending = None
         has_odometry = self._is_odometry_wanted and sweep.odometry is not None
         self._map = None if has_odometry else self._map_of(sweep, np.eye(4))
         return _origin()
@@ -129,11 +156,12 @@ class EgoMotion:
             motion, source = self._registered(last, before, sweep)
         else:
             self._map = None
+            self._bending = self._bent_by(sweep, motion, interval_ns)
         if source is not EgoSource.CONSTANT_VELOCITY:
             self._last_motion, self._last_interval_ns = motion, interval_ns
         step = step_covariance(motion, _NOISE[source])
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
-        return SensorPose(before @ motion, source, covariance, step)
+        return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep))
 
     @property
     def _is_odometry_wanted(self) -> bool:
@@ -154,17 +182,53 @@ class EgoMotion:
         """(4, 4) last_from_sweep, and where it is from."""
         if self._map is None:
             # Odometry was lost just now: the map starts with the last sweep, where it was.
-            self._map = self._map_of(last, world_from_last)
-        motion = self._expected_motion(sweep.stamp_ns - last.stamp_ns)
-        pose = self._map.match(sweep.xyz, None if motion is None else world_from_last @ motion)
-        if pose is not None:
-            return np.linalg.inv(world_from_last) @ pose, EgoSource.REGISTRATION
-        motion = np.eye(4) if motion is None else motion
+            self._map = self._map_of(last, world_from_last, self.motion_in(last))
+        interval_ns = sweep.stamp_ns - last.stamp_ns
+        expected = self._expected_motion(interval_ns)
+        motion = self._matched(self._map, last, world_from_last, sweep, expected)
+        if motion is not None:
+            return motion, EgoSource.REGISTRATION
+        motion = np.eye(4) if expected is None else expected
         # What the map shows is not what the sensor sees: it starts anew with this sweep, if that
         # shows anything at all.
-        new_map = self._map_of(sweep, world_from_last @ motion)
+        new_map = self._map_of(sweep, world_from_last @ motion, self.motion_in(sweep))
         self._map = self._map if new_map.is_empty else new_map
         return motion, EgoSource.CONSTANT_VELOCITY
+
+    def _matched(
+        self,
+        map_: SweepMatcher,
+        last: Sweep,
+        world_from_last: NDArray[np.float64],
+        sweep: Sweep,
+        expected: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64] | None:
+        """(4, 4) last_from_sweep by the map, near an expected motion; None if nothing fits.
+
+        Where the times of points are known, a motion that was not expected bends the sweep in
+        another way: it is matched again with that.
+        """
+        interval_ns = sweep.stamp_ns - last.stamp_ns
+        bending = self.motion_in(sweep)
+        for _ in range(_MAX_ROUNDS):
+            cloud = map_.prepared(sweep, bending)
+            match = map_.match(cloud, None if expected is None else world_from_last @ expected)
+            if match is None:
+                return None
+            pose = match
+            found: NDArray[np.float64] = np.linalg.inv(world_from_last) @ pose
+            refined = self._bent_by(sweep, found, interval_ns)
+            if refined is None or (bending is not None and refined.is_like(bending)):
+                break
+            if bending is None:
+                # The last sweep is in the map as it came, for nothing was known of its motion.
+                map_ = self._map_of(last, world_from_last, refined)
+            expected, bending = found, refined
+        if refined is not None:
+            self._bending = refined if bending is None else bending.towards(refined)
+        map_.add(cloud, pose)
+        self._map = map_
+        return found
 
     def _expected_motion(self, elapsed_ns: int) -> NDArray[np.float64] | None:
         """(4, 4) last_from_sweep if the sensor goes on with its velocity; None if there is none."""
@@ -174,9 +238,11 @@ class EgoMotion:
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
         return interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
 
-    def _map_of(self, sweep: Sweep, pose: NDArray[np.float64]) -> SweepMatcher:
+    def _map_of(
+        self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None
+    ) -> SweepMatcher:
         matcher = SweepMatcher(self._settings, self._num_threads)
-        matcher.add(sweep.xyz, pose)
+        matcher.add(matcher.prepared(sweep, motion), pose)
         return matcher
 
 
@@ -215,34 +281,6 @@ class TripletPoses:
                     f"the same frame, and within {self._max_gap_s:g} s (ego_motion.max_gap_s)"
                 )
         return self._poses
-
-
-def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
-    """Returns the covariance of a step last_from_sensor (4, 4), in the axes before it."""
-    way_m = float(np.linalg.norm(motion[:3, 3]))
-    angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
-    shift_m = noise.shift_m + noise.shift_share * way_m
-    turn_rad = noise.turn_rad + noise.turn_share * angle_rad
-    return np.diag([shift_m**2] * 3 + [turn_rad**2] * 3)
-
-
-def chained_covariance(
-    covariance: NDArray[np.float64],
-    world_from_last: NDArray[np.float64],
-    motion: NDArray[np.float64],
-    step: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Returns the covariance of a pose (axes of the world) after a motion of the covariance `step`.
-
-    An error of the heading becomes one of the position with the way: it grows without end.
-    """
-    turn = world_from_last[:3, :3]
-    x, y, z = turn @ motion[:3, 3]
-    carried = np.eye(6)
-    carried[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    axes = np.kron(np.eye(2), turn)
-    result: NDArray[np.float64] = carried @ covariance @ carried.T + axes @ step @ axes.T
-    return (result + result.T) / 2
 
 
 def _origin() -> SensorPose:

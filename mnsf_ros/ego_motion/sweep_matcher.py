@@ -9,7 +9,9 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.sweeps.sweep import Sweep
 
 # Pairs of points farther apart than this do not count: first to find the motion, then to settle
 # it. In dense traffic the second pass is what frees the result from vehicles that move along:
@@ -32,7 +34,7 @@ _MIN_POINTS: Final = 50
 
 
 @dataclass(frozen=True, eq=False)
-class _Cloud:
+class Cloud:
     """A thinned sweep with covariances, sensor frame."""
 
     points: small_gicp.PointCloud
@@ -53,28 +55,27 @@ class SweepMatcher:
         self._settings = settings
         self._map = small_gicp.GaussianVoxelMap(settings.map_cell_m)
         self._map.set_lru(horizon=settings.map_sweeps)
-        self._last: tuple[_Cloud, NDArray[np.float64]] | None = None
+        self._last: tuple[Cloud, NDArray[np.float64]] | None = None
 
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing yet to match with."""
         return self._last is None
 
-    def add(self, xyz: NDArray[np.float32], world_from_sensor: NDArray[np.float64]) -> None:
-        """Adds a sweep (N, 3) to the map, taken at a (4, 4) pose."""
-        cloud = self._prepared(xyz)
+    def add(self, cloud: Cloud | None, world_from_sensor: NDArray[np.float64]) -> None:
+        """Adds a sweep to the map, taken at a (4, 4) pose."""
         if cloud is not None:
-            self._insert(cloud, world_from_sensor)
+            self._map.insert(cloud.points, world_from_sensor)
+            self._last = cloud, world_from_sensor
 
     def match(
-        self, xyz: NDArray[np.float32], expected: NDArray[np.float64] | None
+        self, cloud: Cloud | None, expected: NDArray[np.float64] | None
     ) -> NDArray[np.float64] | None:
-        """Returns the (4, 4) pose at which a sweep (N, 3) was taken, and adds it to the map.
+        """Returns the (4, 4) pose at which a sweep was taken.
 
         The search starts from the expected pose, which is None if nothing is known of the motion.
-        Returns None, and adds nothing, if the map does not explain the sweep.
+        Returns None if the map does not explain the sweep.
         """
-        cloud = self._prepared(xyz)
         if cloud is None or self._last is None:
             return None
         found = None if expected is None else self._found(cloud, expected)
@@ -85,14 +86,10 @@ class SweepMatcher:
                 result for start in starts if (result := self._found(cloud, start)) is not None
             ]
             found = max(results, key=lambda result: result.num_inliers, default=None)
-        if found is None:
-            return None
-        pose = np.asarray(found.T_target_source)
-        self._insert(cloud, pose)
-        return pose
+        return None if found is None else np.asarray(found.T_target_source)
 
     def _found(
-        self, cloud: _Cloud, expected: NDArray[np.float64]
+        self, cloud: Cloud, expected: NDArray[np.float64]
     ) -> small_gicp.RegistrationResult | None:
         """The pose near an expected one, None if there the map does not explain the cloud."""
         found = self._aligned(cloud, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
@@ -104,7 +101,7 @@ class SweepMatcher:
         return settled if np.isfinite(settled.T_target_source).all() else None
 
     def _aligned(
-        self, cloud: _Cloud, start: NDArray[np.float64], within_m: float, max_steps: int
+        self, cloud: Cloud, start: NDArray[np.float64], within_m: float, max_steps: int
     ) -> small_gicp.RegistrationResult:
         return small_gicp.align(
             self._map,
@@ -117,9 +114,9 @@ class SweepMatcher:
 
     def _beside(
         self,
-        last: _Cloud,
+        last: Cloud,
         world_from_last: NDArray[np.float64],
-        cloud: _Cloud,
+        cloud: Cloud,
         shift_m: tuple[float, float],
     ) -> NDArray[np.float64]:
         """A pose from the last sweep alone. The map sees no farther than one of its cells."""
@@ -138,12 +135,15 @@ class SweepMatcher:
         pose: NDArray[np.float64] = world_from_last @ last_from_this
         return pose
 
-    def _insert(self, cloud: _Cloud, world_from_sensor: NDArray[np.float64]) -> None:
-        self._map.insert(cloud.points, world_from_sensor)
-        self._last = cloud, world_from_sensor
+    def prepared(self, sweep: Sweep, motion: SweepMotion | None) -> Cloud | None:
+        """Returns a sweep made ready; None if there are too few points near the sensor.
 
-    def _prepared(self, xyz: NDArray[np.float32]) -> _Cloud | None:
-        points = xyz[:: max(1, -(-len(xyz) // self._settings.max_points))]
+        With a motion, points are moved to where they are in one moment.
+        """
+        stride = max(1, -(-len(sweep) // self._settings.max_points))
+        points = sweep.xyz[::stride]
+        if motion is not None and sweep.times_s is not None:
+            points = motion.moved(points, sweep.times_s[::stride])
         with np.errstate(over="ignore"):  # infinite is far away, too
             squared_ranges = points[:, 0] ** 2 + points[:, 1] ** 2
         near = squared_ranges < np.float32(self._settings.max_range_m**2)
@@ -158,4 +158,4 @@ class SweepMatcher:
         tree = small_gicp.KdTree(cloud, num_threads=1)
         # Each point by itself: here threads change nothing in the result.
         small_gicp.estimate_covariances(cloud, tree, _NUM_NEIGHBORS, num_threads=self.num_threads)
-        return _Cloud(cloud, tree)
+        return Cloud(cloud, tree)

@@ -182,7 +182,7 @@ def _over_ground(
         dynamic=np.linalg.norm(motion, axis=1) > _DYNAMIC_SPEED_M_S * interval_s,
         # Networks do not know how sure they are.
         confidence=np.full(len(motion), np.nan, dtype=np.float32),
-        world_from_sensor=current.world_from_sensor,
+        world_from_sensor=current.world_from_stamp,
         next_from_current=np.linalg.inv(following.world_from_sensor) @ current.world_from_sensor,
         source=following.source.value,
         pose_covariance=current.covariance,

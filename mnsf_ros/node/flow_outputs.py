@@ -15,7 +15,7 @@ from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
-from mnsf_ros.ego_motion.ego_motion import UNKNOWN_COVARIANCE
+from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
 from mnsf_ros.node.cloud_messages import flow_message, part_message
 from mnsf_ros.node.object_messages import ObjectMarkers, objects_message

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.ego_motion.ego_motion import UNKNOWN_COVARIANCE
+from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.node.object_messages import set_yaw
 
 Objects: TypeAlias = Sequence[TrackedObject]

@@ -44,7 +44,7 @@ def attached(
     row_of = movers.rows_of(current.num_objects)
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
-    xyz = current.sweep.xyz
+    xyz = current.xyz
     candidates = np.flatnonzero(is_loose[owners] | ~current.kept)
     cells, is_near = _cells_near(points, xyz[candidates])
     candidates, cells = candidates[is_near], cells[is_near]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -68,8 +69,12 @@ class MotionMemory:
             SweepError: If too few points of one are left, or if one cannot follow that before it:
                 it is older, of another frame, or comes after too long a gap.
         """
+        # All poses first: how the sensor moved in the first sweep is known from the second one.
         for sweep in sweeps:
-            if sweep not in self._sweeps:
+            if sweep not in self._poses:
+                self._add_pose(sweep)
+        for sweep in sweeps:
+            if sweep in self._poses and sweep not in self._sweeps:
                 self._add(sweep)
         if any(sweep not in self._sweeps for sweep in sweeps):
             # The map was restarted in between: poses before and after cannot be related.
@@ -183,16 +188,19 @@ class MotionMemory:
         is_later = 0 < elapsed_s <= self._settings.warm_start.max_gap_s
         return is_later and known.frame_id == sweep.frame_id
 
+    def _add_pose(self, sweep: Sweep) -> None:
+        pose = self._ego_motion.pose_of(sweep)
+        if pose.source is EgoSource.START:
+            # The map was restarted: earlier poses no longer hold.
+            self._poses.clear()
+            self._sweeps.clear()
+            self._tracks = None
+        _keep_last(self._poses, sweep, pose)
+
     def _add(self, sweep: Sweep) -> None:
-        pose = self._poses.get(sweep)
-        if pose is None:
-            pose = self._ego_motion.pose_of(sweep)
-            if pose.source is EgoSource.START:
-                # The map was restarted: earlier poses no longer hold.
-                self._poses.clear()
-                self._sweeps.clear()
-                self._tracks = None
-            _keep_last(self._poses, sweep, pose)
+        pose = self._poses[sweep]
+        if pose.source is EgoSource.START:
+            pose = replace(pose, motion=self._ego_motion.motion_in(sweep))
         # Here, not after a whole triplet: there may never be one if every third sweep is refused.
         _keep_last(self._sweeps, sweep, ObjectSweep(sweep, pose, self._settings))
 

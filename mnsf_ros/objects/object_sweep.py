@@ -27,6 +27,7 @@ class ObjectSweep:
     Attributes:
         sweep: The sweep as it came.
         pose: Where it was taken.
+        xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points inside the crop that are not ground.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
@@ -41,8 +42,9 @@ class ObjectSweep:
         """
         self.sweep = sweep
         self.pose = pose
-        self.kept = kept_mask(sweep.xyz, settings)
-        points = np.compress(self.kept, sweep.xyz, axis=0)
+        self.xyz = pose.in_one_moment(sweep)
+        self.kept = kept_mask(self.xyz, settings)
+        points = np.compress(self.kept, self.xyz, axis=0)
         if len(points) < _MIN_POINTS:
             raise SweepError(
                 f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "
@@ -59,7 +61,7 @@ class ObjectSweep:
     @cached_property
     def view(self) -> RangeView:
         """The range image of the sweep."""
-        return RangeView(self.sweep.xyz)
+        return RangeView(self.xyz)
 
     def objects(self) -> NDArray[np.int64]:
         """(N,) the object of each point of the sweep; 0 for ground and what was cropped."""

@@ -101,7 +101,7 @@ class Scene:
         motion[is_moving] = moving.motions[rows[is_moving]]
         track_ids = np.zeros(len(sweep), np.int32)
         track_ids[is_moving] = ids[rows[is_moving]]
-        confidence = standing_confidence(sweep.xyz)
+        confidence = standing_confidence(current.xyz)
         confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
         rows = doubtful.rows_of(current.num_objects)[owners]
         is_doubtful = (rows >= 0) & ~is_moving
@@ -114,7 +114,7 @@ class Scene:
             motion=motion,
             dynamic=is_moving,
             confidence=confidence,
-            world_from_sensor=current.pose.world_from_sensor,
+            world_from_sensor=current.pose.world_from_stamp,
             next_from_current=self.targets.near[0].from_current,
             source=pose.source.value,
             pose_covariance=current.pose.covariance,
@@ -134,9 +134,13 @@ class Scene:
 
     def flow(self, over_ground: OverGround) -> NDArray[np.float32]:
         """(N, 3) metres, the flow of all points: motion over ground, then that of the sensor."""
-        xyz, motion = self.current.sweep.xyz, over_ground.next_from_current
+        sweep, pose = self.current.sweep, self.current.pose
+        xyz, motion = sweep.xyz, over_ground.next_from_current
         # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
         flow = turned(xyz, motion[:3, :3] - np.eye(3)) + motion[:3, 3].astype(np.float32)
         moving = over_ground.dynamic
-        flow[moving] += turned(over_ground.motion[moving], motion[:3, :3])
+        over_ground_motion = over_ground.motion[moving]
+        if pose.motion is not None and sweep.times_s is not None:
+            over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
+        flow[moving] += turned(over_ground_motion, motion[:3, :3])
         return flow

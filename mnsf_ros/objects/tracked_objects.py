@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -42,23 +43,47 @@ def tracked_objects(
     objects = []
     for row in range(len(tracks)):
         seen = own.get(int(tracks.ids[row]))
-        points = expected[tracks.owners == row] if seen is None else current.sweep.xyz[seen]
+        points = expected[tracks.owners == row] if seen is None else current.xyz[seen]
         if seen is None and not _is_hidden(tracks, row, points, current):
             continue
         center, size, yaw = _box(points.astype(np.float64), velocities[row])
-        objects.append(
-            TrackedObject(
-                track_id=int(tracks.ids[row]),
-                center=center,
-                size=size,
-                yaw=yaw,
-                velocity=velocities[row],
-                covariance=np.kron(tracks.covariances[row], np.eye(3)),
-                age_s=(tracks.stamp_ns - int(tracks.begun_ns[row])) / NANOSECONDS,
-                num_points=0 if seen is None else len(seen),
-            )
+        found = TrackedObject(
+            track_id=int(tracks.ids[row]),
+            center=center,
+            size=size,
+            yaw=yaw,
+            velocity=velocities[row],
+            covariance=np.kron(tracks.covariances[row], np.eye(3)),
+            age_s=(tracks.stamp_ns - int(tracks.begun_ns[row])) / NANOSECONDS,
+            num_points=0 if seen is None else len(seen),
         )
+        objects.append(_at_stamp(found, current, seen))
     return tuple(objects)
+
+
+def _at_stamp(
+    found: TrackedObject, current: ObjectSweep, seen: NDArray[np.int64] | None
+) -> TrackedObject:
+    """Returns an object where it is at the stamp, in the frame of the sensor then.
+
+    Args:
+        found: Where it was when it was measured, in the frame of the moment of the sweep.
+        current: The sweep.
+        seen: The points that show it; None if it is hidden.
+    """
+    motion, times_s = current.pose.motion, current.sweep.times_s
+    if motion is None or times_s is None:
+        return found
+    own_s = motion.moment_s if seen is None else float(times_s[seen].mean())
+    stamp_from_moment = np.linalg.inv(motion.moment_from_stamp)
+    turn, place = stamp_from_moment[:3, :3], stamp_from_moment[:3, 3]
+    ahead = turn @ (np.cos(found.yaw), np.sin(found.yaw), 0.0)
+    return replace(
+        found,
+        center=turn @ (found.center - own_s * found.velocity) + place,
+        yaw=float(np.arctan2(ahead[1], ahead[0])),
+        velocity=turn @ found.velocity,
+    )
 
 
 def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: ObjectSweep) -> bool:

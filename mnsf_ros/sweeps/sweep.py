@@ -40,6 +40,14 @@ class Sweep:
     times_s: NDArray[np.float32] | None = None
 
     @property
+    def middle_s(self) -> float:
+        """Seconds from the stamp to the middle of the times of the points; 0 if not known."""
+        times_s = self.times_s
+        if times_s is None or len(times_s) == 0:
+            return 0.0
+        return (float(times_s.min()) + float(times_s.max())) / 2
+
+    @property
     def kept_xyz(self) -> NDArray[np.float32]:
         """The kept points, (M, 3) metres; all points if nobody has chosen any."""
         # np.compress is several times faster than xyz[kept].

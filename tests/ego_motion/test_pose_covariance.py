@@ -8,7 +8,8 @@ import numpy as np
 from box_street import BoxStreet, pose
 from scipy.spatial.transform import Rotation
 
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, StepNoise, chained_covariance, step_covariance
+from mnsf_ros.ego_motion.covariance import StepNoise, chained_covariance, step_covariance
+from mnsf_ros.ego_motion.ego_motion import EgoMotion
 from mnsf_ros.settings import EgoMotionSettings
 
 NOISE = StepNoise(0.01, 0.01, 0.002, 0.01)

@@ -1,0 +1,54 @@
+"""Covariances of the sensor's pose and of its motion from sweep to sweep.
+
+They are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about x, y
+and z in radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+UNKNOWN_COVARIANCE: Final = 1e6 * np.eye(6)
+
+
+@dataclass(frozen=True)
+class StepNoise:
+    """Standard deviations of the motion from one sweep to the next, of each axis."""
+
+    shift_m: float
+    shift_share: float  # more metres for each metre of the way
+    turn_rad: float
+    turn_share: float  # more radians for each radian of the turn
+
+
+def step_covariance(motion: NDArray[np.float64], noise: StepNoise) -> NDArray[np.float64]:
+    """Returns the covariance of a step last_from_sensor (4, 4), in the axes before it."""
+    way_m = float(np.linalg.norm(motion[:3, 3]))
+    angle_rad = float(Rotation.from_matrix(motion[:3, :3]).magnitude())
+    shift_m = noise.shift_m + noise.shift_share * way_m
+    turn_rad = noise.turn_rad + noise.turn_share * angle_rad
+    return np.diag([shift_m**2] * 3 + [turn_rad**2] * 3)
+
+
+def chained_covariance(
+    covariance: NDArray[np.float64],
+    world_from_last: NDArray[np.float64],
+    motion: NDArray[np.float64],
+    step: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Returns the covariance of a pose (axes of the world) after a motion of the covariance `step`.
+
+    An error of the heading becomes one of the position with the way: it grows without end.
+    """
+    turn = world_from_last[:3, :3]
+    x, y, z = turn @ motion[:3, 3]
+    carried = np.eye(6)
+    carried[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    axes = np.kron(np.eye(2), turn)
+    result: NDArray[np.float64] = carried @ covariance @ carried.T + axes @ step @ axes.T
+    return (result + result.T) / 2

@@ -1,0 +1,183 @@
+"""Sweeps that are bent by the motion of the sensor while it turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_street import BoxStreet, angle_deg, distance_m, pose
+
+from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.geometry.transforms import interpolated_pose
+from mnsf_ros.settings import EgoMotionSettings, Settings
+
+STREET = BoxStreet()
+DESKEW = EgoMotionSettings()
+AS_THEY_CAME = Settings().changed({"ego_motion.deskew": False}).ego_motion
+
+
+def turning(index):
+    """Round a bend of 6 m radius: 0.6 m and 6 degrees a sweep."""
+    angle = np.radians(6 * index)
+    return pose(6 * np.sin(angle), 6 - 6 * np.cos(angle), yaw_deg=6 * index)
+
+
+def braking(index):
+    """From 15 m/s with 3 m/s²."""
+    return pose(1.5 * index - 0.015 * index**2)
+
+
+def steady(index):
+    return pose(1.5 * index, 0.1 * index, yaw_deg=index)
+
+
+def spinning(index):
+    """On the spot, 10 degrees a sweep."""
+    return pose(yaw_deg=10 * index)
+
+
+def sweeps_of(path, number=6, **how):
+    return [STREET.bent_sweep(path, index, **how)[0] for index in range(number)]
+
+
+def poses_of(sweeps, settings=DESKEW):
+    ego_motion = EgoMotion(settings)
+    return [ego_motion.pose_of(sweep) for sweep in sweeps]
+
+
+class TestSweepMotion:
+    STEP = pose(1.2, -0.3, 0.1, yaw_deg=8, pitch_deg=2)
+    MIDDLE = interpolated_pose(np.eye(4), STEP, 0.5)[:3, :3]
+
+    def after(self, share):
+        """(4, 4) the sensor after a share of the step, in its frame before."""
+        place = interpolated_pose(np.eye(4), self.STEP, share)
+        place[:3, 3] = self.MIDDLE.T @ place[:3, 3]
+        return place
+
+    def test_moves_each_point_by_its_own_time(self):
+        rng = np.random.default_rng(0)
+        xyz = rng.uniform(-50, 50, (40, 3)).astype(np.float32)
+        times_s = rng.uniform(-0.1, 0.1, 40).astype(np.float32)
+        moved = SweepMotion.of_step(self.STEP, 0.1, 0.02).moved(xyz, times_s)
+        for point, time_s, found in zip(xyz, times_s, moved, strict=True):
+            then = self.after((float(time_s) - 0.02) / 0.1)
+            np.testing.assert_allclose(found, then[:3, :3] @ point + then[:3, 3], atol=2e-5)
+
+    def test_knows_the_pose_at_the_stamp(self):
+        motion = SweepMotion.of_step(self.STEP, 0.1, -0.05)
+        np.testing.assert_allclose(motion.moment_from_stamp, self.after(0.5), atol=1e-12)
+
+    def test_turns_vectors_back(self):
+        motion = SweepMotion.of_step(self.STEP, 0.1, 0.03)
+        vectors = np.random.default_rng(1).normal(size=(20, 3)).astype(np.float32)
+        times_s = np.linspace(-0.1, 0.1, 20, dtype=np.float32)
+        still = replace(motion, velocity=motion.velocity * [0, 0, 0, 1, 1, 1])
+        there = still.moved(vectors, times_s)
+        np.testing.assert_allclose(motion.turned_back(there, times_s), vectors, atol=1e-6)
+
+    @pytest.mark.parametrize("step", [np.eye(4), pose(2.0)], ids=["standing", "straight on"])
+    def test_without_a_turn(self, step):
+        motion = SweepMotion.of_step(step, 0.1, 0.0)
+        xyz = np.ones((2, 3), np.float32)
+        moved = motion.moved(xyz, np.array([0.0, 0.1], np.float32))
+        np.testing.assert_allclose(moved[1] - moved[0], step[:3, 3], atol=1e-6)
+        assert moved is not xyz
+
+
+class TestPoses:
+    @pytest.mark.parametrize("path", [steady, turning, braking, spinning])
+    @pytest.mark.parametrize("first_s", [0.0, -0.05, -0.1], ids=["start", "middle", "end"])
+    def test_are_those_of_the_stamps(self, path, first_s):
+        found = poses_of(sweeps_of(path, first_s=first_s))
+        step = np.linalg.inv(found[3].world_from_stamp) @ found[5].world_from_stamp
+        true = np.linalg.inv(path(3)) @ path(5)
+        assert distance_m(step, true) < 0.03
+        assert angle_deg(step, true) < 0.15
+
+    @pytest.mark.parametrize("path", [steady, turning, spinning])
+    def test_points_are_put_together_again(self, path):
+        settled = []
+        for settings in (DESKEW, AS_THEY_CAME):
+            ego_motion = EgoMotion(settings)
+            for index in range(5):
+                sweep, straight = STREET.bent_sweep(path, index)
+                found = ego_motion.pose_of(sweep)
+            stamp_from_moment = np.linalg.inv(found.world_from_stamp) @ found.world_from_sensor
+            points = found.in_one_moment(sweep)
+            there = points @ stamp_from_moment[:3, :3].T + stamp_from_moment[:3, 3]
+            settled.append(np.abs(there - straight).max())
+        deskewed_m, raw_m = settled
+        assert deskewed_m < 0.06
+        assert raw_m > 1.0
+
+    def test_of_the_first_sweep_are_known_from_the_second_one(self):
+        """The first sweep is in the map as it came; a bend of 20 degrees must not be believed."""
+        first, second = sweeps_of(spinning, 2)
+        deskewed = poses_of([first, second])[1]
+        raw = poses_of([first, second], AS_THEY_CAME)[1]
+        for found in (deskewed, raw):
+            assert found.source is EgoSource.REGISTRATION
+        step = np.linalg.inv(spinning(0)) @ spinning(1)
+        assert angle_deg(deskewed.world_from_sensor, step) < 0.15
+
+    def test_odometry_bends_too(self):
+        sweeps = [
+            replace(sweep, odometry=turning(index))
+            for index, sweep in enumerate(sweeps_of(turning, 3))
+        ]
+        wanted = Settings().changed({"ego_motion.source": "odometry"}).ego_motion
+        found = poses_of(sweeps, wanted)[2]
+        assert found.source is EgoSource.ODOMETRY
+        straight = STREET.bent_sweep(turning, 2)[1]
+        stamp_from_moment = np.linalg.inv(found.world_from_stamp) @ found.world_from_sensor
+        there = found.in_one_moment(sweeps[2]) @ stamp_from_moment[:3, :3].T
+        np.testing.assert_allclose(there + stamp_from_moment[:3, 3], straight, atol=0.02)
+
+
+class TestNothingChanges:
+    def assert_same(self, first, second):
+        for one, other in zip(first, second, strict=True):
+            np.testing.assert_array_equal(one.world_from_sensor, other.world_from_sensor)
+            np.testing.assert_array_equal(one.world_from_stamp, other.world_from_stamp)
+
+    def test_without_times(self):
+        sweeps = [replace(sweep, times_s=None) for sweep in sweeps_of(turning)]
+        self.assert_same(poses_of(sweeps), poses_of(sweeps, AS_THEY_CAME))
+
+    def test_if_it_is_not_wanted(self):
+        sweeps = sweeps_of(turning)
+        without = [replace(sweep, times_s=None) for sweep in sweeps]
+        self.assert_same(poses_of(sweeps, AS_THEY_CAME), poses_of(without))
+
+    def test_with_any_number_of_threads(self):
+        sweeps = sweeps_of(turning)
+        ego_motion = EgoMotion(DESKEW, num_threads=2)
+        self.assert_same(poses_of(sweeps), [ego_motion.pose_of(sweep) for sweep in sweeps])
+
+
+class TestOddTimes:
+    def test_some_sweeps_have_none(self):
+        sweeps = sweeps_of(steady, 8)
+        for index in (0, 3, 4):
+            sweeps[index] = replace(sweeps[index], times_s=None)
+        found = poses_of(sweeps)
+        assert all(item.source is EgoSource.REGISTRATION for item in found[1:])
+        step = np.linalg.inv(found[6].world_from_sensor) @ found[7].world_from_sensor
+        assert distance_m(step, np.linalg.inv(steady(6)) @ steady(7)) < 0.05
+
+    def test_equal_stamps_leave_points_where_they_are(self):
+        sweeps = [replace(sweep, stamp_ns=5) for sweep in sweeps_of(steady, 3)]
+        for sweep, found in zip(sweeps, poses_of(sweeps), strict=True):
+            assert found.in_one_moment(sweep) is sweep.xyz
+
+    def test_a_sweep_without_points(self):
+        sweeps = sweeps_of(steady, 4)
+        empty = replace(sweeps[2], xyz=sweeps[2].xyz[:0], times_s=sweeps[2].times_s[:0])
+        found = poses_of([*sweeps[:2], empty, sweeps[3]])
+        assert [item.source for item in found[2:]] == [
+            EgoSource.CONSTANT_VELOCITY,
+            EgoSource.REGISTRATION,
+        ]
