@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
@@ -47,7 +48,16 @@ def sweep_truth(
     valid = valid & (_reach(sweep, settings) | (owner >= 0))
     if sweep.own_vehicle is not None:
         valid &= ~sweep.own_vehicle
-    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic & valid, ground, class_id)
+    dynamic = dynamic & valid
+    # Boxes of the same track get the same number in every sweep; those of none have none.
+    numbers = [_object_id(box.track_id) for box in boxes]
+    object_id = None if sweep.boxes is None else np.array([*numbers, 0], np.uint32)[owner]
+    return FlowTruth(sweep.stamp_ns, flow, valid, dynamic, ground, class_id, object_id)
+
+
+def _object_id(track_id: str | int | None) -> int:
+    """A number above 0 for a track; 0 for none."""
+    return 0 if track_id is None else max(1, zlib.crc32(str(track_id).encode()))
 
 
 def box_of_points(

@@ -10,6 +10,7 @@ from enum import Enum
 
 from mnsf_ros.evaluation.argoverse_metrics import added, bucketed_errors, three_way_epe_m
 from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
+from mnsf_ros.evaluation.movers import MoverRow, MoverSummary, summarize_movers
 
 
 class FailureKind(Enum):
@@ -68,6 +69,7 @@ class ResultRow:
         start: Source of the start weights (warm or cold); empty if the method has none.
         device: Where it was computed, `cpu` or `cuda`; empty if it was not.
         failure: Why there is no flow; None if there is one.
+        movers: What was said of movers, with truth, by methods that know what moves; else None.
     """
 
     recording: str
@@ -90,6 +92,7 @@ class ResultRow:
     start: str = ""
     device: str = ""
     failure: Failure | None = None
+    movers: MoverRow | None = None
 
     @property
     def is_dropped(self) -> bool:
@@ -147,6 +150,7 @@ class MethodSummary:
         starts: Where estimates took their first weights from, to how often.
         stop_reasons: Why optimizations ended, to how often.
         devices: Where it was computed.
+        movers: What was said of movers, over all examples; None where nothing was, or no truth is.
     """
 
     method: str
@@ -165,6 +169,7 @@ class MethodSummary:
     starts: dict[str, int] = field(default_factory=dict)
     stop_reasons: dict[str, int] = field(default_factory=dict)
     devices: tuple[str, ...] = ()
+    movers: MoverSummary | None = None
 
 
 def summarize(rows: Iterable[ResultRow], methods: Sequence[str] = ()) -> list[MethodSummary]:
@@ -199,6 +204,9 @@ def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
         starts=dict(Counter(row.start for row in good if row.start)),
         stop_reasons=dict(Counter(word for row in good for word in row.stop_reasons.values())),
         devices=tuple(sorted({row.device for row in good if row.device})),
+        movers=summarize_movers(
+            (row.recording, row.stamp_ns, row.movers) for row in good if row.movers is not None
+        ),
     )
 
 

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.movers import FAST, SLOW
 from mnsf_ros.evaluation.notes import Note, nearest_preset, notes_of, protocol_text
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
@@ -21,6 +22,13 @@ _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
 _CSV_TIMES: Final = ("time_ms", "latency_ms")
 _CSV_CONSISTENCY: Final = ("nearest_m", "zero_nearest_m", "cycle_m")
+# Of `MoverSummary`; and of the groups of movers that targets are about, see `MOVER_GROUPS`.
+_CSV_MOVERS: Final = (
+    *("precision", "recall", "iou", "ghosts_per_sweep", "ghost_sweeps"),
+    *("velocity_error_m_s", "direction_error_deg", "after_stop_s"),
+)
+_CSV_GROUPS: Final = {"fast": FAST.name, "slow": SLOW.name}
+_CSV_GROUP: Final = ("found", "flicker", "delay_s")
 _CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENCY)
 
 
@@ -110,17 +118,19 @@ def results_markdown(results: RunResults) -> str:
 def results_csv(results: RunResults) -> str:
     """Returns one line for each method and group of points: of all recordings, then of each.
 
-    The column `recording` is empty for all recordings together. The last columns are the same on
-    every line: how, with what and where the figures were made.
+    The column `recording` is empty for all recordings together. How, with what and where figures
+    were made is the same on every line; those of movers, which come last, are for all points.
     """
     origin = _origin(results.record)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *origin))
+    # What came later stands behind the rest, so that columns keep their places.
+    added = [f"{kind}_{key}" for kind in _CSV_GROUPS for key in _CSV_GROUP]
+    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *origin, *_CSV_MOVERS, *added))
     for recording, summaries in {"": results.summaries, **results.by_recording}.items():
         for summary in summaries:
             for cells in _csv_lines(summary):
-                writer.writerow((recording, *cells, *origin.values()))
+                writer.writerow((recording, *cells, *origin.values(), *_mover_cells(summary)))
     return text.getvalue()
 
 
@@ -134,6 +144,16 @@ def _csv_lines(summary: MethodSummary) -> Iterator[list[object]]:
     for name, errors in groups.items() or (("", None),):
         values = ["" if errors is None else _cell(getattr(errors, key)) for key in _CSV_ERRORS]
         yield [summary.method, name, *counts, *values, *others]
+
+
+def _mover_cells(summary: MethodSummary) -> Iterator[str]:
+    movers = summary.movers
+    for key in _CSV_MOVERS:
+        yield _cell(math.nan if movers is None else getattr(movers, key))
+    for name in _CSV_GROUPS.values():
+        group = None if movers is None else movers.groups.get(name)
+        for key in _CSV_GROUP:
+            yield _cell(math.nan if group is None else getattr(group, key))
 
 
 def _origin(run: RunRecord) -> dict[str, str]:

@@ -24,6 +24,7 @@ from mnsf_ros.evaluation.metrics import (
     end_point_errors,
     errors_by_band,
 )
+from mnsf_ros.evaluation.movers import TrueMotion, mover_row
 from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -72,7 +73,7 @@ def scored_row(
     row = replace(row, consistency=landing_distances(example.triplet, estimate.flow, looked_at))
     if example.truth is None:
         return row
-    return _with_errors(row, example, example.truth, estimate.flow, answered)
+    return _with_errors(row, example, example.truth, estimate, answered)
 
 
 def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
@@ -116,14 +117,16 @@ def _with_errors(
     row: ResultRow,
     example: Example,
     truth: FlowTruth,
-    flow: NDArray[np.float32],
+    estimate: FlowEstimate,
     answered: NDArray[np.bool_],
 ) -> ResultRow:
-    scored = truth.valid & answered & example.scored
-    xyz, true_flow, flow = example.triplet.current.xyz[scored], truth.flow[scored], flow[scored]
-    dynamic, class_id = truth.dynamic[scored], truth.class_id[scored]
+    rows = np.flatnonzero(truth.valid & answered & example.scored)
+    truth = truth.of_points(rows)
+    xyz, flow, true_flow = example.triplet.current.xyz[rows], estimate.flow[rows], truth.flow
+    dynamic, class_id = truth.dynamic, truth.class_id
     motion = _sensor_motion(xyz, true_flow, dynamic, example.triplet.next_from_current)
-    own_m = np.linalg.norm(true_flow.astype(np.float64) - rigid_flow(xyz, motion), axis=1)
+    own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
+    own_m = np.linalg.norm(own, axis=1)
     interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
     share = USUAL_INTERVAL_S / interval_s
     xy = xyz[:, :2].astype(np.float64)
@@ -131,8 +134,15 @@ def _with_errors(
     groups = three_way_sums(errors_m, dynamic, class_id)
     buckets = bucket_sums(errors_m * share, own_m * share, xy, class_id)
     every, range_m = np.ones(len(xyz), dtype=bool), np.linalg.norm(xy, axis=1)
+    movers = None
+    if estimate.over_ground is not None:
+        # Turned back into the axes of the current sweep.
+        velocity = own @ motion[:3, :3] / interval_s
+        known = TrueMotion(xyz, velocity, dynamic, class_id, truth.object_id)
+        movers = mover_row(known, estimate.over_ground, rows, errors_m)
     return replace(
         row,
+        movers=movers,
         errors=by_motion(flow, true_flow, dynamic),
         by_range=errors_by_band(flow, true_flow, every, range_m, RANGE_LIMITS_M),
         by_speed=errors_by_band(flow, true_flow, every, own_m / interval_s, SPEED_LIMITS_M_S),

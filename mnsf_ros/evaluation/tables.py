@@ -15,6 +15,7 @@ from rich.text import Text
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, MoverGroup
 from mnsf_ros.evaluation.results import MethodSummary
 
 # Chooses the best of the values of a column: `min` or `max`.
@@ -190,7 +191,9 @@ def _markdown_row(cells: Sequence[str]) -> str:
 def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
     """Returns the tables that everybody wants to see, without those that would be empty."""
     consistency = consistency_table(summaries)
-    return [*group_tables(summaries), *([] if consistency is None else [consistency])]
+    objects = objects_table(summaries, (FAST, SLOW))
+    tables = [*group_tables(summaries), movers_table(summaries), objects]
+    return [table for table in (*tables, consistency) if table is not None]
 
 
 def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
@@ -205,6 +208,77 @@ def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
             title = f"{words} ({points} points)"
             tables.append(errors_table(errors, title=title, times_ms=times_ms))
     return tables
+
+
+def movers_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
+    """Returns how right methods are about what moves; None if nothing is known of that."""
+    columns: dict[str, tuple[str, int, float, Better]] = {
+        "precision": ("precision (%)", 1, 100.0, max),
+        "recall": ("recall (%)", 1, 100.0, max),
+        "iou": ("IoU (%)", 1, 100.0, max),
+        "ghosts_per_sweep": ("false movers per sweep", 2, 1.0, min),
+        "ghost_sweeps": ("sweeps with one (%)", 1, 100.0, min),
+        "velocity_error_m_s": ("velocity error (m/s)", 2, 1.0, min),
+        "direction_error_deg": ("direction error (deg)", 1, 1.0, min),
+        "after_stop_s": ("after a stop (s)", 1, 1.0, min),
+    }
+    rows = [
+        [
+            summary.method,
+            *(
+                format_number(factor * getattr(summary.movers, key), decimals)
+                for key, (_, decimals, factor, _) in columns.items()
+            ),
+        ]
+        for summary in summaries
+        if summary.movers is not None
+    ]
+    header = ["method", *(title for title, *_ in columns.values())]
+    better = [None, *(better for *_, better in columns.values())]
+    title = "Points called dynamic, and tracked objects (median; after a stop: longest time)"
+    return TextTable(header, rows, title, better) if rows else None
+
+
+def objects_table(
+    summaries: Sequence[MethodSummary], groups: Sequence[MoverGroup]
+) -> TextTable | None:
+    """Returns how well movers are found and followed; None without object ids in the truth."""
+    rows = [
+        [
+            f"{summary.method}: {group.name}",
+            format_percent(known.found),
+            format_percent(known.flicker),
+            format_number(known.delay_s, 2),
+            f"{known.num_movers:,}",
+            f"{known.num_sweeps:,}",
+        ]
+        for summary in summaries
+        if summary.movers is not None
+        for group in groups
+        if (known := summary.movers.groups.get(group.name)) is not None
+    ]
+    header = ["movers", "found (%)", "flicker (%)", "delay (s)", "movers", "mover-sweeps"]
+    title = "Objects that move, of 20 points and more"
+    return TextTable(header, rows, title) if rows else None
+
+
+def confidence_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
+    """Returns whether points called dynamic deserve their confidence; None if there are none."""
+    bands = dict.fromkeys(
+        band for s in summaries if s.movers is not None for band in s.movers.confidence
+    )
+    values: dict[str, dict[str, float]] = {}
+    for summary in summaries:
+        if summary.movers is not None:
+            known = summary.movers.confidence.items()
+            values[f"{summary.method}: mean"] = {band: said for band, (said, _, _) in known}
+            values[f"{summary.method}: deserved"] = {band: share for band, (_, share, _) in known}
+    title = (
+        "Confidence of points called dynamic: mean, and share of points with less than 0.1 m of "
+        "error, by bands of confidence"
+    )
+    columns = {band: f"from {band}" for band in sorted(bands, key=float)}
+    return _values_table(title, values, columns, better=None)
 
 
 def consistency_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
@@ -238,6 +312,8 @@ def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
             {s.method: s.by_speed for s in summaries},
             lambda limit: "faster" if limit == "inf" else f"{limit} m/s",
         ),
+        objects_table(summaries, MOVER_GROUPS[2:]),
+        confidence_table(summaries),
         work_table(summaries),
     ]
     return [table for table in tables if table is not None]

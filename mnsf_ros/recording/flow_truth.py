@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")
-_SCALARS = (*"xyz", *_FLOW, *_FLAGS)
+_OBJECT = "object_id"
+_SCALARS = (*"xyz", *_FLOW, *_FLAGS, _OBJECT)
 # The usual threshold for a moving point: 0.05 m within one sweep at 10 Hz.
 DYNAMIC_SPEED_M_S = 0.5
 # Nothing on earth moves as far from one sweep to the next.
@@ -55,6 +56,8 @@ class FlowTruth:
         dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
         ground: (N,) bool, the point is on the ground.
         class_id: (N,) uint8 kind of surface, 0 if unknown.
+        object_id: (N,) uint32 number of the object, the same in all sweeps, 0 for points of none.
+            None if nobody knows.
     """
 
     stamp_ns: int
@@ -63,6 +66,7 @@ class FlowTruth:
     dynamic: NDArray[np.bool_]
     ground: NDArray[np.bool_]
     class_id: NDArray[np.uint8]
+    object_id: NDArray[np.uint32] | None = None
 
     def __len__(self) -> int:
         """Returns the number of points."""
@@ -70,8 +74,9 @@ class FlowTruth:
 
     def of_points(self, rows: NDArray[np.int64]) -> FlowTruth:
         """Returns the truth of some of the points, in the order of their rows."""
-        names = ("flow", "valid", "dynamic", "ground", "class_id")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
+        known = {name: getattr(self, name) for name in names}
+        return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
         """Returns the cloud for a recording, with the (N, 3) points so that viewers can show it.
@@ -87,6 +92,8 @@ class FlowTruth:
         }
         columns |= {name: flow[:, axis] for axis, name in enumerate(_FLOW)}
         columns |= {name: getattr(self, name).astype(np.uint8) for name in _FLAGS}
+        if self.object_id is not None:
+            columns[_OBJECT] = self.object_id.astype(np.uint32)
         return encode_columns(columns, 1, len(self))
 
     @classmethod
@@ -120,5 +127,11 @@ class FlowTruth:
             raise RecordingError(
                 f"truth cloud: row {bad[0]} is valid but its flow is {flow[bad[0]]} m"
             )
+        if _OBJECT in names and points.dtype[_OBJECT].kind not in "iu":
+            raise RecordingError(
+                f"truth cloud: field {_OBJECT} is of {points.dtype[_OBJECT]}, expected integers"
+            )
         dynamic, ground = points["dynamic"] != 0, points["ground"] != 0
-        return cls(stamp_ns, flow, valid, dynamic, ground, points["class_id"].astype(np.uint8))
+        class_id = points["class_id"].astype(np.uint8)
+        object_id = points[_OBJECT].astype(np.uint32) if _OBJECT in names else None
+        return cls(stamp_ns, flow, valid, dynamic, ground, class_id, object_id)

@@ -24,7 +24,7 @@ from mnsf_ros.evaluation.tables import (
     consistency_table,
     format_percent,
     further_tables,
-    group_tables,
+    main_tables,
 )
 from mnsf_ros.report.worst import focus_method, worst_card, worst_table
 from mnsf_ros.settings import declared_settings
@@ -62,6 +62,7 @@ def write_report(
     """
     focus = focus or focus_method(results)
     rows, summaries, record = results.rows, results.summaries, results.record
+    consistency = consistency_table(summaries)
     units = {setting.name: setting.unit for setting in declared_settings()}
     settings = record.options.settings.to_mapping()
     page = _TEMPLATES.get_template("report.html.j2").render(
@@ -71,8 +72,8 @@ def write_report(
         tiles=[tile for one in summaries if one.method == focus for tile in _tiles(one)],
         results=results,
         best_cells=lambda table: best_cells(table, record.references),
-        tables=group_tables(summaries),
-        consistency=consistency_table(summaries),
+        tables=[table for table in main_tables(summaries) if table != consistency],
+        consistency=consistency,
         more=further_tables(summaries),
         failures=_failures(rows),
         charts=_band_charts(summaries, record.references),

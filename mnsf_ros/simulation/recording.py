@@ -41,7 +41,14 @@ def write_recording(
             # The last sweep has no next sweep in which its points could be found.
             valid = np.full(len(sweep.xyz), index + 1 < settings.num_sweeps)
             truth = FlowTruth(
-                sweep.stamp_ns, sweep.flow, valid, sweep.dynamic, sweep.ground, sweep.class_id
+                sweep.stamp_ns,
+                sweep.flow,
+                valid,
+                sweep.dynamic,
+                sweep.ground,
+                sweep.class_id,
+                # The ground, body -1, is no object.
+                (sweep.body + 1).astype(np.uint32),
             )
             writer.write_sweep(sweep.xyz, columns, truth, sweep.world_from_sensor, LIDAR_FRAME)
             if progress is not None:

@@ -57,6 +57,26 @@ def test_truth_comes_back(tmp_path):
         assert truth.get(tiny_bags.stamp(9)) is None
 
 
+def test_object_ids_come_back_where_they_are_known():
+    truth = replace(truth_of(0), object_id=np.arange(50, dtype=np.uint32) * 80_000_000)
+    cloud = truth.encode(tiny_bags.xyz(0))
+    found = FlowTruth.decode(cloud_message(cloud, truth.stamp_ns, "lidar", is_dense=False))
+    assert found.object_id.dtype == np.uint32
+    assert np.array_equal(found.object_id, truth.object_id)
+    some = np.array([3, 1])
+    assert np.array_equal(found.of_points(some).object_id, truth.object_id[some])
+    assert truth_of(0).of_points(some).object_id is None
+
+
+def test_object_ids_that_are_no_integers_are_refused():
+    columns = {name: np.ones(3, np.float32) for name in ("flow_x", "flow_y", "flow_z")}
+    columns |= dict.fromkeys(("valid", "dynamic", "ground", "class_id"), np.ones(3, np.uint8))
+    columns["object_id"] = np.full(3, np.nan, np.float32)
+    message = cloud_message(encode_columns(columns, 1, 3), 1, "lidar", is_dense=True)
+    with pytest.raises(RecordingError, match="field object_id is of float32, expected integers"):
+        FlowTruth.decode(message)
+
+
 def test_header_stamps_decide_not_receive_times(tmp_path):
     same_time = [5, 5, 5, 9, 9]
     path = write_truth(tmp_path / "bag", indices=[3, 0, 4, 1, 2], received_order=same_time)

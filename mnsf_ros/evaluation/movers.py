@@ -1,0 +1,403 @@
+"""What an estimate says of movers, beside the truth: points, false movers, confidence, objects.
+
+The figures are those of what the node publishes: the flag `dynamic`, the confidence, the tracked
+objects. Points count if they are scored; an object counts as a mover if most of its points are
+dynamic in truth, and as found if at least half of them are called dynamic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
+from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# Flow that is less wrong deserves its confidence.
+_CLOSE_M: Final = 0.1
+_CONFIDENCE_EDGES: Final = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0001)
+# Objects of fewer points do not count; nor do false movers that nobody would see.
+_MIN_POINTS: Final = 20
+_MIN_GHOST_POINTS: Final = 10
+_FOUND_SHARE: Final = 0.5
+_STOPPED_M_S: Final = 0.1
+# An object that was away for longer comes into view anew.
+_MAX_AWAY_S: Final = 0.5
+# Velocities count after this time of being followed, directions from this speed on.
+_SETTLED_S: Final = 0.5
+_MIN_DIRECTED_M_S: Final = 1.0
+_TINY_S: Final = 1e-3
+
+
+@dataclass(frozen=True)
+class ObjectRow:
+    """What was said of one object of the truth in one sweep.
+
+    Attributes:
+        object_id: Its number in the truth.
+        kind: What it is, see `SurfaceClass`, in lower case; `unknown` if nobody has said.
+        moves: Whether most of its points are dynamic in truth.
+        speed_m_s: Its true speed over ground.
+        range_m: Its horizontal distance from the sensor.
+        num_points: Its scored points.
+        called: Share of its points that are called dynamic.
+        velocity_error_m_s: Of the tracked object that its points belong to, if that has been
+            followed for 0.5 s; else NaN.
+        direction_error_rad: Likewise, from 1 m/s on.
+    """
+
+    object_id: int
+    kind: str
+    moves: bool
+    speed_m_s: float
+    range_m: float
+    num_points: int
+    called: float
+    velocity_error_m_s: float = math.nan
+    direction_error_rad: float = math.nan
+
+    @property
+    def is_found(self) -> bool:
+        """Whether the object as a whole is called a mover."""
+        return self.called >= _FOUND_SHARE
+
+
+@dataclass(frozen=True)
+class MoverRow:
+    """What was said of the movers of one sweep.
+
+    Attributes:
+        points: Number of points that are called dynamic and are, that are called so and are not,
+            and that are dynamic and not called so.
+        num_ghosts: False movers: tracked objects, or motions, with most points static in truth.
+        confidence: Lower limit of a band of confidence, as text, to number of points called
+            dynamic, sum of their confidence, and number of those with less than 0.1 m of error.
+        objects: Objects of the truth that move or are called movers; empty without object ids.
+    """
+
+    points: tuple[int, int, int]
+    num_ghosts: int
+    confidence: dict[str, list[float]] = field(default_factory=dict)
+    objects: list[ObjectRow] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class TrueMotion:
+    """The truth of the M points of a sweep that are scored.
+
+    Attributes:
+        xyz: (M, 3) metres, sensor frame.
+        velocity: (M, 3) metres per second over ground, axes of the current sweep.
+        dynamic: (M,) bool.
+        class_id: (M,) `SurfaceClass`, 0 if unknown.
+        object_id: (M,) number of the object, 0 for points of none; None if nobody knows.
+    """
+
+    xyz: NDArray[np.float32]
+    velocity: NDArray[np.float64]
+    dynamic: NDArray[np.bool_]
+    class_id: NDArray[np.uint8]
+    object_id: NDArray[Any] | None
+
+
+def mover_row(
+    truth: TrueMotion,
+    said: OverGround,
+    rows: NDArray[np.int64],
+    errors_m: NDArray[np.float64],
+) -> MoverRow:
+    """Compares what an estimate says of points with the truth.
+
+    `rows` (M,) are those of the estimate that belong to the points of the truth, `errors_m` (M,)
+    the end point errors of their flow.
+    """
+    called = said.dynamic[rows]
+    counts = (called & truth.dynamic, called & ~truth.dynamic, ~called & truth.dynamic)
+    right, wrong, missed = (int(np.count_nonzero(each)) for each in counts)
+    tracks = np.zeros(len(rows), np.int32) if said.track_ids is None else said.track_ids[rows]
+    return MoverRow(
+        points=(right, wrong, missed),
+        num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], truth.dynamic[called]),
+        confidence=_by_confidence(said.confidence[rows][called], errors_m[called] < _CLOSE_M),
+        objects=list(_object_rows(truth, called, tracks, said.objects)),
+    )
+
+
+def _num_ghosts(
+    motions: NDArray[np.float32], tracks: NDArray[np.int32], is_mover: NDArray[np.bool_]
+) -> int:
+    """Number of tracked objects, and of motions without one, that are mostly static in truth."""
+    num_ghosts = 0
+    for part, names in ((tracks > 0, tracks[:, None]), (tracks == 0, motions)):
+        if not part.any():
+            continue
+        _, owners = np.unique(names[part], axis=0, return_inverse=True)
+        owners = owners.ravel()  # NumPy 2.0 returned it with the shape of a column
+        counts, false = np.bincount(owners), np.bincount(owners, weights=~is_mover[part])
+        num_ghosts += int(np.count_nonzero((counts >= _MIN_GHOST_POINTS) & (false > counts / 2)))
+    return num_ghosts
+
+
+def _by_confidence(
+    confidence: NDArray[np.float32], is_close: NDArray[np.bool_]
+) -> dict[str, list[float]]:
+    bands = np.searchsorted(_CONFIDENCE_EDGES, confidence, side="right") - 1
+    return {
+        f"{_CONFIDENCE_EDGES[band]:g}": [
+            float(np.count_nonzero(bands == band)),
+            math.fsum(confidence[bands == band]),
+            float(np.count_nonzero(is_close[bands == band])),
+        ]
+        for band in np.unique(bands)
+    }
+
+
+def _object_rows(
+    truth: TrueMotion,
+    called: NDArray[np.bool_],
+    tracks: NDArray[np.int32],
+    objects: Sequence[TrackedObject],
+) -> Iterator[ObjectRow]:
+    if truth.object_id is None:
+        return
+    ids = truth.object_id
+    by_track = {item.track_id: item for item in objects}
+    for object_id in np.unique(ids[(truth.dynamic | called) & (ids > 0)]):
+        own = np.flatnonzero(ids == object_id)
+        moves, share = truth.dynamic[own].mean() > 0.5, float(called[own].mean())
+        if len(own) < _MIN_POINTS or not (moves or share >= _FOUND_SHARE):
+            continue
+        velocity = truth.velocity[own].mean(axis=0)
+        followed = tracks[own][called[own] & (tracks[own] > 0)]
+        track = by_track.get(int(np.bincount(followed).argmax())) if len(followed) else None
+        classes = np.bincount(truth.class_id[own])
+        yield ObjectRow(
+            object_id=int(object_id),
+            kind=_kind(int(classes.argmax())),
+            moves=bool(moves),
+            speed_m_s=float(np.linalg.norm(velocity)),
+            range_m=float(np.median(np.hypot(*truth.xyz[own, :2].T.astype(np.float64)))),
+            num_points=len(own),
+            called=share,
+            **_velocity_errors(velocity, track),
+        )
+
+
+def _kind(class_id: int) -> str:
+    known = class_id in SurfaceClass._value2member_map_
+    return SurfaceClass(class_id).name.lower().replace("_", " ") if known else "unknown"
+
+
+def _velocity_errors(
+    velocity: NDArray[np.float64], track: TrackedObject | None
+) -> dict[str, float]:
+    if track is None or track.age_s < _SETTLED_S - _TINY_S:
+        return {}
+    found, errors = track.velocity, {}
+    errors["velocity_error_m_s"] = float(np.linalg.norm(found - velocity))
+    lengths = np.linalg.norm(found[:2]) * np.linalg.norm(velocity[:2])
+    if np.linalg.norm(velocity) >= _MIN_DIRECTED_M_S and lengths > 0:
+        cosine = float(found[:2] @ velocity[:2] / lengths)
+        errors["direction_error_rad"] = math.acos(min(1.0, max(-1.0, cosine)))
+    return errors
+
+
+@dataclass(frozen=True)
+class MoverGroup:
+    """Movers that are scored together.
+
+    Attributes:
+        name: What they are called in tables.
+        speeds_m_s: From, to.
+        max_range_m: Those farther off do not count.
+        first_s: This long after it came into view a mover need not be found yet.
+        kind: Its kind, see `ObjectRow`; empty for all.
+    """
+
+    name: str
+    speeds_m_s: tuple[float, float] = (0.5, math.inf)
+    max_range_m: float = 50.0
+    first_s: float = 0.3
+    kind: str = ""
+
+    def has(self, row: ObjectRow) -> bool:
+        """Whether an object of a sweep belongs to the group."""
+        low, high = self.speeds_m_s
+        is_of_kind = not self.kind or row.kind == self.kind
+        is_near = row.range_m <= self.max_range_m
+        return row.moves and is_of_kind and low <= row.speed_m_s < high and is_near
+
+
+FAST: Final = MoverGroup("2 m/s and faster, to 50 m", (2.0, math.inf))
+SLOW: Final = MoverGroup("0.5 to 2 m/s, to 30 m", (0.5, 2.0), 30.0, 0.6)
+# The first two are those that targets are about.
+MOVER_GROUPS: Final = (
+    FAST,
+    SLOW,
+    MoverGroup("2 to 5 m/s, to 50 m", (2.0, 5.0)),
+    MoverGroup("5 to 10 m/s, to 50 m", (5.0, 10.0)),
+    MoverGroup("10 m/s and faster, to 50 m", (10.0, math.inf)),
+    MoverGroup("cars, to 50 m", kind="car"),
+    MoverGroup("large vehicles, to 50 m", kind="large vehicle"),
+    MoverGroup("two-wheelers, to 50 m", kind="cyclist"),
+    MoverGroup("pedestrians, to 30 m", max_range_m=30.0, first_s=0.6, kind="pedestrian"),
+)
+
+
+@dataclass(frozen=True)
+class GroupSummary:
+    """How well the movers of a group were found and followed.
+
+    Attributes:
+        num_movers: Movers, each time that one comes into view.
+        num_sweeps: Sweeps of all movers together after the first ones, see `MoverGroup.first_s`.
+        found: Share of these in which the mover was found; NaN without any.
+        flicker: Share of all sweeps in which a mover is lost that was found before and is after.
+        delay_s: Mean time from coming into view until found; one that is never found counts with
+            all its time.
+    """
+
+    num_movers: int
+    num_sweeps: int
+    found: float
+    flicker: float
+    delay_s: float
+
+
+@dataclass(frozen=True)
+class MoverSummary:
+    """What a method said of movers on all of its examples. NaN where there is nothing to judge.
+
+    Attributes:
+        precision: Share of the points called dynamic that are.
+        recall: Share of the dynamic points that are called so.
+        iou: Points called dynamic that are, over those that are called so or are.
+        ghosts_per_sweep: Mean number of false movers.
+        ghost_sweeps: Share of sweeps with a false mover.
+        velocity_error_m_s: Median over tracked objects and sweeps.
+        direction_error_deg: Likewise.
+        after_stop_s: Longest time that an object was called a mover after it had stopped.
+        confidence: Lower limit of a band of confidence to mean confidence, share of points with
+            less than 0.1 m of error, and number of points.
+        groups: Name of a group of movers to figures; those without movers are missing.
+    """
+
+    precision: float
+    recall: float
+    iou: float
+    ghosts_per_sweep: float
+    ghost_sweeps: float
+    velocity_error_m_s: float
+    direction_error_deg: float
+    after_stop_s: float
+    confidence: dict[str, tuple[float, float, int]]
+    groups: dict[str, GroupSummary]
+
+
+# Name of the recording, stamp of the sweep and what was said of its movers.
+StampedRow = tuple[str, int, MoverRow]
+_Run = list[tuple[float, ObjectRow]]
+
+
+def summarize_movers(rows: Iterable[StampedRow]) -> MoverSummary | None:
+    """Returns the figures of a method over all sweeps, in any order; None if there are none."""
+    rows = sorted(rows, key=lambda row: row[:2])
+    if not rows:
+        return None
+    right, wrong, missed = np.sum([row.points for _, _, row in rows], axis=0).tolist()
+    ghosts = np.array([row.num_ghosts for _, _, row in rows])
+    objects = [item for _, _, row in rows for item in row.objects if item.moves]
+    runs = _runs(rows)
+    groups = {group.name: _group_summary(group, runs) for group in MOVER_GROUPS}
+    return MoverSummary(
+        precision=_share(right, right + wrong),
+        recall=_share(right, right + missed),
+        iou=_share(right, right + wrong + missed),
+        ghosts_per_sweep=float(ghosts.mean()),
+        ghost_sweeps=float((ghosts > 0).mean()),
+        velocity_error_m_s=_median([item.velocity_error_m_s for item in objects]),
+        direction_error_deg=math.degrees(_median([item.direction_error_rad for item in objects])),
+        after_stop_s=max((_after_stop_s(run) for run in runs), default=math.nan),
+        confidence=_calibration([row.confidence for _, _, row in rows]),
+        groups={name: group for name, group in groups.items() if group is not None},
+    )
+
+
+def _runs(rows: Sequence[StampedRow]) -> list[_Run]:
+    """Time in seconds and row of each object, apart for each time that it comes into view."""
+    runs: list[_Run] = []
+    current: dict[tuple[str, int], _Run] = {}
+    for recording, stamp_ns, row in rows:
+        for item in row.objects:
+            key, time_s = (recording, item.object_id), stamp_ns / NANOSECONDS
+            run = current.get(key)
+            if run is None or time_s - run[-1][0] > _MAX_AWAY_S:
+                run = current[key] = []
+                runs.append(run)
+            run.append((time_s, item))
+    return runs
+
+
+def _group_summary(group: MoverGroup, runs: Iterable[_Run]) -> GroupSummary | None:
+    late: list[bool] = []
+    delays_s: list[float] = []
+    num_sweeps = num_lost = 0
+    for run in runs:
+        own = [(time_s, item.is_found) for time_s, item in run if group.has(item)]
+        if not own:
+            continue
+        first_s = own[0][0]
+        late += [found for time_s, found in own if time_s - first_s >= group.first_s - _TINY_S]
+        hits = [place for place, (_, found) in enumerate(own) if found]
+        delays_s.append(own[hits[0] if hits else -1][0] - first_s)
+        num_sweeps += len(own)
+        num_lost += hits[-1] - hits[0] + 1 - len(hits) if hits else 0
+    if not delays_s:
+        return None
+    return GroupSummary(
+        num_movers=len(delays_s),
+        num_sweeps=len(late),
+        found=_share(sum(late), len(late)),
+        flicker=num_lost / num_sweeps,
+        delay_s=math.fsum(delays_s) / len(delays_s),
+    )
+
+
+def _after_stop_s(run: _Run) -> float:
+    """How long an object is called a mover after it stopped; NaN if it never did so."""
+    longest_s, stopped_s, has_moved = math.nan, math.nan, False
+    for time_s, item in run:
+        if item.moves:
+            has_moved, stopped_s = True, math.nan
+        elif has_moved and item.is_found and item.speed_m_s < _STOPPED_M_S:
+            stopped_s = time_s if math.isnan(stopped_s) else stopped_s
+            longest_s = np.fmax(longest_s, time_s - stopped_s)
+    return float(longest_s)
+
+
+def _calibration(
+    parts: Iterable[dict[str, list[float]]],
+) -> dict[str, tuple[float, float, int]]:
+    sums: dict[str, NDArray[np.float64]] = {}
+    for part in parts:
+        for band, values in part.items():
+            sums[band] = sums.get(band, np.zeros(3)) + values
+    return {
+        band: (float(said / number), float(close / number), int(number))
+        for band, (number, said, close) in sorted(sums.items(), key=lambda item: float(item[0]))
+    }
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else math.nan
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.median(known)) if known else math.nan

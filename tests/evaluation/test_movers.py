@@ -1,0 +1,288 @@
+"""What an estimate says of movers: points, false movers, confidence, objects over time."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.movers import (
+    FAST,
+    SLOW,
+    MoverRow,
+    ObjectRow,
+    TrueMotion,
+    mover_row,
+    summarize_movers,
+)
+from mnsf_ros.evaluation.results import ResultRow, summarize
+from mnsf_ros.evaluation.results_files import results_csv, results_of
+from mnsf_ros.evaluation.run_folder import from_json, to_json
+from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.scoring import scored_row
+from mnsf_ros.evaluation.tables import confidence_table, further_tables, main_tables
+from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+N = 100
+SECOND = 1_000_000_000
+
+
+def true_motion(ids, speeds):
+    """Points 10 m ahead; object i moves to the left at a speed."""
+    velocity = np.zeros((len(ids), 3))
+    velocity[:, 1] = [speeds.get(i, 0.0) for i in ids]
+    return TrueMotion(
+        xyz=np.tile(np.float32([10, 0, 0]), (len(ids), 1)),
+        velocity=velocity,
+        dynamic=velocity[:, 1] > 0.5,
+        class_id=np.where(ids > 0, SurfaceClass.CAR, 0).astype(np.uint8),
+        object_id=ids,
+    )
+
+
+def said(dynamic, *, tracks=None, confidence=0.97, motion=None, objects=()):
+    n = len(dynamic)
+    return OverGround(
+        motion=np.zeros((n, 3), np.float32) if motion is None else motion,
+        dynamic=dynamic,
+        confidence=np.full(n, confidence, np.float32),
+        world_from_sensor=np.eye(4),
+        next_from_current=np.eye(4),
+        source="registration",
+        objects=objects,
+        track_ids=tracks,
+    )
+
+
+def track(number, velocity, age_s=1.0):
+    box = (np.zeros(3), np.ones(3), 0.0)
+    return TrackedObject(number, *box, np.array(velocity, float), np.eye(6), age_s, 50)
+
+
+def row_of(truth, over_ground, errors_m=0.0):
+    errors = np.full(len(truth.xyz), errors_m, float)
+    return mover_row(truth, over_ground, np.arange(len(truth.xyz)), errors)
+
+
+IDS = np.repeat([0, 1, 2], [20, 40, 40])
+
+
+def test_points_are_counted_and_objects_found():
+    called = np.zeros(N, bool)
+    called[5:60] = True  # 15 static ones, all of object 1, none of object 2
+    row = row_of(true_motion(IDS, {1: 5.0, 2: 1.0}), said(called))
+    assert row.points == (40, 15, 40)
+    first, second = row.objects
+    assert (first.object_id, first.kind, first.moves, first.called) == (1, "car", True, 1.0)
+    assert (first.speed_m_s, first.range_m, first.num_points) == (5.0, 10.0, 40)
+    assert first.is_found
+    assert not second.is_found
+    summary = summarize_movers([("drive", 0, row)])
+    assert summary.precision == pytest.approx(40 / 55)
+    assert summary.recall == 0.5
+    assert summary.iou == pytest.approx(40 / 95)
+
+
+def test_parked_object_that_is_called_moving_is_a_ghost_and_a_row():
+    tracks = np.where(IDS == 2, 7, 0).astype(np.int32)
+    row = row_of(true_motion(IDS, {1: 5.0}), said(IDS == 2, tracks=tracks))
+    assert (row.num_ghosts, [(item.object_id, item.moves) for item in row.objects]) == (
+        1,
+        [(1, True), (2, False)],
+    )
+    summary = summarize_movers([("drive", 0, row), ("drive", 1, replace(row, num_ghosts=0))])
+    assert (summary.ghosts_per_sweep, summary.ghost_sweeps) == (0.5, 0.5)
+
+
+def test_motions_without_tracks_are_ghosts_each():
+    motion = np.zeros((N, 3), np.float32)
+    motion[:10, 0], motion[10:20, 0], motion[20:29, 0] = 1, 2, 3
+    called = np.arange(N) < 29  # the last nine are too few
+    assert row_of(true_motion(IDS * 0, {}), said(called, motion=motion)).num_ghosts == 2
+    # Most points of the first one move in truth.
+    ids = np.where(np.arange(N) < 6, 1, 0)
+    assert row_of(true_motion(ids, {1: 3.0}), said(called, motion=motion)).num_ghosts == 1
+
+
+def test_confidence_is_compared_with_errors_of_points_called_dynamic():
+    called = IDS == 1
+    errors_m = np.where(np.arange(N) < 30, 0.05, 0.2)  # 10 of the 40 are close
+    truth = true_motion(IDS, {1: 5.0})
+    row = mover_row(truth, said(called, confidence=0.96), np.arange(N), errors_m)
+    summary = summarize_movers([("drive", 0, row)])
+    ((band, (mean, share, number)),) = summary.confidence.items()
+    assert (band, share, number) == ("0.95", 0.25, 40)
+    assert mean == pytest.approx(0.96)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "age_s", "error_m_s", "error_deg"),
+    [
+        ((0, 5.5, 0), 1.0, 0.5, 0.0),
+        ((5, 0, 0), 0.5, math.sqrt(50), 90.0),
+        ((0, 9, 0), 0.4, math.nan, math.nan),  # not followed for long enough
+    ],
+)
+def test_velocity_is_that_of_the_tracked_object(velocity, age_s, error_m_s, error_deg):
+    tracks = np.where(IDS == 1, 3, 0).astype(np.int32)
+    objects = (track(3, velocity, age_s), track(4, (0, 0, 0)))
+    row = row_of(true_motion(IDS, {1: 5.0}), said(IDS == 1, tracks=tracks, objects=objects))
+    summary = summarize_movers([("drive", 0, row)])
+    assert summary.velocity_error_m_s == pytest.approx(error_m_s, nan_ok=True)
+    assert summary.direction_error_deg == pytest.approx(error_deg, nan_ok=True, abs=1e-4)
+
+
+def seen(found, speed_m_s=5.0, *, moves=True, object_id=1, range_m=10.0):
+    item = ObjectRow(object_id, "car", moves, speed_m_s, range_m, 50, float(found))
+    return MoverRow((1, 0, 0), 0, objects=[item])
+
+
+def at_10_hz(rows, name="drive"):
+    return [(name, number * SECOND // 10, row) for number, row in enumerate(rows)]
+
+
+def test_first_sweeps_are_granted_then_a_mover_must_be_found():
+    found = [False, False, True, True, False, True]
+    group = summarize_movers(at_10_hz(map(seen, found))).groups[FAST.name]
+    # The sweeps 0.3 s and more after the first.
+    assert (group.num_movers, group.num_sweeps) == (1, 3)
+    assert group.found == pytest.approx(2 / 3)
+    assert group.flicker == pytest.approx(1 / 6)
+    assert group.delay_s == pytest.approx(0.2)
+
+
+def test_order_of_rows_does_not_matter_and_recordings_are_apart():
+    rows = at_10_hz(map(seen, [True, False, True, True]))
+    rows += at_10_hz(map(seen, [False] * 4), "other")
+    summary = summarize_movers(rows)
+    assert repr(summary) == repr(summarize_movers(rows[::-1]))
+    group = summary.groups[FAST.name]
+    assert (group.num_movers, group.num_sweeps, group.found) == (2, 2, 0.5)
+    # One that is never found counts with all its time.
+    assert group.delay_s == pytest.approx(0.15)
+
+
+def test_mover_that_was_away_comes_into_view_anew():
+    rows = at_10_hz(map(seen, [True] * 4))
+    rows += [("drive", stamp + 2 * SECOND, row) for _, stamp, row in rows]
+    group = summarize_movers(rows).groups[FAST.name]
+    assert (group.num_movers, group.num_sweeps, group.flicker) == (2, 2, 0.0)
+
+
+def test_groups_are_by_speed_range_and_kind():
+    def groups(**changes):
+        return set(summarize_movers(at_10_hz([seen(True, **changes)])).groups)
+
+    assert groups() == {FAST.name, "5 to 10 m/s, to 50 m", "cars, to 50 m"}
+    assert groups(speed_m_s=1.0) == {SLOW.name, "cars, to 50 m"}
+    assert groups(range_m=51.0) == set()
+    assert groups(moves=False) == set()
+
+
+def test_time_after_a_stop_is_told():
+    moving, slow = seen(True), seen(True, 0.05, moves=False)
+    rows = [moving, moving, slow, slow, slow, slow]
+    assert summarize_movers(at_10_hz(rows)).after_stop_s == pytest.approx(0.3)
+    # A parked object that was never seen to move has not stopped.
+    assert math.isnan(summarize_movers(at_10_hz([slow] * 5)).after_stop_s)
+    assert math.isnan(summarize_movers(at_10_hz([moving] * 5)).after_stop_s)
+
+
+def test_nothing_to_judge_is_no_number():
+    assert summarize_movers([]) is None
+    summary = summarize_movers([("drive", 0, MoverRow((0, 0, 0), 0))])
+    assert math.isnan(summary.precision)
+    assert math.isnan(summary.velocity_error_m_s)
+    assert summary.groups == {}
+    assert row_of(true_motion(IDS[:0], {}), said(np.zeros(0, bool))).points == (0, 0, 0)
+
+
+def test_without_object_ids_there_are_points_but_no_objects():
+    truth = replace(true_motion(IDS, {1: 5.0}), object_id=None)
+    row = row_of(truth, said(IDS == 1))
+    assert row.points == (40, 0, 0)
+    assert row.objects == []
+
+
+def example():
+    """The sensor turns left by 6 degrees; 40 points move at 5 m/s to its left."""
+    angle = math.radians(6)
+    motion = np.eye(4)
+    motion[:2, :2] = [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]]
+    xyz = np.random.default_rng(0).uniform(5, 20, (N, 3)).astype(np.float32)
+    dynamic = IDS == 1
+    moved = xyz + np.where(dynamic[:, None], np.float32([0, 0.5, 0]), np.float32(0))
+    flow = (moved @ motion[:3, :3].T).astype(np.float32) - xyz
+    truth = FlowTruth(
+        stamp_ns=small.stamp(1),
+        flow=flow,
+        valid=np.ones(N, bool),
+        dynamic=dynamic,
+        ground=np.zeros(N, bool),
+        class_id=np.full(N, 6, np.uint8),
+        object_id=IDS.astype(np.uint32),
+    )
+    sweeps = (Sweep(xyz, small.stamp(number)) for number in range(3))
+    return Example("drive", 1, SweepTriplet(*sweeps, next_from_current=motion), truth), flow
+
+
+def test_rows_of_a_run_have_movers_and_come_back_from_json():
+    one, flow = example()
+    tracks = np.where(IDS == 1, 3, 0).astype(np.int32)
+    over_ground = said(IDS == 1, tracks=tracks, objects=(track(3, (0, 5, 0)),))
+    row = scored_row(one, "online", FlowEstimate(flow, np.ones(N, bool), over_ground=over_ground))
+    assert row.movers.points == (40, 0, 0)
+    (item,) = row.movers.objects
+    # Over ground and in the axes of the current sweep, whatever the sensor does.
+    assert item.speed_m_s == pytest.approx(5.0, abs=1e-4)
+    assert item.velocity_error_m_s == pytest.approx(0.0, abs=1e-4)
+    assert from_json(to_json(row), ResultRow).movers == row.movers
+    assert scored_row(one, "mnsf", FlowEstimate(flow, np.ones(N, bool))).movers is None
+
+
+def test_tables_and_csv_tell_of_movers():
+    one, flow = example()
+    kept = np.ones(N, bool)
+    rows = [
+        scored_row(one, "online", FlowEstimate(flow, kept, over_ground=said(IDS == 1))),
+        scored_row(one, "mnsf", FlowEstimate(flow, kept)),
+    ]
+    summaries = summarize(rows)
+    titles = [table.title for table in main_tables(summaries)]
+    assert any(title.startswith("Points called dynamic") for title in titles)
+    assert "Objects that move, of 20 points and more" in titles
+    assert any("cars" in row[0] for table in further_tables(summaries) for row in table.rows)
+    assert confidence_table(summaries).header == ["method", "from 0.95"]
+    assert not any("called" in table.title for table in main_tables(summarize(rows[1:])))
+
+
+def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
+    bag = small.write_recording(tmp_path / "drive", 4)
+    options = small.options()
+    methods = small.methods_of(["online", "ego"], options)
+    folder = start_or_resume(
+        tmp_path / "out", [small.recording_at(bag)], methods, options, resume=False
+    )
+    one, flow = example()
+    rows = [
+        scored_row(one, "online", FlowEstimate(flow, flow[:, 0] < 9, over_ground=said(IDS == 1))),
+        scored_row(one, "ego", FlowEstimate(flow, flow[:, 0] < 9)),
+    ]
+    text = results_csv(results_of(folder.read_record(), rows))
+    online, ego = (
+        [line for line in csv.DictReader(io.StringIO(text)) if line["method"] == name]
+        for name in ("online", "ego")
+    )
+    header = text.partition("\n")[0].split(",")
+    assert header.index("git_commit") < header.index("precision")
+    assert all(line["precision"] == "1.0" and line["fast_found"] == "" for line in online)
+    assert online[0]["fast_delay_s"] == "0.0"
+    assert all(line["precision"] == line["slow_found"] == "" for line in ego)
