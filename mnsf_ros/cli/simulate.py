@@ -19,7 +19,7 @@ _OPTIONS = {
     "dropout": ("SHARE", "share of returns that are dropped"),
     "ego_speed_m_s": ("M/S", "speed of the vehicle with the lidar"),
     "max_range_m": ("M", "maximum range of the lidar"),
-    "scenario": ("NAME", f"traffic: {', '.join(SCENARIOS)}"),
+    "scenario": ("NAME", f"street and traffic: {', '.join(SCENARIOS)}"),
 }
 
 

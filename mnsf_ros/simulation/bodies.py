@@ -37,11 +37,13 @@ class Shape:
     """One solid of a body, with half sizes in metres along its own x, y and z.
 
     A cylinder stands along z with radius `half_extents[0]`; a sphere has radius `half_extents[0]`.
+    Glass returns only rays that meet it squarely, along its own y; others go through.
     """
 
     kind: ShapeKind
     half_extents: tuple[float, float, float]
     body_from_shape: FloatArray
+    is_glass: bool = False
 
 
 def box(

@@ -17,22 +17,29 @@ if TYPE_CHECKING:
 
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
 MIN_RANGE_M = 0.9
+# Glass returns rays within 15 degrees of its normal.
+_GLASS_COSINE = 0.966
 
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of one revolution in the lidar frame, as C azimuth columns of B beams.
+    """The rays of a revolution or a part of one in the lidar frame: C azimuth columns of B beams.
 
-    Columns run from -pi to pi. Elevations (B,) are in radians, increasing: beam 0 points lowest.
+    Columns run from `start` (radians) to the left, so many `per_turn`. Elevations (B,) are in
+    radians, increasing: beam 0 points lowest.
     """
 
     cos_azimuth: FloatArray
     sin_azimuth: FloatArray
     elevations: FloatArray
+    start: float
+    per_turn: int
 
     @classmethod
-    def revolution(cls, num_columns: int, num_beams: int, phase: float) -> Rays:
-        """Returns evenly spaced columns, the first `phase` (0 to 1) of a step behind -pi.
+    def sector(
+        cls, start: float, num_columns: int, per_turn: int, num_beams: int, phase: float
+    ) -> Rays:
+        """Returns evenly spaced columns, the first `phase` (0 to 1) of a step behind the start.
 
         As in a common 64-beam sensor the upper half of the beams is packed more densely.
         """
@@ -40,9 +47,14 @@ class Rays:
         step = (_KNEE_DEG - _BOTTOM_DEG) / half
         lower = np.linspace(_BOTTOM_DEG, _KNEE_DEG - step, half)
         upper = np.linspace(_KNEE_DEG, _TOP_DEG, num_beams - half)
-        azimuth = -math.pi + (np.arange(num_columns) + phase) * (2 * math.pi / num_columns)
+        azimuth = start + (np.arange(num_columns) + phase) * (2 * math.pi / per_turn)
         elevations = np.radians(np.concatenate([lower, upper]))
-        return cls(np.cos(azimuth), np.sin(azimuth), elevations)
+        return cls(np.cos(azimuth), np.sin(azimuth), elevations, start, per_turn)
+
+    @classmethod
+    def revolution(cls, num_columns: int, num_beams: int, phase: float) -> Rays:
+        """Returns the columns of a whole turn that begins at -pi."""
+        return cls.sector(-math.pi, num_columns, num_columns, num_beams, phase)
 
     def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
         """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
@@ -68,6 +80,8 @@ class ShapeTable:
         self.half_extents = np.array([shape.half_extents for shape in shapes]).reshape(-1, 3)
         self.body_of_shape = np.array(body_of_shape, dtype=np.int32)
         self._kinds = [shape.kind for shape in shapes]
+        self._are_glass = [shape.is_glass for shape in shapes]
+        self._radii = np.linalg.norm(self.half_extents, axis=1)
         self._poses = np.array([shape.body_from_shape for shape in shapes]).reshape(-1, 4, 4)
 
     def cast(
@@ -84,7 +98,8 @@ class ShapeTable:
         poses = lidar_from_body[self.body_of_shape] @ self._poses
         nearest = self._nearest(poses)
         order = np.argsort(nearest, kind="stable")
-        for k in order[nearest[order] < max_range_m]:
+        seen = (nearest < max_range_m) & self._may_be_in(rays, poses)
+        for k in order[seen[order]]:
             for window in _windows(poses[k], self.half_extents[k], rays, float(nearest[k])):
                 block = ranges[window]
                 # Shapes come nearest first, so most of what is far is already hidden.
@@ -103,19 +118,32 @@ class ShapeTable:
         nearest: FloatArray = np.linalg.norm(outside, axis=1)
         return nearest
 
+    def _may_be_in(self, rays: Rays, poses: FloatArray) -> NDArray[np.bool_]:
+        """Returns (K,) whether any of the columns can meet a sphere around the shape."""
+        half = math.pi * len(rays.cos_azimuth) / rays.per_turn
+        x, y = poses[:, 0, 3], poses[:, 1, 3]
+        apart = np.arctan2(y, x) - (rays.start + half)
+        apart = np.abs((apart + math.pi) % (2 * math.pi) - math.pi)
+        reach = np.arcsin(np.minimum(self._radii / np.maximum(np.hypot(x, y), 1e-9), 1.0))
+        is_around = np.hypot(x, y) <= self._radii
+        return np.asarray(is_around | (apart <= half + reach + 2 * math.pi * 2 / rays.per_turn))
+
     def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
         """Returns where the window's rays enter shape k, in metres; `inf` for those that miss."""
         shape_from_lidar = pose[:3, :3].T
         origin = shape_from_lidar @ -pose[:3, 3]
         directions = rays.directions(shape_from_lidar, window)
-        return entry_ranges(self._kinds[k], self.half_extents[k], origin, directions)
+        entry = entry_ranges(self._kinds[k], self.half_extents[k], origin, directions)
+        if self._are_glass[k]:
+            return np.where(np.abs(directions[1]) >= _GLASS_COSINE, entry, np.inf)
+        return entry
 
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -> list[Window]:
-    """Returns the columns and beams that can meet a bounding box; two windows across pi."""
+    """Returns the columns and beams that can meet a bounding box; two windows across the start."""
     corners = (_CORNERS * half) @ pose[:3, :3].T + pose[:3, 3]
     beams = _beams(corners, rays, nearest_m)
     center = math.atan2(pose[1, 3], pose[0, 3])
@@ -123,18 +151,16 @@ def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -
     azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
     low, high = float(azimuth.min()), float(azimuth.max())
     num_columns = len(rays.cos_azimuth)
+    per_radian = rays.per_turn / (2 * math.pi)
+    first = math.floor((center + low - rays.start) * per_radian) - 1
+    last = math.ceil((center + high - rays.start) * per_radian) + 1
     # From above or inside a box its corners surround the lidar: no interval covers it.
-    if high - low >= math.pi - 0.1:
+    if high - low >= math.pi - 0.1 or last - first >= rays.per_turn:
         return [(slice(0, num_columns), beams)]
-    per_radian = num_columns / (2 * math.pi)
-    first = math.floor((center + low + math.pi) * per_radian) - 1
-    last = math.ceil((center + high + math.pi) * per_radian) + 1
-    if last - first >= num_columns:
-        return [(slice(0, num_columns), beams)]
-    first, last = first % num_columns, last % num_columns
-    if first < last:
-        return [(slice(first, last), beams)]
-    return [(slice(first, num_columns), beams), (slice(0, last), beams)]
+    turns = first // rays.per_turn * rays.per_turn
+    parts = [(first - turns, last - turns), (0, last - turns - rays.per_turn)]
+    columns = [slice(begin, min(end, num_columns)) for begin, end in parts]
+    return [(part, beams) for part in columns if part.start < part.stop]
 
 
 def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mnsf_ros.recording.flow_truth import SurfaceClass
@@ -84,6 +86,20 @@ def lorry(rng: np.random.Generator) -> Model:
         box((-half + 0.8, -half + 2.4), (-1.15, 1.15), (0.05, 0.9)),
     )
     return Model(SurfaceClass.LARGE_VEHICLE, shapes, length, 2.5, rng.uniform(60.0, 120.0))
+
+
+def bus_front(rng: np.random.Generator) -> Model:
+    """Returns the front part of an articulated bus; its end, at the joint, is nobody's alone."""
+    roof, reflectivity = rng.uniform(2.9, 3.1), rng.uniform(60.0, 120.0)
+    shapes = (box((-4.4, 4.4), (-1.25, 1.25), (0.3, roof)),)
+    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 7.2, 2.5, reflectivity)
+
+
+def bus_rear(rng: np.random.Generator) -> Model:
+    """Returns the rear part of an articulated bus, which follows 9 m behind the front part."""
+    roof, reflectivity = rng.uniform(2.9, 3.1), rng.uniform(60.0, 120.0)
+    shapes = (box((-4.2, 4.2), (-1.25, 1.25), (0.3, roof)),)
+    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 7.2, 2.5, reflectivity)
 
 
 def tree(rng: np.random.Generator) -> Model:
@@ -176,3 +192,35 @@ def house(rng: np.random.Generator, width_m: float) -> Model:
         shapes.append(box((step, step + 1.6), (wall - 0.5, wall), (0.0, 0.3)))
     depth = HOUSE_DEPTH_M + _PORCH_M
     return Model(SurfaceClass.BUILDING, tuple(shapes), width_m, depth, rng.uniform(45.0, 120.0))
+
+
+def shop(rng: np.random.Generator) -> Model:
+    """Returns a shop of 9 m width whose windows face -y, 4.5 m before its middle."""
+    depth, wall = 4.0, -4.5
+    back, reflectivity = wall + depth, rng.uniform(45.0, 120.0)
+    pane = box((-4.0, 4.0), (wall + 0.1, wall + 0.12), (0.5, 2.6))
+    shapes = [
+        box((-4.5, 4.5), (wall, wall + 0.3), (0.0, 0.5)),
+        box((-4.5, 4.5), (wall, wall + 0.3), (2.6, 7.0)),
+        box((-4.5, 4.5), (back, back + 0.2), (0.0, 7.0)),
+        *(box((x - 0.25, x + 0.25), (wall, wall + 0.3), (0.5, 2.6)) for x in (-4.25, 0.0, 4.25)),
+        replace(pane, is_glass=True),
+    ]
+    for x in np.arange(-3.6, 3.7, 1.2).tolist():
+        y, height = rng.uniform(wall + 0.6, back - 0.4), rng.uniform(0.8, 1.9)
+        shapes.append(box((x - 0.3, x + 0.3), (y - 0.15, y + 0.15), (0.0, height)))
+    return Model(SurfaceClass.BUILDING, tuple(shapes), 9.0, 9.0, reflectivity)
+
+
+def tunnel(rng: np.random.Generator) -> Model:
+    """Returns 20 m of a tunnel along x, 12 m wide and 5 m high, with a niche and a lamp."""
+    niche = rng.uniform(-8.0, 6.0)
+    shapes = (
+        box((-10.0, niche), (6.0, 6.4), (0.0, 5.0)),
+        box((niche, niche + 2.0), (6.8, 7.2), (0.0, 5.0)),
+        box((niche + 2.0, 10.0), (6.0, 6.4), (0.0, 5.0)),
+        box((-10.0, 10.0), (-6.4, -6.0), (0.0, 5.0)),
+        box((-10.0, 10.0), (-7.0, 7.2), (5.0, 5.4)),
+        box((-0.6, 0.6), (-0.2, 0.2), (4.8, 5.0)),
+    )
+    return Model(SurfaceClass.BUILDING, shapes, 20.0, 14.4, rng.uniform(40.0, 60.0))

@@ -38,8 +38,10 @@ def write_recording(
     with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
         for index, sweep in enumerate(simulate_sweeps(settings)):
             columns: dict[str, NDArray[Any]] = {"intensity": sweep.intensity, "ring": sweep.ring}
+            if sweep.times_ns is not None:
+                columns["t"] = sweep.times_ns
             # The last sweep has no next sweep in which its points could be found.
-            valid = np.full(len(sweep.xyz), index + 1 < settings.num_sweeps)
+            valid = sweep.valid & (index + 1 < settings.num_sweeps)
             truth = FlowTruth(
                 sweep.stamp_ns,
                 sweep.flow,
@@ -47,7 +49,7 @@ def write_recording(
                 sweep.dynamic,
                 sweep.ground,
                 sweep.class_id,
-                # The ground, body -1, is no object.
+                # Ground and drops of rain, body -1, are no object.
                 (sweep.body + 1).astype(np.uint32),
             )
             writer.write_sweep(sweep.xyz, columns, truth, sweep.world_from_sensor, LIDAR_FRAME)

@@ -16,6 +16,8 @@ from mnsf_ros.simulation.routes import (
     draw_sway,
     drive_with_stops,
 )
+from mnsf_ros.simulation.scenarios import STAGES, Sensor
+from mnsf_ros.simulation.stage import staged_bodies
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
 from mnsf_ros.simulation.street_that_hurts import (
     add_lorry,
@@ -36,15 +38,18 @@ _CROSSING_SPACING_M = 160.0
 
 @dataclass(frozen=True)
 class Scene:
-    """Street, everything on it, and the vehicle that carries the lidar."""
+    """Street, everything on it, the vehicle that carries the lidar, and how that sees."""
 
     street: Street
     bodies: tuple[Body, ...]
     ego: EgoMotion
+    sensor: Sensor
 
 
 def build_scene(settings: SimulationSettings) -> Scene:
     """Returns the scene of a recording; equal settings give equal scenes."""
+    if (stage := STAGES.get(settings.scenario)) is not None:
+        return Scene(*staged_bodies(stage, settings), stage.sensor)
     # A generator of its own for each part: more cars do not change the houses.
     ground, statics, movers = np.random.default_rng([settings.seed, 0]).spawn(3)
     speed = settings.ego_speed_m_s
@@ -59,13 +64,14 @@ def build_scene(settings: SimulationSettings) -> Scene:
     profile, stops = drive_with_stops(
         speed, [line - _STOP_LINE_M for line in stop_lines], ground.uniform(1.0, 1.6)
     )
-    ego = EgoMotion(Trip(route, profile, start), draw_sway(ground))
-    traffic = Traffic(street, ego.trip, settings.duration_s, movers)
+    trip = Trip(route, profile, start)
+    ego = EgoMotion(trip, draw_sway(ground))
+    traffic = Traffic(street, trip, settings.duration_s, movers)
     hurts = settings.scenario == "street_that_hurts"
     extra = scene_rng(settings.seed)
     if hurts and settings.seed % 2:
         # Before those that come along its lane: they make room.
-        add_lorry(traffic, ego, extra)
+        add_lorry(traffic, trip, extra)
     for crossing, stop in zip(street.crossings, stops, strict=True):
         traffic.add_crossing(crossing, stop)
     traffic.add_companions()
@@ -76,7 +82,7 @@ def build_scene(settings: SimulationSettings) -> Scene:
     if hurts:
         add_people(traffic, reach_x, extra)
     traffic.add_walkers(reach_x)
-    return Scene(street, (*roadside_bodies(street, statics), *traffic.bodies), ego)
+    return Scene(street, (*roadside_bodies(street, statics), *traffic.bodies), ego, Sensor())
 
 
 def _street(rng: np.random.Generator, speed_m_s: float, reach_x: float) -> Street:

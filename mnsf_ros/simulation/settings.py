@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.simulation.scenarios import STAGES
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", "street_that_hurts")
+SCENARIOS = ("street", "street_that_hurts", *STAGES)
 _RANGES = {
     "seed": (0, 2**63 - 1),
     "duration_s": (0.1, 120),
@@ -35,9 +36,9 @@ class SimulationSettings:
         dropout: Share of returns that are lost, at least 0 and below 1.
         ego_speed_m_s: Cruising speed of the vehicle that carries the lidar, 0 to 20 m/s.
         max_range_m: Returns from farther away are lost, 5 to 300 m.
-        scenario: The traffic, one of `SCENARIOS`: the usual street, or one with movers that are
-            hard to find (people along walls and between parked cars, slow walkers, scooters
-            beside parked rows, with odd seeds a lorry alongside).
+        scenario: One of `SCENARIOS`: the usual street; one with movers that are hard to find
+            (people along walls and between parked cars, slow walkers, scooters beside parked
+            rows, with odd seeds a lorry alongside); or one of the staged ones.
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range.

@@ -88,6 +88,7 @@ class Street:
     start_x: float
     end_x: float
     crossings: tuple[Crossing, ...]
+    half_width_m: float = ROAD_HALF_WIDTH_M
 
     def lane(self, lateral: float, *, forward: bool) -> Route:
         """Returns the route at a lateral offset, toward +x if `forward`, otherwise toward -x."""
@@ -107,7 +108,7 @@ class Street:
 
     def is_raised(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """Tells which (x, y) of any shape belong to the sidewalk rather than the asphalt."""
-        raised = np.abs(self.centerline.lateral(x, y)) > ROAD_HALF_WIDTH_M
+        raised = np.abs(self.centerline.lateral(x, y)) > self.half_width_m
         for crossing in self.crossings:
             raised &= np.abs(crossing.along(x, y)) > SIDE_ROAD_HALF_WIDTH_M
         return raised

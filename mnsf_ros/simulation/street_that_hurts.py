@@ -15,7 +15,6 @@ from mnsf_ros.simulation.street import FACADE_LATERAL_M, LANE_LATERAL_M, PARKING
 from mnsf_ros.simulation.traffic import steady_trip
 
 if TYPE_CHECKING:
-    from mnsf_ros.simulation.routes import EgoMotion
     from mnsf_ros.simulation.street import Street
     from mnsf_ros.simulation.traffic import Traffic
 
@@ -28,13 +27,13 @@ _STEP_OUT_LATERAL_M = PARKING_LATERAL_M - 1.3
 _SIDES = (1.0, -1.0)
 
 
-def add_lorry(traffic: Traffic, ego: EgoMotion, rng: np.random.Generator) -> None:
+def add_lorry(traffic: Traffic, ego: Trip, rng: np.random.Generator) -> None:
     """Adds a lorry that drives the ego vehicle's trip one lane to the left, a little behind."""
     route = traffic.street.lane(LANE_LATERAL_M, forward=True)
-    x, y, _ = ego.trip.planar(np.zeros(1))[0]
+    x, y, _ = ego.planar(np.zeros(1))[0]
     start_m = route.arc_nearest(float(x), float(y))
     trips = (
-        Trip(route, ego.trip.profile, start_m + shift_m)
+        Trip(route, ego.profile, start_m + shift_m)
         for shift_m in rng.uniform(-4.0, 2.0) + np.array([0.0, -3.0, 3.0])
     )
     traffic.add_first_free(models.lorry(rng), trips)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
 from mnsf_ros.simulation.ground import ground_hits, intensities
-from mnsf_ros.simulation.lidar import Rays, ShapeTable
+from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
 from mnsf_ros.simulation.scene import Scene, build_scene
 
 if TYPE_CHECKING:
@@ -23,23 +25,32 @@ if TYPE_CHECKING:
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
 FIRST_STAMP_NS = 1_716_451_200_000_000_000
 _ALL = (slice(None), slice(None))
+# The points of a rolling sweep are measured in so many moments: every 7 degrees.
+_NUM_PARTS = 50
+_FARTHEST_DROP_M = 8.0
+# Share of the rays that a drop returns, for each share of light that is lost per metre.
+_DROPS_PER_LOSS = 0.5
 
 
 @dataclass(frozen=True)
 class SimulatedSweep:
-    """One revolution of the lidar, taken in an instant, with the motion of every point.
+    """One sweep of the lidar, with the motion of every point.
 
-    N is the number of returned points; all coordinates are in the lidar frame of this sweep
-    (x forward, y left, z up), except that the flow leads into the next sweep's lidar frame.
+    N is the number of returned points; all coordinates are in the lidar frame of the moment when
+    the point was measured (x forward, y left, z up). The flow leads to where the same surface is
+    one interval later, in the lidar frame of that moment.
 
     Attributes:
         xyz: (N, 3) measured points in metres.
         intensity: (N,) from 0 to 255.
         ring: (N,) beam number, 0 is the lowest.
         flow, dynamic, ground, class_id: As in `FlowTruth`.
-        body: (N,) number of the body in the scene, -1 for ground.
+        body: (N,) number of the body in the scene, -1 for ground and drops of rain.
+        valid: (N,) whether the point is on a surface, and no drop of rain.
         stamp_ns: Time of the sweep in nanoseconds.
-        world_from_sensor: (4, 4) pose of the lidar.
+        world_from_sensor: (4, 4) pose of the lidar at the stamp.
+        times_ns: (N,) nanoseconds from the stamp to when each point was measured; None if the
+            sweep is taken in an instant.
     """
 
     xyz: NDArray[np.float32]
@@ -50,8 +61,10 @@ class SimulatedSweep:
     ground: NDArray[np.bool_]
     class_id: NDArray[np.uint8]
     body: NDArray[np.int32]
+    valid: NDArray[np.bool_]
     stamp_ns: int
     world_from_sensor: FloatArray
+    times_ns: NDArray[np.uint32] | None = None
 
 
 def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
@@ -85,11 +98,50 @@ class SweepSimulator:
         settings = self.settings
         time_s = index * settings.interval_s
         rng = np.random.default_rng([settings.seed, 1, index])
+        parts = list(self._parts(index, rng))
+        taken = [self._measured(rays, time_s + after_s, rng) for rays, after_s in parts]
+        columns = {name: np.concatenate([part[name] for part in taken]) for name in taken[0]}
+        times_ns = None
+        if self.scene.sensor.is_rolling:
+            after_ns = np.array([round(after_s * 1e9) for _, after_s in parts], np.uint32)
+            times_ns = np.repeat(after_ns, [len(part["xyz"]) for part in taken])
+        return SimulatedSweep(
+            **columns,
+            stamp_ns=FIRST_STAMP_NS + round(index * 1e9 / settings.rate_hz),
+            world_from_sensor=self.scene.ego.world_from_sensor(time_s),
+            times_ns=times_ns,
+        )
+
+    def _parts(self, index: int, rng: np.random.Generator) -> Iterator[tuple[Rays, float]]:
+        """Yields the rays that are sent at a time, and how many seconds after the stamp that is."""
+        settings, sensor = self.settings, self.scene.sensor
         # Real lidars do not start each revolution at the same angle: without this a standing
         # vehicle would measure the very same points again and again.
-        rays = Rays.revolution(settings.num_columns, settings.num_beams, rng.uniform())
+        phase = rng.uniform()
+        per_turn, num_beams = settings.num_columns, settings.num_beams
+        if not sensor.is_rolling:
+            yield Rays.revolution(per_turn, num_beams, phase), 0.0
+            return
+        num_columns = round(per_turn * sensor.degrees / 360)
+        first = index * num_columns
+        edges = np.linspace(0, num_columns, _NUM_PARTS + 1).round().astype(int).tolist()
+        for begin, end in pairwise(edges):
+            # The lidar turns to the right, so the last column of a part is the leftmost of it.
+            start = -(first + end) % per_turn * 2 * math.pi / per_turn
+            rays = Rays.sector(start, end - begin, per_turn, num_beams, phase)
+            yield rays, (begin + end) / 2 / num_columns * settings.interval_s
+
+    def _measured(
+        self, rays: Rays, time_s: float, rng: np.random.Generator
+    ) -> dict[str, NDArray[Any]]:
+        """Returns what is measured at a time: the arrays of a SimulatedSweep by their names."""
+        settings, rain_per_m = self.settings, self.scene.sensor.rain_per_m
         world_from_sensor = self.scene.ego.world_from_sensor(time_s)
         ranges, body, class_id = self._first_hits(rays, time_s, world_from_sensor)
+        valid: NDArray[np.bool_] = np.ones(len(ranges), dtype=bool)
+        if rain_per_m:
+            valid = _add_rain(ranges, rain_per_m, rng)
+            body[~valid], class_id[~valid] = -1, 0
         kept = np.flatnonzero(ranges <= settings.max_range_m)
         kept = kept[rng.uniform(size=len(kept)) >= settings.dropout]
         directions = np.stack(rays.directions(np.eye(3), _ALL), axis=-1).reshape(-1, 3)[kept]
@@ -98,19 +150,18 @@ class SweepSimulator:
         body, class_id = body[kept], class_id[kept]
         flow, dynamic = self._truth(xyz.astype(np.float64), body, time_s)
         world = apply(world_from_sensor, directions * ranges[kept, None])
-        intensity = intensities(self.scene.street, world, class_id, self._reflectivity[body], rng)
-        return SimulatedSweep(
-            xyz=xyz,
-            intensity=intensity,
-            ring=(kept % settings.num_beams).astype(np.uint16),
-            flow=flow,
-            dynamic=dynamic,
-            ground=(class_id == SurfaceClass.ROAD) | (class_id == SurfaceClass.SIDEWALK),
-            class_id=class_id,
-            body=body,
-            stamp_ns=FIRST_STAMP_NS + round(index * 1e9 / settings.rate_hz),
-            world_from_sensor=world_from_sensor,
-        )
+        street, reflectivity = self.scene.street, self._reflectivity[body]
+        return {
+            "xyz": xyz,
+            "intensity": intensities(street, world, class_id, reflectivity, rng),
+            "ring": (kept % settings.num_beams).astype(np.uint16),
+            "flow": flow,
+            "dynamic": dynamic,
+            "ground": (class_id == SurfaceClass.ROAD) | (class_id == SurfaceClass.SIDEWALK),
+            "class_id": class_id,
+            "body": body,
+            "valid": valid[kept],
+        }
 
     def _first_hits(
         self, rays: Rays, time_s: float, world_from_sensor: FloatArray
@@ -148,3 +199,14 @@ class SweepSimulator:
         flow = apply(invert(ego.world_from_sensor(then)), moved) - points
         speed = np.linalg.norm(moved - world, axis=1) / interval_s
         return flow.astype(np.float32), speed > DYNAMIC_SPEED_M_S
+
+
+def _add_rain(ranges: FloatArray, loss_per_m: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Takes returns away and puts drops near the lidar, in place; says which are surfaces still."""
+    # There and back again.
+    is_lost = rng.uniform(size=len(ranges)) < 1.0 - np.exp(-2.0 * loss_per_m * ranges)
+    ranges[is_lost] = np.inf
+    drops_m = rng.uniform(MIN_RANGE_M, _FARTHEST_DROP_M, len(ranges))
+    is_drop = (rng.uniform(size=len(ranges)) < _DROPS_PER_LOSS * loss_per_m) & (drops_m < ranges)
+    ranges[is_drop] = drops_m[is_drop]
+    return ~is_drop

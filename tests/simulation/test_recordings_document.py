@@ -6,7 +6,8 @@ from pathlib import Path
 
 from mnsf_ros.recording import bag_topics
 from mnsf_ros.recording.flow_truth import SurfaceClass
-from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.scenarios import STAGES
+from mnsf_ros.simulation.settings import SCENARIOS, SimulationSettings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "recordings.md").read_text(encoding="utf-8")
 
@@ -30,3 +31,10 @@ def test_topics_and_frames_are_documented():
     for name, value in vars(bag_topics).items():
         if name.endswith(("_TOPIC", "_FRAME")):
             assert f"`{value}`" in TEXT, name
+
+
+def test_every_scenario_is_documented():
+    for name in SCENARIOS:
+        assert f"`{name}`" in TEXT, name
+    for name, stage in STAGES.items():
+        assert f"| `{name}` | {stage.text} |" in TEXT
