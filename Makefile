@@ -21,7 +21,7 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup demo test lint pins benchmark benchmark-online config clean
+.PHONY: setup demo test lint pins benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -56,6 +56,10 @@ benchmark: $(READY)
 # The online preset against its targets, live node included; half an hour on two quiet cores.
 benchmark-online: $(READY)
 	$(BIN)/python benchmarks/online_targets.py --document docs/performance.md $(BENCHMARK_OPTIONS)
+
+# How well movers are found and followed, against targets; some minutes.
+benchmark-movers: $(READY)
+	$(BIN)/python benchmarks/movers.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.
 config: $(READY)

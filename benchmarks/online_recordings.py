@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps
 from mnsf_ros.sweeps.sweep import Sweep
@@ -33,6 +35,7 @@ class TrueSweep:
         scored: (N,) bool: labelled, not ground.
         ground: (N,) bool.
         body: (N,) int, what the points belong to, the same number in all sweeps; -1 is nothing.
+        class_id: (N,) `SurfaceClass`, 0 if unknown.
     """
 
     sweep: Sweep
@@ -42,6 +45,7 @@ class TrueSweep:
     scored: NDArray[np.bool_] | None = None
     ground: NDArray[np.bool_] | None = None
     body: NDArray[np.integer[Any]] | None = None
+    class_id: NDArray[np.uint8] | None = None
 
 
 def real_sweeps(name: str) -> list[TrueSweep]:
@@ -68,8 +72,19 @@ def _real(path: Path) -> TrueSweep:
         scored,
         arrays["is_ground"],
         arrays["box_track_id"],
+        _classes(path, arrays["box_track_id"]),
     )
     return TrueSweep(sweep, arrays["pose"], *truth)
+
+
+def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
+    """Kinds of the points of a sweep, by the boxes beside it."""
+    boxes = json.loads((path.parent / "boxes.json").read_text())
+    known = {box["track_id"]: box["cls"] for sweep in boxes.values() for box in sweep}
+    class_id = np.zeros(len(tracks), np.uint8)
+    for track_id, name in known.items():
+        class_id[tracks == track_id] = KITTI.get(name, UNKNOWN)
+    return class_id
 
 
 def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[TrueSweep]:
@@ -84,6 +99,7 @@ def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[True
             ~item.ground,
             item.ground,
             item.body,
+            item.class_id,
         )
         for item in simulate_sweeps(simulation)
     ]
