@@ -26,7 +26,13 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, MoverSummary
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import TextTable, confidence_table, movers_table, objects_table
+from mnsf_ros.evaluation.tables import (
+    TextTable,
+    confidence_table,
+    losses_table,
+    movers_table,
+    objects_table,
+)
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -166,6 +172,7 @@ def tables(half: str, summaries: list[MethodSummary]) -> Iterator[TextTable]:
     for table in (
         movers_table(summaries),
         objects_table(summaries, MOVER_GROUPS),
+        losses_table(summaries),
         confidence_table(summaries),
     ):
         if table is not None:

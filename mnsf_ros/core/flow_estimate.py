@@ -11,6 +11,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.reason import Reason
+
 
 class Start(Enum):
     """Where an estimate took its first weights from, and if from nowhere, why."""
@@ -125,6 +127,8 @@ class FlowEstimate:
         distance_kind: `grid` or `tree`; empty for methods that have neither.
         over_ground: The same without the sensor's own motion, of methods that know it.
         num_left_out: Objects that there was no room to look at: they count as standing.
+        reason_of: Says of rows (M,) of one thing why it was called dynamic or not, of methods that
+            know objects.
     """
 
     flow: NDArray[np.float32]
@@ -136,6 +140,7 @@ class FlowEstimate:
     distance_kind: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
+    reason_of: Callable[[NDArray[np.int64]], Reason] | None = None
 
     @property
     def time_ms(self) -> float:

@@ -8,16 +8,19 @@ dynamic in truth, and as found if at least half of them are called dynamic.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
+from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.recording.flow_truth import SurfaceClass
-from mnsf_ros.sweeps.sweep import NANOSECONDS
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 # Flow that is less wrong deserves its confidence.
 _CLOSE_M: Final = 0.1
@@ -33,6 +36,22 @@ _MAX_AWAY_S: Final = 0.5
 _SETTLED_S: Final = 0.5
 _MIN_DIRECTED_M_S: Final = 1.0
 _TINY_S: Final = 1e-3
+# From a start that is less wrong, a fit should find the motion.
+_GOOD_START_M: Final = 0.3
+
+
+class LostBy(Enum):
+    """What lost a mover: the step of the method at which it went astray."""
+
+    NO_OBJECT = "no object"
+    TOO_FEW_POINTS = "too few points"
+    TOO_LARGE = "too large"
+    NOT_SUSPECTED = "not suspected"
+    LEFT_OUT = "left out"
+    VOTE = "vote"
+    FIT = "fit"
+    GATE = "gate"
+    PARTLY = "found in part"
 
 
 @dataclass(frozen=True)
@@ -50,6 +69,8 @@ class ObjectRow:
         velocity_error_m_s: Of the tracked object that its points belong to, if that has been
             followed for 0.5 s; else NaN.
         direction_error_rad: Likewise, from 1 m/s on.
+        place_m: Median x and y of its points, sensor frame.
+        lost_by: Of a mover that is not found, what lost it; None if the method does not say.
     """
 
     object_id: int
@@ -61,6 +82,8 @@ class ObjectRow:
     called: float
     velocity_error_m_s: float = math.nan
     direction_error_rad: float = math.nan
+    place_m: tuple[float, float] = (math.nan, math.nan)
+    lost_by: LostBy | None = None
 
     @property
     def is_found(self) -> bool:
@@ -97,6 +120,7 @@ class TrueMotion:
         dynamic: (M,) bool.
         class_id: (M,) `SurfaceClass`, 0 if unknown.
         object_id: (M,) number of the object, 0 for points of none; None if nobody knows.
+        interval_s: Time to the next sweep.
     """
 
     xyz: NDArray[np.float32]
@@ -104,6 +128,7 @@ class TrueMotion:
     dynamic: NDArray[np.bool_]
     class_id: NDArray[np.uint8]
     object_id: NDArray[Any] | None
+    interval_s: float = USUAL_INTERVAL_S
 
 
 def mover_row(
@@ -111,11 +136,12 @@ def mover_row(
     said: OverGround,
     rows: NDArray[np.int64],
     errors_m: NDArray[np.float64],
+    reason_of: Callable[[NDArray[np.int64]], Reason] | None = None,
 ) -> MoverRow:
     """Compares what an estimate says of points with the truth.
 
     `rows` (M,) are those of the estimate that belong to the points of the truth, `errors_m` (M,)
-    the end point errors of their flow.
+    the end point errors of their flow; `reason_of` as in `FlowEstimate`.
     """
     called = said.dynamic[rows]
     counts = (called & truth.dynamic, called & ~truth.dynamic, ~called & truth.dynamic)
@@ -125,7 +151,10 @@ def mover_row(
         points=(right, wrong, missed),
         num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], truth.dynamic[called]),
         confidence=_by_confidence(said.confidence[rows][called], errors_m[called] < _CLOSE_M),
-        objects=list(_object_rows(truth, called, tracks, said.objects)),
+        objects=[
+            item if reason_of is None else _with_loss(item, truth, own, reason_of(rows[own]))
+            for item, own in _object_rows(truth, called, tracks, said.objects)
+        ],
     )
 
 
@@ -163,7 +192,8 @@ def _object_rows(
     called: NDArray[np.bool_],
     tracks: NDArray[np.int32],
     objects: Sequence[TrackedObject],
-) -> Iterator[ObjectRow]:
+) -> Iterator[tuple[ObjectRow, NDArray[np.int64]]]:
+    """Each object that moves or is called a mover, and its points among those of the truth."""
     if truth.object_id is None:
         return
     ids = truth.object_id
@@ -176,17 +206,41 @@ def _object_rows(
         velocity = truth.velocity[own].mean(axis=0)
         followed = tracks[own][called[own] & (tracks[own] > 0)]
         track = by_track.get(int(np.bincount(followed).argmax())) if len(followed) else None
+        error_m_s, error_rad = _velocity_errors(velocity, track)
+        x_m, y_m = np.median(truth.xyz[own, :2], axis=0).tolist()
         classes = np.bincount(truth.class_id[own])
-        yield ObjectRow(
+        item = ObjectRow(
             object_id=int(object_id),
             kind=_kind(int(classes.argmax())),
             moves=bool(moves),
             speed_m_s=float(np.linalg.norm(velocity)),
             range_m=float(np.median(np.hypot(*truth.xyz[own, :2].T.astype(np.float64)))),
+            place_m=(x_m, y_m),
             num_points=len(own),
             called=share,
-            **_velocity_errors(velocity, track),
+            velocity_error_m_s=error_m_s,
+            direction_error_rad=error_rad,
         )
+        yield item, own
+
+
+def _with_loss(
+    item: ObjectRow, truth: TrueMotion, own: NDArray[np.int64], reason: Reason
+) -> ObjectRow:
+    """The row with what lost it, if it is that of a mover that is not found."""
+    if not item.moves or item.is_found:
+        return item
+    if reason.verdict is Verdict.DYNAMIC:
+        return replace(item, lost_by=LostBy.PARTLY)
+    if reason.verdict is not Verdict.REFUSED:
+        return replace(item, lost_by=LostBy[reason.verdict.name])
+    motion = truth.velocity[own].mean(axis=0) * truth.interval_s
+    if reason.motion is not None and np.linalg.norm(reason.motion - motion) <= _CLOSE_M:
+        return replace(item, lost_by=LostBy.GATE)
+    has_started_well = (
+        reason.start is not None and np.linalg.norm(reason.start - motion) <= _GOOD_START_M
+    )
+    return replace(item, lost_by=LostBy.FIT if has_started_well else LostBy.VOTE)
 
 
 def _kind(class_id: int) -> str:
@@ -196,16 +250,16 @@ def _kind(class_id: int) -> str:
 
 def _velocity_errors(
     velocity: NDArray[np.float64], track: TrackedObject | None
-) -> dict[str, float]:
+) -> tuple[float, float]:
+    """Errors of length, m/s, and of direction, radians; NaN where there is nothing to judge."""
     if track is None or track.age_s < _SETTLED_S - _TINY_S:
-        return {}
-    found, errors = track.velocity, {}
-    errors["velocity_error_m_s"] = float(np.linalg.norm(found - velocity))
-    lengths = np.linalg.norm(found[:2]) * np.linalg.norm(velocity[:2])
-    if np.linalg.norm(velocity) >= _MIN_DIRECTED_M_S and lengths > 0:
-        cosine = float(found[:2] @ velocity[:2] / lengths)
-        errors["direction_error_rad"] = math.acos(min(1.0, max(-1.0, cosine)))
-    return errors
+        return math.nan, math.nan
+    error_m_s = float(np.linalg.norm(track.velocity - velocity))
+    found, true = track.velocity[:2], velocity[:2]
+    lengths = np.linalg.norm(found) * np.linalg.norm(true)
+    if np.linalg.norm(velocity) < _MIN_DIRECTED_M_S or lengths == 0:
+        return error_m_s, math.nan
+    return error_m_s, math.acos(min(1.0, max(-1.0, float(found @ true / lengths))))
 
 
 @dataclass(frozen=True)
@@ -286,6 +340,7 @@ class MoverSummary:
         confidence: Lower limit of a band of confidence to mean confidence, share of points with
             less than 0.1 m of error, and number of points.
         groups: Name of a group of movers to figures; those without movers are missing.
+        lost: What lost movers of 0.5 m/s and more up to 50 m, to the number of mover-sweeps.
     """
 
     precision: float
@@ -298,7 +353,10 @@ class MoverSummary:
     after_stop_s: float
     confidence: dict[str, tuple[float, float, int]]
     groups: dict[str, GroupSummary]
+    lost: dict[str, int]
 
+
+_ANY: Final = MoverGroup("0.5 m/s and faster, to 50 m")
 
 # Name of the recording, stamp of the sweep and what was said of its movers.
 StampedRow = tuple[str, int, MoverRow]
@@ -326,6 +384,13 @@ def summarize_movers(rows: Iterable[StampedRow]) -> MoverSummary | None:
         after_stop_s=max((_after_stop_s(run) for run in runs), default=math.nan),
         confidence=_calibration([row.confidence for _, _, row in rows]),
         groups={name: group for name, group in groups.items() if group is not None},
+        lost=dict(
+            Counter(
+                item.lost_by.value
+                for item in objects
+                if item.lost_by is not None and _ANY.has(item)
+            ).most_common()
+        ),
     )
 
 

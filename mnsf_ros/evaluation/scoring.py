@@ -138,8 +138,8 @@ def _with_errors(
     if estimate.over_ground is not None:
         # Turned back into the axes of the current sweep.
         velocity = own @ motion[:3, :3] / interval_s
-        known = TrueMotion(xyz, velocity, dynamic, class_id, truth.object_id)
-        movers = mover_row(known, estimate.over_ground, rows, errors_m)
+        known = TrueMotion(xyz, velocity, dynamic, class_id, truth.object_id, interval_s)
+        movers = mover_row(known, estimate.over_ground, rows, errors_m, estimate.reason_of)
     return replace(
         row,
         movers=movers,

@@ -15,7 +15,7 @@ from rich.text import Text
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, MoverGroup
+from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, LostBy, MoverGroup
 from mnsf_ros.evaluation.results import MethodSummary
 
 # Chooses the best of the values of a column: `min` or `max`.
@@ -262,6 +262,15 @@ def objects_table(
     return TextTable(header, rows, title) if rows else None
 
 
+def losses_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
+    """Returns what lost movers; None if none were lost, or nobody says why."""
+    lost = {s.method: s.movers.lost for s in summaries if s.movers is not None}
+    known = [one.value for one in LostBy if any(one.value in own for own in lost.values())]
+    rows = [[method, *(str(own.get(name, 0)) for name in known)] for method, own in lost.items()]
+    title = "Mover-sweeps in which a mover was not found, by the step that lost it (to 50 m)"
+    return TextTable(["method", *known], rows, title) if known else None
+
+
 def confidence_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     """Returns whether points called dynamic deserve their confidence; None if there are none."""
     bands = dict.fromkeys(
@@ -313,6 +322,7 @@ def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
             lambda limit: "faster" if limit == "inf" else f"{limit} m/s",
         ),
         objects_table(summaries, MOVER_GROUPS[2:]),
+        losses_table(summaries),
         confidence_table(summaries),
         work_table(summaries),
     ]

@@ -18,6 +18,7 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.motion_votes import voted_motions
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.static_gate import moves, seen_through, suspects
 from mnsf_ros.settings import Settings
@@ -86,6 +87,9 @@ class ObjectFlowEstimator:
         with clock.stage("gate"):
             free = seen_through(objects, scene.targets, moving.motions)
             is_moving = moves(standing, moving, free, self.settings.objects)
+            known = (suspected, objects, standing, start, moving, is_moving)
+            evidence = {"free space": free}
+            reasons = Reasons(scene.current, self.settings.objects, *known, evidence)
             movers, moving = objects.only(is_moving), moving.only(is_moving)
             # Objects beyond the limits of the work are as uncertain as suspects.
             is_doubtful = np.ones(len(suspected), dtype=bool)
@@ -103,6 +107,7 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=len(suspected) - len(objects),
+            reason_of=reasons,
         )
 
     def _start(

@@ -12,10 +12,12 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.movers import (
     FAST,
     SLOW,
+    LostBy,
     MoverRow,
     ObjectRow,
     TrueMotion,
@@ -27,7 +29,12 @@ from mnsf_ros.evaluation.results_files import results_csv, results_of
 from mnsf_ros.evaluation.run_folder import from_json, to_json
 from mnsf_ros.evaluation.run_start import start_or_resume
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import confidence_table, further_tables, main_tables
+from mnsf_ros.evaluation.tables import (
+    confidence_table,
+    further_tables,
+    losses_table,
+    main_tables,
+)
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -286,3 +293,50 @@ def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
     assert all(line["precision"] == "1.0" and line["fast_found"] == "" for line in online)
     assert online[0]["fast_delay_s"] == "0.0"
     assert all(line["precision"] == line["slow_found"] == "" for line in ego)
+
+
+MOVED = np.array([0.0, 0.5, 0.0])  # 5 m/s to the left for a tenth of a second
+
+
+@pytest.mark.parametrize(
+    ("reason", "lost_by"),
+    [
+        (Reason(Verdict.NO_OBJECT), LostBy.NO_OBJECT),
+        (Reason(Verdict.TOO_LARGE), LostBy.TOO_LARGE),
+        (Reason(Verdict.NOT_SUSPECTED), LostBy.NOT_SUSPECTED),
+        (Reason(Verdict.DYNAMIC), LostBy.PARTLY),
+        (Reason(Verdict.REFUSED, start=MOVED + 0.5, motion=MOVED + 0.05), LostBy.GATE),
+        (Reason(Verdict.REFUSED, start=MOVED + 0.1, motion=MOVED + 0.1), LostBy.FIT),
+        (Reason(Verdict.REFUSED, start=MOVED + 0.5, motion=MOVED + 0.1), LostBy.VOTE),
+    ],
+)
+def test_lost_mover_has_what_lost_it(reason, lost_by):
+    asked = []
+
+    def reason_of(rows):
+        asked.append(rows)
+        return reason
+
+    truth, none = true_motion(IDS, {1: 5.0}), said(np.zeros(N + 7, bool))
+    row = mover_row(truth, none, np.arange(N) + 7, np.zeros(N), reason_of)
+    (item,) = row.objects
+    assert item.lost_by is lost_by
+    assert item.place_m == (10.0, 0.0)
+    # It is asked about the rows of the estimate.
+    assert np.array_equal(asked[0], np.flatnonzero(IDS == 1) + 7)
+    summary = summarize_movers([("drive", 0, row), ("drive", 1, row)])
+    assert summary.lost == {lost_by.value: 2}
+    found = mover_row(truth, said(IDS == 1), np.arange(N), np.zeros(N), reason_of)
+    assert found.objects[0].lost_by is None
+
+
+def test_table_of_losses():
+    truth = true_motion(IDS, {1: 5.0})
+    over_ground = said(np.zeros(N, bool))
+    row = mover_row(
+        truth, over_ground, np.arange(N), np.zeros(N), lambda _: Reason(Verdict.TOO_LARGE)
+    )
+    rows = [ResultRow("drive", 1, 1, "online", N, movers=row)]
+    table = losses_table(summarize(rows))
+    assert (table.header, table.rows) == (["method", "too large"], [["online", "1"]])
+    assert losses_table(summarize([replace(rows[0], movers=None)])) is None
