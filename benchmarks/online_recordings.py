@@ -92,17 +92,21 @@ def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[True
     simulation = SimulationSettings(seed=seed, duration_s=number / 10, **settings)
     return [
         TrueSweep(
-            Sweep(item.xyz, item.stamp_ns, "lidar"),
+            Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
             item.world_from_sensor,
             item.flow,
             item.dynamic,
-            ~item.ground,
+            item.valid & ~item.ground,
             item.ground,
             item.body,
             item.class_id,
         )
         for item in simulate_sweeps(simulation)
     ]
+
+
+def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
+    return None if times_ns is None else (times_ns / 1e9).astype(np.float32)
 
 
 def to_and_fro(sweeps: Sequence[Sweep], number: int) -> Iterator[Sweep]:
