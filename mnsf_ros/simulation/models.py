@@ -213,14 +213,18 @@ def shop(rng: np.random.Generator) -> Model:
 
 
 def tunnel(rng: np.random.Generator) -> Model:
-    """Returns 20 m of a tunnel along x, 12 m wide and 5 m high, with a niche and a lamp."""
+    """Returns 20 m of a tunnel along x, 12 m wide and 5 m high, with niche, lamps and cabinets."""
     niche = rng.uniform(-8.0, 6.0)
-    shapes = (
+    shapes = [
         box((-10.0, niche), (6.0, 6.4), (0.0, 5.0)),
         box((niche, niche + 2.0), (6.8, 7.2), (0.0, 5.0)),
         box((niche + 2.0, 10.0), (6.0, 6.4), (0.0, 5.0)),
         box((-10.0, 10.0), (-6.4, -6.0), (0.0, 5.0)),
         box((-10.0, 10.0), (-7.0, 7.2), (5.0, 5.4)),
-        box((-0.6, 0.6), (-0.2, 0.2), (4.8, 5.0)),
-    )
-    return Model(SurfaceClass.BUILDING, shapes, 20.0, 14.4, rng.uniform(40.0, 60.0))
+        *(box((x - 0.6, x + 0.6), (-0.2, 0.2), (4.7, 5.0)) for x in (-7.5, -2.5, 2.5, 7.5)),
+    ]
+    shapes += [
+        box((x - 0.3, x + 0.3), (-6.0, -5.7), (0.0, rng.uniform(0.8, 2.0)))
+        for x in rng.uniform(-9.5, 9.5, 3).tolist()
+    ]
+    return Model(SurfaceClass.BUILDING, tuple(shapes), 20.0, 14.4, rng.uniform(40.0, 60.0))

@@ -233,7 +233,7 @@ STAGES: Final[dict[str, Stage]] = {
         ego_speeds=((1.0, 1.0), (3.0, 0.0), (4.8, 0.0), (6.8, 1.0)),
     ),
     "tunnel": Stage(
-        "a tunnel with smooth walls",
+        "a tunnel with smooth walls, few lamps, niches and cabinets",
         (
             Mover("car", _along(-2.0), 13.0, 80.0),
             Mover("van", _along(-2.0), 13.0, 96.0),
