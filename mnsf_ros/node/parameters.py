@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -18,20 +20,24 @@ def declare_parameters(node: Node) -> Settings:
         SettingsError: If a given value does not fit; one line that names the parameter.
     """
     given: dict[str, object] = {}
+    overrides = _overrides(node)
     for setting in declared_settings():
+        override = overrides.get(setting.name)
+        value = setting.default if override is None else _in_type_of(setting, override.value)
         try:
-            parameter = node.declare_parameter(setting.name, setting.default, _descriptor(setting))
+            parameter = node.declare_parameter(
+                setting.name, value, _descriptor(setting), ignore_override=True
+            )
         except ParameterException as error:
             raise SettingsError(f"parameter {setting.name}: {error}") from None
         given[setting.name] = parameter.value
+    node.add_pre_set_parameters_callback(_in_declared_types)
     return Settings().changed(given)
 
 
 def undeclared_overrides(node: Node) -> list[str]:
     """Parameters that the user gave but the node does not have: typos, mostly."""
-    # rclpy drops them without a word and offers no public way to see them.
-    overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
-    return sorted(name for name in overrides if not node.has_parameter(name))
+    return sorted(name for name in _overrides(node) if not node.has_parameter(name))
 
 
 def changed_settings(settings: Settings, parameters: list[Parameter]) -> Settings:
@@ -44,12 +50,38 @@ def changed_settings(settings: Settings, parameters: list[Parameter]) -> Setting
     return settings.changed({item.name: item.value for item in parameters if item.name in names})
 
 
+def _overrides(node: Node) -> dict[str, Parameter]:
+    """What the user gave on the command line and in files."""
+    # rclpy drops unknown ones without a word and offers no public way to see them.
+    overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
+    return overrides
+
+
+def _in_declared_types(parameters: list[Parameter]) -> list[Parameter]:
+    """The parameters with 60 as 60.0 where a number of that type is declared, so that it stays."""
+    settings = {setting.name: setting for setting in declared_settings()}
+    typed = []
+    for item in parameters:
+        setting = settings.get(item.name)
+        value = item.value if setting is None else _in_type_of(setting, item.value)
+        typed.append(item if value is item.value else Parameter(item.name, value=value))
+    return typed
+
+
+def _in_type_of(setting: Setting, value: Any) -> Any:  # noqa: ANN401 - whatever the user gave
+    """The value in the type of the setting; as it is if it does not fit, which is said later."""
+    try:
+        return setting.checked(value)
+    except SettingsError:
+        return value
+
+
 def _descriptor(setting: Setting) -> ParameterDescriptor:
     unit = f" [{setting.unit}]" if setting.unit else ""
     descriptor = ParameterDescriptor(
         description=f"{setting.text}{unit}",
         read_only=setting.fixed,
-        # Otherwise 70 for a float parameter is an error; the settings convert and check.
+        # The settings check the type, and say what they expect.
         dynamic_typing=True,
     )
     if setting.choices:

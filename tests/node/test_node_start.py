@@ -92,7 +92,12 @@ class TestRenamedNodeWithParameterFile:
 
     def test_has_the_values_of_the_file(self, peer):
         assert peer.get("crop.max_range_m") == 60
-        assert peer.get("optimization.max_iterations") == 33.0
+        assert peer.get("optimization.max_iterations") == 33
+
+    def test_has_each_value_in_the_type_that_is_declared(self, peer):
+        assert type(peer.get("crop.max_range_m")) is float
+        assert type(peer.get("optimization.max_iterations")) is int
+        assert type(peer.get("crop.min_range_m")) is float
 
     def test_has_the_values_of_the_command_line_before_those_of_the_file(self, peer):
         assert peer.get("buffer.max_interval_s") == 3

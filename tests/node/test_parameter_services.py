@@ -57,6 +57,21 @@ def test_settings_that_were_not_given_have_their_defaults(peer):
         assert peer.get(name) == defaults.value_of(name)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "kind"),
+    [
+        ("crop.max_range_m", 60, float),
+        ("optimization.max_iterations", 12.0, int),
+        ("method.name", "mnsf", str),
+    ],
+)
+def test_a_parameter_keeps_its_type(peer, name, value, kind):
+    for change in (peer.set, lambda changes: [peer.set_atomically(changes)]):
+        assert all(result.successful for result in change({name: value}))
+        assert peer.get(name) == value
+        assert type(peer.get(name)) is kind
+
+
 def test_a_change_holds_from_the_next_triplet_on(peer, drive):
     (result,) = peer.set({"optimization.max_iterations": 11})
     assert result.successful
