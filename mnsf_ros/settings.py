@@ -472,6 +472,20 @@ class NodeSettings:
         0.1,
         3600,
     )
+    max_latency_ms: float = _setting(
+        0.0,
+        "Warn if the 95th percentile of the latency is above this; 0 for no limit",
+        0,
+        3_600_000,
+    )
+    max_failures: int = _setting(
+        3, "Report an error if more estimates than this fail in a row", 0, 1000
+    )
+    odom_frame: str = _setting(
+        "scene_flow_odom",
+        "Frame of the pose in ~/ego_motion: the sensor frame of the first sweep",
+        fixed=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ def test_declaration_is_complete(setting):
     assert setting.kind in (bool, int, float, str)
     assert setting.text.strip()
     assert "\n" not in setting.text
-    # Any method may be named, those of other packages, too, and any field of a cloud.
-    is_free = setting.name in ("method.name", "time.field")
+    # Any method may be named, those of other packages, too, any field of a cloud, any frame.
+    is_free = setting.name in ("method.name", "time.field", "node.odom_frame")
     assert bool(setting.choices) == (setting.kind is str and not is_free)
 
 

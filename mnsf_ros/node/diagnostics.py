@@ -19,10 +19,9 @@ from mnsf_ros.online.online_pipeline import (
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import NodeSettings, Settings
 
-# More than one bad sweep: each is in three triplets.
-_ALARMING_FAILURES = 4
+_DISABLED = "disabled, see the service set_enabled"
 
 
 @dataclass(frozen=True)
@@ -33,12 +32,14 @@ class InputState:
     reliability: str
     num_publishers: int
     times: str = ""  # what the time of each point is read from
+    is_enabled: bool = True  # otherwise clouds are ignored
 
 
 class Diagnostics:
     """Makes the statuses `input`, `flow` and `ego motion`; remembers what it said last time."""
 
     def __init__(self, node_name: str) -> None:
+        """`node_name` with its namespace, so that two nodes differ."""
         self._node_name = node_name
         self._last_counts: Mapping[str, int] = {}
         self._flow_watch = FlowWatch()
@@ -47,12 +48,16 @@ class Diagnostics:
         self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
     ) -> list[DiagnosticStatus]:
         """The statuses as of now, with `load` triplets at hand: 0, 1 or 2."""
-        now_s, stale_after_s = time.monotonic(), settings.node.stale_after_s
+        now_s, limits = time.monotonic(), settings.node
         statuses = [
-            self._input_status(snapshot, state, stale_after_s, now_s),
-            self._flow_status(snapshot, load, stale_after_s, now_s),
+            self._input_status(snapshot, state, limits.stale_after_s, now_s),
+            self._flow_status(snapshot, load, limits, now_s),
             self._ego_motion_status(snapshot, settings.ego_motion.source),
         ]
+        for status in statuses:
+            status.hardware_id = state.topic
+            if not state.is_enabled:
+                status.level, status.message = DiagnosticStatus.OK, _DISABLED
         self._last_counts = snapshot.counts
         return statuses
 
@@ -83,12 +88,18 @@ class Diagnostics:
         return self._status("input", level, message, values)
 
     def _flow_status(
-        self, snapshot: StatisticsSnapshot, load: int, stale_after_s: float, now_s: float
+        self, snapshot: StatisticsSnapshot, load: int, limits: NodeSettings, now_s: float
     ) -> DiagnosticStatus:
         idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else float("inf")
-        complaint = self._flow_watch.complaint(snapshot.counts, now_s, stale_after_s)
-        is_active = load > 0 or idle_s <= stale_after_s
-        level, message = self._flow_level(snapshot, complaint, is_active=is_active)
+        complaint = self._flow_watch.complaint(snapshot.counts, now_s, limits.stale_after_s)
+        error = _failures(snapshot.failures_in_a_row, limits.max_failures) or complaint
+        if error:
+            level, message = DiagnosticStatus.ERROR, error
+        elif warning := self._flow_warning(snapshot, limits.max_latency_ms):
+            level, message = DiagnosticStatus.WARN, warning
+        else:
+            is_active = load > 0 or idle_s <= limits.stale_after_s
+            level, message = DiagnosticStatus.OK, self._activity(snapshot, is_active=is_active)
         values: dict[str, object] = {
             "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
@@ -115,22 +126,22 @@ class Diagnostics:
         }
         return self._status("ego motion", level, message, values)
 
-    def _flow_level(
-        self, snapshot: StatisticsSnapshot, complaint: str, *, is_active: bool
-    ) -> tuple[bytes, str]:
-        error = _failures(snapshot.failures_in_a_row) or complaint
-        if error:
-            return DiagnosticStatus.ERROR, error
+    def _flow_warning(self, snapshot: StatisticsSnapshot, max_latency_ms: float) -> str:
         if snapshot.failures_in_a_row:
-            return DiagnosticStatus.WARN, "the last estimate failed"
+            return "the last estimate failed"
         if self._new(snapshot, TRIPLETS_DROPPED):
-            return DiagnosticStatus.WARN, "slower than the sensor: dropping triplets"
+            return "slower than the sensor: dropping triplets"
+        if max_latency_ms and snapshot.latency_ms(95) > max_latency_ms:
+            return f"latency above {max_latency_ms:g} ms (node.max_latency_ms)"
+        return ""
+
+    def _activity(self, snapshot: StatisticsSnapshot, *, is_active: bool) -> str:
         if self._new(snapshot, TRIPLETS_UNWATCHED):
-            return DiagnosticStatus.OK, "resting: nobody subscribes to the flow"
+            return "resting: nobody subscribes to the flow"
         if is_active:
-            return DiagnosticStatus.OK, "estimating"
+            return "estimating"
         waiting = "for the third sweep" if self._new(snapshot, SWEEPS_RECEIVED) else "for sweeps"
-        return DiagnosticStatus.OK, f"waiting {waiting}"
+        return f"waiting {waiting}"
 
     def _new(self, snapshot: StatisticsSnapshot, event: str) -> bool:
         return snapshot.counts.get(event, 0) > self._last_counts.get(event, 0)
@@ -146,8 +157,8 @@ class Diagnostics:
         )
 
 
-def _failures(num_in_a_row: int) -> str:
-    if num_in_a_row < _ALARMING_FAILURES:
+def _failures(num_in_a_row: int, max_failures: int) -> str:
+    if num_in_a_row <= max_failures:
         return ""
     return f"{num_in_a_row} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
 

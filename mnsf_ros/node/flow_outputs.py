@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from functools import partial
 
 import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
@@ -22,8 +24,6 @@ from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
 from mnsf_ros.node.planner_messages import planner_messages
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
-WORLD_FRAME: Final = "scene_flow_odom"
-
 
 class FlowOutputs:
     """`~/flow` with all points, parts of it, `~/ego_motion`, and `~/objects` as several messages.
@@ -31,16 +31,17 @@ class FlowOutputs:
     rcl allows publishing from any thread; the worker thread of the pipeline does it.
     """
 
-    def __init__(self, node: Node) -> None:
-        reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._flow = node.create_publisher(PointCloud2, "~/flow", reliable)
-        self._moving = node.create_publisher(PointCloud2, "~/flow/moving", reliable)
-        self._standing = node.create_publisher(PointCloud2, "~/flow/standing", reliable)
-        self._ego_motion = node.create_publisher(Odometry, "~/ego_motion", 10)
-        self._source = node.create_publisher(String, "~/ego_motion/source", latched)
+    def __init__(self, node: Node, odom_frame: str) -> None:
+        """Advertises the topics; the poses of `~/ego_motion` are in `odom_frame`."""
+        self._odom_frame = odom_frame
+        output = partial(_output, node)
+        self._flow = output(PointCloud2, "~/flow")
+        self._moving = output(PointCloud2, "~/flow/moving")
+        self._standing = output(PointCloud2, "~/flow/standing")
+        self._ego_motion = output(Odometry, "~/ego_motion", depth=10)
+        self._source = output(String, "~/ego_motion/source", is_latched=True)
         self._objects = [
-            (node.create_publisher(message_type, topic, reliable), make)
+            (output(message_type, topic), make)
             for topic, message_type, make in (
                 ("~/objects", PointCloud2, objects_message),
                 ("~/objects/markers", MarkerArray, ObjectMarkers().message),
@@ -72,7 +73,9 @@ class FlowOutputs:
         for output, wanted in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
             if output.get_subscription_count() > 0:
                 output.publish(part_message(sweep, message, wanted))
-        self._ego_motion.publish(ego_motion_message(message.header, known, interval_s))
+        self._ego_motion.publish(
+            ego_motion_message(message.header, self._odom_frame, known, interval_s)
+        )
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
@@ -85,15 +88,27 @@ class FlowOutputs:
                 output.publish(make(header, objects))
 
 
-def ego_motion_message(header: Header, known: OverGround, interval_s: float) -> Odometry:
+def _output(
+    node: Node, message_type: type, topic: str, *, depth: int = 1, is_latched: bool = False
+) -> Publisher:
+    """A reliable publisher, whose quality of service the user may change."""
+    kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
+    qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
+    overriding = QoSOverridingOptions.with_default_policies()
+    return node.create_publisher(message_type, topic, qos, qos_overriding_options=overriding)
+
+
+def ego_motion_message(
+    header: Header, odom_frame: str, known: OverGround, interval_s: float
+) -> Odometry:
     """Returns where the sensor was at the sweep of a cloud's header, and how it moves.
 
-    The pose is in `scene_flow_odom`, which is the sensor frame of the first sweep; the twist in the
+    The pose is in `odom_frame`, which is the sensor frame of the first sweep; the twist in the
     sensor's own frame, 0 and unknown where the seconds to the next sweep are not positive.
     """
     message = Odometry(child_frame_id=header.frame_id)
     message.header.stamp = header.stamp
-    message.header.frame_id = WORLD_FRAME
+    message.header.frame_id = odom_frame
     position, turn = message.pose.pose.position, message.pose.pose.orientation
     position.x, position.y, position.z = known.world_from_sensor[:3, 3].tolist()
     turn.x, turn.y, turn.z, turn.w = pose_quaternion(known.world_from_sensor)

@@ -16,21 +16,21 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool, Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.node.cloud_messages import renamed_fields, sweep_from_message
+from mnsf_ros.node.cloud_intake import CloudIntake
+from mnsf_ros.node.cloud_messages import renamed_fields
+from mnsf_ros.node.debug_times import DebugTimes
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
-from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
-from msg_utils.errors import MessageError
-from msg_utils.point_times import PointTimes
 
 NODE_NAME = "scene_flow"
 
@@ -54,27 +54,21 @@ class SceneFlowNode(Node):
         self._settings = declare_parameters(self)
         self._faults = FaultLog(self.get_logger())
         self._has_told_renamed = False
-        self._times_source = ""
-        self._told_times: set[str] = set()
+        self._is_enabled = True
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
         self.add_on_set_parameters_callback(self._on_parameters)
-        self._outputs = FlowOutputs(self)
-        self._odometry = OdometrySubscription(
-            self, "~/odometry", self._settings.ego_motion, self._on_bad_odometry, self._guarded
-        )
-        self._input = InputSubscription(
-            self,
-            "~/points",
-            self._settings.node.input_reliability,
-            self._on_cloud,
-            self._on_lost,
-            self._on_missed,
-            self._guarded,
-        )
-        self._diagnostics = Diagnostics(self.get_name())
+        try:
+            self._join_topics()
+        except RuntimeError as error:
+            if not self.context.ok():
+                raise
+            raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
+        self._diagnostics = Diagnostics(self.get_fully_qualified_name().lstrip("/"))
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(SetBool, "~/set_enabled", self._on_set_enabled)
         self._start_timers()
         self._greet()
 
@@ -89,6 +83,21 @@ class SceneFlowNode(Node):
         self._pipeline.statistics.count(CALLBACK_ERRORS)
         details = "".join(traceback.format_exception(error))
         self._faults.error(f"{where} {type(error).__name__}", details)
+
+    def _join_topics(self) -> None:
+        settings = self._settings
+        self._outputs = FlowOutputs(self, settings.node.odom_frame)
+        self._debug_times = DebugTimes(self)
+        self._intake = CloudIntake(
+            self.get_logger(), self._report, lambda: self.get_clock().now().nanoseconds
+        )
+        self._odometry = OdometrySubscription(
+            self, "~/odometry", settings.ego_motion, self._report, self._guarded
+        )
+        reliability = settings.node.input_reliability
+        self._input = InputSubscription(
+            self, "~/points", reliability, self._on_cloud, self._report, self._guarded
+        )
 
     def _start_timers(self) -> None:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
@@ -105,24 +114,17 @@ class SceneFlowNode(Node):
             self.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
         self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
 
+    def _report(self, event: str, text: str, how_many: int = 1) -> None:
+        self._pipeline.statistics.count(event, how_many)
+        self._faults.warn(event, text)
+
     def _on_cloud(self, message: PointCloud2) -> None:
+        if not self._is_enabled:
+            return
         arrived_ns = time.monotonic_ns()
-        try:
-            sweep = sweep_from_message(
-                message, self._settings.time, self.get_clock().now().nanoseconds
-            )
-        except MessageError as error:
-            self._pipeline.statistics.count(CLOUDS_UNDECODABLE)
-            self._faults.warn("undecodable", f"a cloud cannot be decoded: {error}")
+        sweep = self._intake.sweep(message, self._settings.time)
+        if sweep is None:
             return
-        if not (message.header.stamp.sec or message.header.stamp.nanosec):
-            self._pipeline.statistics.count("clouds_without_stamp")
-            self._faults.warn("no stamp", "a cloud has no stamp; its time of arrival is used")
-        if len(sweep) == 0:
-            self._pipeline.statistics.count(CLOUDS_EMPTY)
-            self._faults.warn("empty", "a cloud without a finite point is skipped")
-            return
-        self._tell_times(sweep.source.times)
         sweep = self._odometry.located(sweep)
         is_watched = self._settings.node.always_estimate or self._outputs.are_watched
         arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
@@ -130,22 +132,29 @@ class SceneFlowNode(Node):
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
 
-    def _tell_times(self, times: PointTimes) -> None:
-        if times.fault:
-            self._pipeline.statistics.count("clouds_without_usable_times")
-            self._faults.warn("times", f"the times of points are not used: {times.fault}")
-        self._times_source = times.source
-        if times.source not in self._told_times:
-            self._told_times.add(times.source)
-            self.get_logger().info(f"time of each point: {times.source}")
+    def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
+        self._reset()
+        response.success, response.message = True, "all sweeps and tracks are forgotten"
+        return response
 
-    def _on_bad_odometry(self, fault: str, text: str) -> None:
-        self._pipeline.statistics.count(fault)
-        self._faults.warn(fault, f"an odometry message is skipped: {text}")
+    def _on_set_enabled(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        if not request.data:
+            self._reset()
+        self._is_enabled = request.data
+        response.success, response.message = True, "enabled" if request.data else "disabled"
+        self.get_logger().info(response.message)
+        return response
+
+    def _reset(self) -> None:
+        self._pipeline.reset()
+        self._odometry.change_settings(self._settings.ego_motion)
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the worker thread."""
         self._outputs.publish(job.triplet, estimate)
+        self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         if self._has_told_renamed:
             return
         renamed = renamed_fields(job.triplet.current.source.message)
@@ -170,22 +179,6 @@ class SceneFlowNode(Node):
         text = f"no flow for sweep {stamp_ns}: unexpected error\n{details}"
         self._faults.error(f"failed {type(error).__name__}", text)
 
-    def _on_lost(self, how_many: int) -> None:
-        self._pipeline.statistics.count("sweeps_lost_in_transport", how_many)
-        self._faults.warn(
-            "lost",
-            "sweeps are lost in transport: publish them reliable, or start the publisher with the "
-            "Fast DDS profile of this package (see README)",
-        )
-
-    def _on_missed(self, how_many: int) -> None:
-        self._pipeline.statistics.count(CLOUDS_MISSED, how_many)
-        self._faults.warn(
-            "missed",
-            "clouds were published that this node has not seen: lost in transport, or overwritten "
-            "in its queue because the computer is too busy",
-        )
-
     def _refresh_input(self) -> None:
         if self._input.refresh():
             self.get_logger().info(f"subscribed {self._input.reliability} to {self._input.topic}")
@@ -199,7 +192,8 @@ class SceneFlowNode(Node):
                 self._input.topic,
                 self._input.reliability,
                 self._input.num_publishers,
-                self._times_source,
+                self._intake.times_source,
+                self._is_enabled,
             ),
             self._pipeline.load,
             self._settings,

@@ -10,11 +10,13 @@ from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.online.flow_watch import CLOUDS_MISSED
 from mnsf_ros.online.missed_clouds import MissedClouds
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
@@ -23,6 +25,20 @@ from msg_utils.stamps import decode_stamp
 
 # Callbacks only decode and hand over, so waiting messages mean a short stall, not a queue.
 _DEPTH = 5
+
+# The reliability is a parameter of its own, because it changes.
+_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
+
+_LOST = (
+    "sweeps_lost_in_transport",
+    "sweeps are lost in transport: publish them reliable, or start the publisher with the Fast DDS "
+    "profile of this package (see docs/getting_started.md)",
+)
+_MISSED = (
+    CLOUDS_MISSED,
+    "clouds were published that this node has not seen: lost in transport, or overwritten in its "
+    "queue because the computer is too busy",
+)
 
 Guard: TypeAlias = Callable[[Callable[..., None]], Callable[..., None]]
 
@@ -41,22 +57,19 @@ class InputSubscription:
         topic: str,
         reliability: str,
         on_cloud: Callable[[PointCloud2], None],
-        on_lost: Callable[[int], None],
-        on_missed: Callable[[int], None],
+        report: Callable[[str, str, int], None],
         guarded: Guard,
     ) -> None:
         """Subscribes with reliability `auto`, `reliable` or `best_effort`.
 
-        `on_lost` gets the number of messages that the transport says it has just lost; `on_missed`
-        that of messages that were published and never came, for whatever reason; `guarded` makes a
-        callback one that raises nothing.
+        `report` gets an event, what to say of it, and how often it has just happened; `guarded`
+        makes a callback one that raises nothing.
         """
         self._node = node
         self._topic = topic
         self._wanted = reliability
         self._on_cloud = on_cloud
-        self._on_lost = on_lost
-        self._on_missed = on_missed
+        self._report = report
         self._missed = MissedClouds()
         self._callback = guarded(self._receive)
         self._is_reliable = reliability == "reliable"
@@ -101,8 +114,9 @@ class InputSubscription:
             self._callback,
             QoSProfile(depth=_DEPTH, reliability=policy),
             event_callbacks=SubscriptionEventCallbacks(
-                message_lost=lambda event: self._on_lost(int(event.total_count_change))
+                message_lost=lambda event: self._report(*_LOST, int(event.total_count_change))
             ),
+            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
 
     def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
@@ -111,7 +125,7 @@ class InputSubscription:
         number = info["publication_sequence_number"]
         missed = self._missed.before(number, stamp_ns, self.num_publishers)
         if missed:
-            self._on_missed(missed)
+            self._report(*_MISSED, missed)
         self._on_cloud(message)
 
 
@@ -123,17 +137,17 @@ class OdometrySubscription:
         node: Node,
         topic: str,
         settings: EgoMotionSettings,
-        on_bad: Callable[[str, str], None],
+        report: Callable[[str, str], None],
         guarded: Guard,
     ) -> None:
         """Subscribes, unless the settings do without odometry.
 
-        `on_bad` gets the name of the fault of a message that is left out, and what is wrong;
+        `report` gets the name of the fault of a message that is left out, and what to say of it;
         `guarded` makes a callback one that raises nothing.
         """
         self._node = node
         self._topic = topic
-        self._on_bad = on_bad
+        self._report = report
         self._callback = guarded(self._on_message)
         self._subscription: Any = None
         self.change_settings(settings)
@@ -162,7 +176,8 @@ class OdometrySubscription:
                 raise MessageError("no stamp, expected the time of the pose")
             pose = StampedPose(stamp_ns, pose_matrix(message.pose.pose), message.child_frame_id)
         except MessageError as error:
-            self._on_bad("odometry_undecodable", str(error))
+            self._report("odometry_undecodable", f"an odometry message is skipped: {error}")
             return
         if not self._track.add(pose):
-            self._on_bad("odometry_out_of_order", f"stamp {stamp_ns} is not after the last one")
+            text = f"an odometry message is skipped: stamp {stamp_ns} is not after the last one"
+            self._report("odometry_out_of_order", text)

@@ -55,6 +55,12 @@ class LatestOnlyWorker(Generic[Job]):
             self._condition.notify()
         return has_replaced
 
+    def forget(self) -> bool:
+        """Empties the waiting slot; True if there was a job in it."""
+        with self._condition:
+            had_job, self._waiting = self._waiting is not None, None
+        return had_job
+
     def close(self, timeout_s: float) -> bool:
         """Forgets the waiting job and waits for the running one; False if that goes on."""
         with self._condition:

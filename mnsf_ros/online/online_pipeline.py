@@ -50,12 +50,20 @@ class TripletJob:
     arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
 
 
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """How to estimate. Replaced as a whole, so that a change is another object."""
+
+    settings: Settings
+    num_resets: int = 0
+
+
 class OnlinePipeline:
     """Takes sweeps as they come and hands out flows as they get ready.
 
-    `add_sweep` and `change_settings` belong to one thread (the executor's). The two callbacks run
-    in the worker thread. An error in `on_estimate` counts as a failed estimate; one in `on_failure`
-    is logged and counted.
+    `add_sweep`, `change_settings` and `reset` belong to one thread (the executor's). The two
+    callbacks run in the worker thread. An error in `on_estimate` counts as a failed estimate; one
+    in `on_failure` is logged and counted.
     """
 
     def __init__(
@@ -70,12 +78,12 @@ class OnlinePipeline:
             SettingsError: If the settings ask for a device that is not there.
         """
         self.statistics = OnlineStatistics()
-        self._settings = settings
+        self._plan = _Plan(settings)
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._buffer = SweepBuffer()
         self._estimator = make_method(settings.method.name, settings)
-        self._estimator_settings = settings
+        self._estimator_plan = self._plan
         self._worker: LatestOnlyWorker[TripletJob] = LatestOnlyWorker(self._estimate, "estimator")
 
     @property
@@ -94,8 +102,15 @@ class OnlinePipeline:
         """
         check_method(settings.method.name)
         check_device(settings.compute)
-        if settings != self._settings:
-            self._settings = settings
+        if settings != self._plan.settings:
+            self._plan = _Plan(settings, self._plan.num_resets)
+
+    def reset(self) -> None:
+        """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
+        self._buffer.clear()
+        self._plan = _Plan(self._plan.settings, self._plan.num_resets + 1)
+        if self._worker.forget():
+            self.statistics.count(TRIPLETS_ABANDONED)
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
         """Takes the newest sweep and says what became of it. Returns at once.
@@ -104,7 +119,7 @@ class OnlinePipeline:
         """
         self.statistics.count(SWEEPS_RECEIVED)
         self.statistics.add_arrival()
-        arrival = self._buffer.push(sweep, self._settings.buffer)
+        arrival = self._buffer.push(sweep, self._plan.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
             self.statistics.count(f"sweeps_{arrival.value}")
         triplet = self._buffer.triplet()
@@ -125,15 +140,16 @@ class OnlinePipeline:
         return self._worker.close(timeout_s)
 
     def _estimate(self, job: TripletJob) -> None:
-        settings, started_s = self._settings, time.monotonic()
+        plan, started_s = self._plan, time.monotonic()
 
         def is_abandoned() -> bool:
-            is_outdated = self._settings is not settings
             is_long = time.monotonic() - started_s > _ABANDONED_AFTER_S
-            return self._worker.is_closing or (is_outdated and is_long)
+            is_outdated = self._plan is not plan and is_long
+            is_reset = self._plan.num_resets != plan.num_resets
+            return self._worker.is_closing or is_outdated or is_reset
 
         try:
-            self._adapt(settings)
+            self._adapt(plan)
             estimate = self._estimator.estimate(job.triplet, is_abandoned)
             if self._worker.is_closing:
                 return
@@ -149,13 +165,14 @@ class OnlinePipeline:
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
 
-    def _adapt(self, settings: Settings) -> None:
-        old = self._estimator_settings
-        if settings.method.name != old.method.name:
+    def _adapt(self, plan: _Plan) -> None:
+        old, settings = self._estimator_plan, plan.settings
+        is_reset = plan.num_resets != old.num_resets
+        if is_reset or settings.method.name != old.settings.method.name:
             self._estimator = make_method(settings.method.name, settings)
-        elif settings != old:
+        elif settings != old.settings:
             self._estimator = self._estimator.with_settings(settings)
-        self._estimator_settings = settings
+        self._estimator_plan = plan
 
     def _fail(self, job: TripletJob, error: Exception) -> None:
         if self._worker.is_closing:

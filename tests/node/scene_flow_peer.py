@@ -170,6 +170,10 @@ class SceneFlowPeer:
         request = DescribeParameters.Request(names=[name])
         return self._call(DescribeParameters, "describe_parameters", request).descriptors[0]
 
+    def call(self, service, name, request):
+        """Calls another service of the node; the response."""
+        return self._call(service, name, request)
+
     def parameter_names(self):
         """Names of all parameters of the node."""
         response = self._call(ListParameters, "list_parameters", ListParameters.Request())
@@ -238,12 +242,12 @@ class SceneFlowPeer:
         self.flows[stamp_of(message)] = message
 
     def _on_diagnostics(self, message):
-        base_name = self._node_name.rpartition("/")[2]
+        own_name = self._node_name.lstrip("/")
         own = {
             part: status
             for status in message.status
             for name, _, part in [status.name.rpartition(": ")]
-            if name == base_name
+            if name == own_name
         }
         if own:
             own["header"] = message.header

@@ -44,7 +44,7 @@ class Story:
 
     def __init__(self):
         self.statistics = OnlineStatistics()
-        self._diagnostics = Diagnostics("flow_node")
+        self._diagnostics = Diagnostics("robot/flow_node")
 
     def receive(self, *events):
         for event in ("sweeps_received", *events):
@@ -65,12 +65,14 @@ class Story:
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(self, load=0, stale_after_s=60.0, wanted="registration"):
-        changes = {"node.stale_after_s": max(stale_after_s, 0.1), "ego_motion.source": wanted}
+    def statuses(
+        self, load=0, stale_after_s=60.0, wanted="registration", is_enabled=True, **changes
+    ):
+        changes |= {"node.stale_after_s": max(stale_after_s, 0.1), "ego_motion.source": wanted}
         settings = Settings().changed(changes)
         # Less than a user may set, so that a test need not wait.
         node = replace(settings.node, stale_after_s=stale_after_s)
-        state = InputState("/points", "reliable", 1)
+        state = InputState("/points", "reliable", 1, is_enabled=is_enabled)
         snapshot = self.statistics.snapshot()
         return self._diagnostics.statuses(snapshot, state, load, replace(settings, node=node))
 
@@ -172,6 +174,28 @@ class TestLevels:
         story.estimate()
         assert story.says()[1] == (OK, "estimating")
 
+    def test_of_failures_has_a_limit_that_can_be_set(self, story):
+        story.receive()
+        story.statistics.add_failure("too few points")
+        assert story.says(**{"node.max_failures": 0})[1][0] == ERROR
+        assert story.says(**{"node.max_failures": 1})[1][0] == WARN
+
+    def test_of_latency_has_a_limit_that_can_be_set(self, story):
+        story.receive()
+        story.estimate(latency_ms=120.0)
+        assert story.says()[1] == (OK, "estimating")
+        assert story.says(**{"node.max_latency_ms": 130.0})[1] == (OK, "estimating")
+        text = "latency above 100 ms (node.max_latency_ms)"
+        assert story.says(**{"node.max_latency_ms": 100})[1] == (WARN, text)
+
+    def test_while_the_node_is_disabled(self, story):
+        story.receive("clouds_missed")
+        story.statistics.add_failure("too few points")
+        statuses = story.statuses(is_enabled=False)
+        assert {(status.level, status.message) for status in statuses} == {
+            (OK, "disabled, see the service set_enabled")
+        }
+
 
 class TestEgoMotion:
     def test_before_the_first_estimate_is_fine(self, story):
@@ -263,11 +287,14 @@ class TestValues:
         assert [event in of_input for event in events] == [True, True, False, False]
         assert [event in of_flow for event in events] == [False, False, True, True]
 
+    def test_hardware_is_the_lidar(self, story):
+        assert {status.hardware_id for status in story.statuses()} == {"/points"}
+
     def test_names(self, story):
         assert [status.name for status in story.statuses()] == [
-            "flow_node: input",
-            "flow_node: flow",
-            "flow_node: ego motion",
+            "robot/flow_node: input",
+            "robot/flow_node: flow",
+            "robot/flow_node: ego motion",
         ]
 
 

@@ -35,7 +35,7 @@ def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
     rclpy.init(context=context)
     try:
         node = Node("columns", context=context)
-        outputs = FlowOutputs(node)
+        outputs = FlowOutputs(node, "odom")
         monkeypatch.setattr(outputs._flow, "publish", published.append)
         outputs.publish(SweepTriplet(*sweeps), FlowEstimate(flow, np.ones(len(flow), bool)))
         node.destroy_node()

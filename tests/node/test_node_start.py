@@ -20,6 +20,18 @@ _UNUSABLE = {
     "a missing file": (["--params-file", "/no/such.yaml"], "Error opening YAML file"),
     "a broken file": (["--params-file", "{tmp}/broken.yaml"], "broken.yaml"),
     "no parameter file": (["--params-file", "{tmp}/bare.yaml"], "ros__parameters"),
+    "a wrong quality of service": (
+        ["-p", "qos_overrides./scene_flow/flow.publisher.reliability:=perhaps"],
+        "perhaps",
+    ),
+    "a quality of service of a wrong type": (
+        ["-p", "qos_overrides./scene_flow/flow.publisher.depth:=deep"],
+        "depth",
+    ),
+    "an impossible quality of service": (
+        ["-p", "qos_overrides./scene_flow/flow.publisher.depth:=-3"],
+        "a topic cannot be used, see qos_overrides",
+    ),
     "an unknown flag": (["--frobnicate"], "--frobnicate"),
 }
 if not torch.cuda.is_available():

@@ -33,7 +33,7 @@ def node(ros):
 
 @pytest.fixture
 def outputs(node):
-    return FlowOutputs(node)
+    return FlowOutputs(node, "odom")
 
 
 @pytest.fixture

@@ -290,6 +290,36 @@ class TestSettings:
             make_pipeline(quick_settings.changed({"compute.device": "cuda", "method.name": method}))
 
 
+class TestReset:
+    def test_starts_anew(self, pipeline, add, recorder, make_sweep):
+        for index in range(4):
+            add(make_sweep(index))
+        pipeline.reset()
+        for index in range(4, 8):
+            add(make_sweep(index))
+        starts = [estimate.start for _, estimate in recorder.handed_out]
+        assert starts == 2 * [Start.COLD_FIRST, Start.WARM]
+        assert recorder.current_stamps == [make_sweep(index).stamp_ns for index in (1, 2, 5, 6)]
+        assert_balanced(pipeline)
+
+    def test_abandons_what_is_under_way_and_what_waits(
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
+    ):
+        endless = network_settings.changed({"optimization.max_iterations": 100_000})
+        pipeline, indices = make_pipeline(endless), itertools.count()
+
+        def is_one_waiting():
+            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
+            return pipeline.load == 2
+
+        wait_until(is_one_waiting)
+        pipeline.reset()
+        wait_until(lambda: pipeline.load == 0)
+        assert recorder.handed_out == []
+        assert counts_of(pipeline)["triplets_abandoned"] == 2
+        assert_balanced(pipeline)
+
+
 class TestFailure:
     def test_of_a_triplet_is_counted_and_the_next_one_is_fine(
         self, pipeline, add, recorder, make_sweep
