@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class Verdict(Enum):
-    """What became of an object, step by step: each is the end of the way for those it is of."""
+    """What became of an object: the step at which it was decided."""
 
     NO_OBJECT = "ground, or outside the crop"
     TOO_FEW_POINTS = "too few points"
@@ -24,15 +24,15 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Reason:
-    """Why an object was called dynamic or not. K is the number of other sweeps.
+    """Why an object was called dynamic or not.
 
     Attributes:
         verdict: What became of it.
         num_points: Its points after thinning.
         size_m: The longer horizontal side of the box around it.
-        static_m: (K,) metres, what other sweeps leave unexplained if it is static: the next one,
-            the previous one, older ones. Empty for what was not suspected.
-        moving_m: (K,) metres, the same if it moves; empty if no motion was searched.
+        static_m: Name of another sweep to metres that it leaves unexplained if the object is
+            static; empty if no motion was searched.
+        moving_m: The same if it moves.
         start: (3,) metres over ground until the next sweep, where the fit of its motion started.
         motion: (3,) metres, likewise, the motion that was found; None if none was searched.
         evidence: Name of what else was looked at, to its value.
@@ -41,8 +41,8 @@ class Reason:
     verdict: Verdict
     num_points: int = 0
     size_m: float = 0.0
-    static_m: tuple[float, ...] = ()
-    moving_m: tuple[float, ...] = ()
+    static_m: Mapping[str, float] = field(default_factory=dict)
+    moving_m: Mapping[str, float] = field(default_factory=dict)
     start: NDArray[np.float64] | None = None
     motion: NDArray[np.float64] | None = None
     evidence: Mapping[str, float] = field(default_factory=dict)

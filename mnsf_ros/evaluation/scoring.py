@@ -93,6 +93,23 @@ def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
     return answered
 
 
+def true_motion(
+    example: Example, truth: FlowTruth, rows: NDArray[np.int64]
+) -> tuple[TrueMotion, NDArray[np.float64]]:
+    """Returns the true motion of some points (M,) over ground, and its length (M,) in metres.
+
+    The length is that of the way until the next sweep; the truth must be valid for all points.
+    """
+    truth, xyz = truth.of_points(rows), example.triplet.current.xyz[rows]
+    motion = _sensor_motion(xyz, truth.flow, truth.dynamic, example.triplet.next_from_current)
+    own = truth.flow.astype(np.float64) - rigid_flow(xyz, motion)
+    interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
+    # Turned back into the axes of the current sweep.
+    velocity = own @ motion[:3, :3] / interval_s
+    known = (velocity, truth.dynamic, truth.class_id, truth.object_id, interval_s)
+    return TrueMotion(xyz, *known), np.linalg.norm(own, axis=1)
+
+
 def _sensor_motion(
     xyz: NDArray[np.float32],
     true_flow: NDArray[np.float32],
@@ -121,13 +138,9 @@ def _with_errors(
     answered: NDArray[np.bool_],
 ) -> ResultRow:
     rows = np.flatnonzero(truth.valid & answered & example.scored)
-    truth = truth.of_points(rows)
-    xyz, flow, true_flow = example.triplet.current.xyz[rows], estimate.flow[rows], truth.flow
-    dynamic, class_id = truth.dynamic, truth.class_id
-    motion = _sensor_motion(xyz, true_flow, dynamic, example.triplet.next_from_current)
-    own = true_flow.astype(np.float64) - rigid_flow(xyz, motion)
-    own_m = np.linalg.norm(own, axis=1)
-    interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
+    known, own_m = true_motion(example, truth, rows)
+    flow, true_flow = estimate.flow[rows], truth.flow[rows]
+    xyz, dynamic, class_id, interval_s = known.xyz, known.dynamic, known.class_id, known.interval_s
     share = USUAL_INTERVAL_S / interval_s
     xy = xyz[:, :2].astype(np.float64)
     errors_m = end_point_errors(flow, true_flow)
@@ -136,9 +149,6 @@ def _with_errors(
     every, range_m = np.ones(len(xyz), dtype=bool), np.linalg.norm(xy, axis=1)
     movers = None
     if estimate.over_ground is not None:
-        # Turned back into the axes of the current sweep.
-        velocity = own @ motion[:3, :3] / interval_s
-        known = TrueMotion(xyz, velocity, dynamic, class_id, truth.object_id, interval_s)
         movers = mover_row(known, estimate.over_ground, rows, errors_m, estimate.reason_of)
     return replace(
         row,

@@ -73,5 +73,9 @@ class Reasons:
         return Verdict.TOO_LARGE if is_too_large else Verdict.NOT_SUSPECTED
 
 
-def _residuals(motions: JudgedMotions, row: int) -> tuple[float, ...]:
-    return (*motions.near[row].tolist(), *motions.past[row].tolist())
+def _residuals(motions: JudgedMotions, row: int) -> dict[str, float]:
+    """Name of each other sweep to what it leaves unexplained, metres."""
+    older = [f"{number} before" for number in range(2, 2 + motions.past.shape[1])]
+    names = (*("next", "previous")[: motions.near.shape[1]], *older)
+    values = (*motions.near[row].tolist(), *motions.past[row].tolist())
+    return dict(zip(names, values, strict=True))

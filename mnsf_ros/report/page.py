@@ -26,7 +26,7 @@ from mnsf_ros.evaluation.tables import (
     further_tables,
     main_tables,
 )
-from mnsf_ros.report.worst import focus_method, worst_card, worst_table
+from mnsf_ros.report.worst import focus_method, missed_table, worst_card, worst_table
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
@@ -80,6 +80,7 @@ def write_report(
         times=_times_chart(rows, summaries),
         focus=focus,
         worst=worst_table(rows, focus),
+        missed=missed_table(rows, focus),
         cards=[worst_card(rows, example, focus) for example in pictured],
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, PicturedFlow
+from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
@@ -76,6 +77,40 @@ def worst_table(rows: Sequence[ResultRow], method: str) -> TextTable | None:
     header += ["to next sweep (m)", "time (ms)"]
     listed = [_cells(row, has_truth) for row in worst[:_NUM_LISTED]]
     title = f"The worst {len(listed)} of {len(worst)} sweeps of {method}"
+    return TextTable(header, listed, title)
+
+
+def missed_table(rows: Sequence[ResultRow], method: str) -> TextTable | None:
+    """Returns the movers that a method missed most often; None if it missed none."""
+    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
+    for row in rows:
+        if row.method == method and row.movers is not None:
+            for item in row.movers.objects:
+                if item.moves and not item.is_found:
+                    missed.setdefault((row.recording, item.object_id), []).append((row, item))
+    worst = sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]
+    if not worst:
+        return None
+    header = ["mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by"]
+    listed = []
+    for sweeps in worst:
+        # The sweep in which there was most to be seen of it.
+        row, item = max(sweeps, key=lambda pair: (pair[1].num_points, -pair[0].number))
+        x_m, y_m = item.place_m
+        listed.append(
+            [
+                f"{row.recording}: {item.kind}",
+                str(len(sweeps)),
+                f"{row.stamp_ns / _NANOSECONDS:.3f}",
+                f"{x_m:.1f}, {y_m:.1f}",
+                f"{item.speed_m_s:.1f}",
+                f"{item.num_points:,}",
+                "-" if item.lost_by is None else item.lost_by.value,
+            ]
+        )
+    title = (
+        f"Movers that {method} missed in most sweeps; mnsf explain tells more of a stamp and x, y"
+    )
     return TextTable(header, listed, title)
 
 

@@ -36,6 +36,7 @@ from mnsf_ros.evaluation.tables import (
     main_tables,
 )
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
+from mnsf_ros.report.worst import missed_table
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 N = 100
@@ -328,6 +329,21 @@ def test_lost_mover_has_what_lost_it(reason, lost_by):
     assert summary.lost == {lost_by.value: 2}
     found = mover_row(truth, said(IDS == 1), np.arange(N), np.zeros(N), reason_of)
     assert found.objects[0].lost_by is None
+
+
+def test_movers_that_were_missed_most_often_come_first():
+    rows = [
+        ResultRow("drive", number, number * SECOND, "online", N, movers=seen(False, object_id=who))
+        for number, who in enumerate([1, 2, 2, 1, 2])
+    ]
+    table = missed_table(rows, "online")
+    assert [row[:3] for row in table.rows] == [
+        ["drive: car", "3", "1.000"],
+        ["drive: car", "2", "0.000"],
+    ]
+    assert missed_table(rows, "mnsf") is None
+    found = [replace(rows[0], movers=seen(True)), replace(rows[1], movers=None)]
+    assert missed_table(found, "online") is None
 
 
 def test_table_of_losses():

@@ -1,0 +1,80 @@
+"""`mnsf explain`: why one place of a sweep was called dynamic or not."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from decimal import Decimal
+from pathlib import Path
+
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
+from mnsf_ros.cli.console import Console
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# Of a header with 32 bits of seconds.
+_MAX_STAMP_S = 2**32
+_EPILOG = """\
+Example:
+  mnsf explain street --stamp 1716451201.300 --at 12.5,-3
+
+The report of an evaluation lists the worst missed movers with stamp and place.
+"""
+
+
+def add_to(subparsers: Subparsers) -> None:
+    """Adds the subcommand."""
+    arguments = add_subcommand(
+        subparsers,
+        "explain",
+        "say why one place was called dynamic or not",
+        _run,
+        description="Print what the method made of the object at one place of one sweep.",
+        epilog=_EPILOG,
+    )
+    arguments.value("bag BAG", "recording", Path)
+    arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
+    arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
+    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
+    arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
+    arguments.value("--method NAME", "see docs/evaluation.md", default="online")
+    arguments.settings()
+
+
+def _stamp_ns(text: str) -> int:
+    try:
+        # Not a float: it has too few digits for nanoseconds since 1970.
+        seconds = Decimal(text)
+        is_good = 0 <= seconds < _MAX_STAMP_S
+    except ArithmeticError:
+        is_good = False
+    if not is_good:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds since 1970")
+    return round(seconds * NANOSECONDS)
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        x, y = map(float, text.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres") from error
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected two finite numbers")
+    return x, y
+
+
+def _run(options: argparse.Namespace) -> None:
+    from mnsf_ros.evaluation.explanation import explain
+    from mnsf_ros.evaluation.options import EvaluationOptions
+    from mnsf_ros.evaluation.recordings import choose_topics, short_name
+    from mnsf_ros.recording.inspection import inspect_recording
+
+    recording = choose_topics(
+        inspect_recording(options.bag),
+        short_name(options.bag),
+        options.points,
+        odometry=options.odometry,
+    )
+    evaluation = EvaluationOptions(chosen_settings(options))
+    console = Console()
+    for line in explain(recording, evaluation, options.stamp, options.at, options.method):
+        console.say(line, soft_wrap=True)

@@ -1,0 +1,160 @@
+"""Why one place of a sweep was called dynamic or not, in lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.reason import Reason, Verdict
+from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.evaluation.scoring import true_motion
+from mnsf_ros.methods import make_method
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# A stamp that was printed with three decimals is off by less.
+_SAME_STAMP_NS: Final = 1_000_000
+# What happened longer ago plays no part.
+_PAST_S: Final = 3.0
+_RADIUS_M: Final = 0.5
+_FARTHEST_M: Final = 2.0
+# What a user can change about it.
+_SETTINGS: Final = {
+    Verdict.NO_OBJECT: "see the parameters crop.* and ground.*",
+    Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
+    Verdict.TOO_LARGE: "the parameter objects.max_size_m is the limit",
+    Verdict.LEFT_OUT: "the parameter objects.max_suspects is the limit",
+    Verdict.REFUSED: "a higher objects.max_unexplained accepts more",
+}
+
+
+def explain(
+    recording: EvaluatedRecording,
+    options: EvaluationOptions,
+    stamp_ns: int,
+    place_m: tuple[float, float],
+    method: str = "online",
+) -> list[str]:
+    """Returns lines on what a method made of a place (x, y) in the sensor frame of a sweep.
+
+    The sweeps of the 3 s before are estimated, too, because the method remembers them.
+
+    Raises:
+        EvaluationError: There is no such sweep, no point near the place, or the method does not
+            say why.
+        MnsfError: The recording cannot be read, or the estimate fails.
+    """
+    example, estimate = _estimated(recording, options, stamp_ns, method)
+    if estimate.reason_of is None or estimate.over_ground is None:
+        raise EvaluationError(f"method {method!r} does not say why; online does")
+    rows = _rows_at(example, estimate, place_m)
+    reason = estimate.reason_of(rows)
+    xyz = example.triplet.current.xyz[rows]
+    middle = ", ".join(f"{value:.2f}" for value in np.median(xyz, axis=0))
+    num_called = int(np.count_nonzero(estimate.over_ground.dynamic[rows]))
+    hint = _SETTINGS.get(reason.verdict)
+    verdict = reason.verdict.value
+    if num_called and reason.verdict is not Verdict.DYNAMIC:
+        verdict += ", but it joined a mover beside it"
+    lines = [
+        f"{recording.name}, sweep {example.number}, stamp "
+        f"{example.triplet.current.stamp_ns / NANOSECONDS:.3f} s: {len(rows)} points around "
+        f"({middle}) m",
+        f"Called dynamic: {num_called} of {len(rows)} points",
+        f"Reason: {verdict}{f' ({hint})' if hint else ''}",
+    ]
+    return [*lines, *_object_lines(example, reason), *_truth_lines(example, reason, rows)]
+
+
+def _estimated(
+    recording: EvaluatedRecording, options: EvaluationOptions, stamp_ns: int, method: str
+) -> tuple[Example, FlowEstimate]:
+    """The example of a stamp and its estimate."""
+    estimator = make_method(method, options.settings)
+    stamps_ns: list[int] = []
+    with recording.open() as reader:
+        for example in read_examples(reader, recording, options, Findings()):
+            now_ns = example.triplet.current.stamp_ns
+            stamps_ns.append(now_ns)
+            if now_ns < stamp_ns - _PAST_S * NANOSECONDS:
+                continue
+            estimate = estimator.estimate(example.triplet)
+            if abs(now_ns - stamp_ns) <= _SAME_STAMP_NS:
+                return example, estimate
+            if now_ns > stamp_ns:
+                break
+    if not stamps_ns:
+        raise EvaluationError(f"{recording.name}: contains no consecutive sweeps")
+    nearest = min(stamps_ns, key=lambda one: abs(one - stamp_ns)) / NANOSECONDS
+    raise EvaluationError(
+        f"{recording.name}: no sweep with neighbours has the stamp {stamp_ns / NANOSECONDS:.3f} s; "
+        f"the nearest one has {nearest:.3f} s"
+    )
+
+
+def _rows_at(
+    example: Example, estimate: FlowEstimate, place_m: tuple[float, float]
+) -> NDArray[np.int64]:
+    """The points near a place, without ground if there are others."""
+    xyz = example.triplet.current.xyz
+    distances_m = np.hypot(*(xyz[:, :2].astype(np.float64) - place_m).T)
+    for mask in (estimate.kept, np.ones(len(xyz), dtype=bool)):
+        near = np.flatnonzero(mask & (distances_m <= _RADIUS_M))
+        if len(near):
+            return near
+    nearest = int(np.argmin(distances_m)) if len(xyz) else 0
+    if len(xyz) and distances_m[nearest] <= _FARTHEST_M:
+        return np.array([nearest])
+    x, y = place_m
+    found = f"; the nearest one is {distances_m[nearest]:.1f} m away" if len(xyz) else ""
+    raise EvaluationError(f"no point within {_FARTHEST_M:g} m of ({x:g}, {y:g}) m{found}")
+
+
+def _object_lines(example: Example, reason: Reason) -> Iterator[str]:
+    if reason.num_points:
+        yield f"Object: {reason.num_points} points after thinning, {reason.size_m:.1f} m long"
+    if reason.motion is None or reason.start is None:
+        return
+    speed_m_s = float(np.linalg.norm(reason.motion)) / (example.triplet.interval_s or 0.1)
+    yield f"Motion found: {_vector(reason.motion)} m to the next sweep, {speed_m_s:.1f} m/s"
+    yield f"The search started at {_vector(reason.start)} m"
+    yield f"Residual if static: {_listed(reason.static_m)}"
+    yield f"Residual if it moves: {_listed(reason.moving_m)}"
+    for name, value in reason.evidence.items():
+        yield f"Evidence, {name}: {value:.3f}"
+
+
+def _truth_lines(example: Example, reason: Reason, rows: NDArray[np.int64]) -> Iterator[str]:
+    truth = example.truth
+    if truth is None or not truth.valid[rows].any():
+        return
+    # The sensor's own motion shows in all points of the sweep.
+    every = np.flatnonzero(truth.valid)
+    known, own_m = true_motion(example, truth, every)
+    own = np.isin(every, rows)
+    motion = known.velocity[own].mean(axis=0) * known.interval_s
+    share = float(known.dynamic[own].mean())
+    yield (
+        f"Truth: {share:.0%} of the points dynamic, {_vector(motion)} m to the next sweep, "
+        f"{float(own_m[own].mean()) / known.interval_s:.1f} m/s"
+    )
+    if reason.motion is not None and reason.start is not None:
+        errors_m = (np.linalg.norm(each - motion) for each in (reason.motion, reason.start))
+        yield "The motion found is off by {:.2f} m, the start of the search by {:.2f} m".format(
+            *errors_m
+        )
+
+
+def _vector(vector: NDArray[np.float64]) -> str:
+    return f"({', '.join(f'{value:.2f}' for value in vector)})"
+
+
+def _listed(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{value:.3f} m ({name})" for name, value in values.items())

@@ -1,0 +1,99 @@
+"""`mnsf explain`: what it says of a place, and what it cannot say."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli import main
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.truth import read_truth
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+from msg_utils.point_cloud2 import decode_points
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "street"
+    write_recording(SimulationSettings(seed=1, duration_s=0.6, num_beams=32, num_columns=512), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def sweep(street):
+    """Stamp, points and truth of the sweep before the last one."""
+    with BagReader(street) as reader:
+        *_, message, _ = reader.messages("/points")
+        points = decode_points(message).ravel()
+        truth = read_truth(reader)
+        stamp_ns = list(truth)[-2]
+        return stamp_ns, np.stack([points[axis] for axis in "xyz"], axis=1), truth[stamp_ns]
+
+
+def explained(capsys, *arguments):
+    status = main.run(["explain", *map(str, arguments)])
+    said = capsys.readouterr()
+    return status, said.out, said.err
+
+
+def at(points):
+    x, y, _ = np.median(points, axis=0)
+    return f"--at={x:.2f},{y:.2f}"
+
+
+def seconds(stamp_ns):
+    return f"--stamp={stamp_ns // 10**9}.{stamp_ns % 10**9:09}"
+
+
+def test_mover_and_ground(street, sweep, capsys):
+    stamp_ns, xyz, truth = sweep
+    ids = truth.object_id
+    movers = [i for i in np.unique(ids[truth.dynamic]) if (ids == i).sum() > 100]
+    nearest = min(movers, key=lambda i: np.hypot(*xyz[ids == i, :2].T).min())
+    status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[ids == nearest]))
+    assert status == 0
+    assert f"street, sweep 4, stamp {stamp_ns / 1e9:.3f} s" in text
+    assert re.search(r"Called dynamic: (\d+) of \1 points", text)
+    assert "Reason: dynamic" in text
+    assert re.search(r"Residual if static: 0\.\d+ m \(next\), 0\.\d+ m \(previous\)", text)
+    assert re.search(r"Truth: \d+% of the points dynamic", text)
+    far = truth.ground & (np.hypot(*xyz[:, :2].T) > 6)
+    status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[far][:1]))
+    assert (status, "Called dynamic: 0 of" in text) == (0, True)
+    assert "Motion found" not in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        (["--stamp=5", "--at=8,0"], "the stamp 5.000 s; the nearest one has 17164512"),
+        (["--at=1000,0"], r"no point within 2 m of \(1000, 0\) m"),
+        (["--at=8,0", "--method=zero"], "method 'zero' does not say why"),
+        (["--at=8,0", "--points=/nothing"], "/nothing"),
+    ],
+)
+def test_what_cannot_be_explained_is_one_line(street, sweep, capsys, changes, text):
+    status, out, err = explained(capsys, street, seconds(sweep[0]), *changes)
+    assert (status, out) == (2, "")
+    assert re.search(text, err)
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("stamp", "place"),
+    [
+        ("nan", "1,2"),
+        ("soon", "1,2"),
+        ("1e999999", "1,2"),
+        ("5", "1"),
+        ("5", "1,nan"),
+        ("5", "a,b"),
+    ],
+)
+def test_arguments_that_are_no_numbers_are_refused(street, capsys, stamp, place):
+    with pytest.raises(SystemExit):
+        main.run(["explain", str(street), f"--stamp={stamp}", f"--at={place}"])
+    assert "expected" in capsys.readouterr().err
