@@ -9,6 +9,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.command_line import refuse_options
 from mnsf_ros.node.environment import (
     NoRosError,
     prepare_environment,
@@ -35,6 +36,7 @@ def main() -> None:
     one line.
     """
     signals = _EndSignals()
+    refuse_options(sys.argv[1:])
     prepare_environment()
     try:
         require_ros()

@@ -26,6 +26,7 @@ from mnsf_ros.node.debug_times import DebugTimes
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.node.greeting import greeting
 from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
@@ -112,6 +113,7 @@ class SceneFlowNode(Node):
         for name in undeclared_overrides(self):
             instead = f"; {REPLACED[name]}" if name in REPLACED else ""
             self.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
+        self.get_logger().info(greeting(_with_node_threads(self._settings)))
         self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:

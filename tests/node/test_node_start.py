@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -9,6 +11,10 @@ import torch
 from scene_flow_process import NETWORK
 from synthetic_clouds import MOTION, flow_columns
 from waiting import PATIENCE_S
+
+from mnsf_ros.node.greeting import greeting
+from mnsf_ros.presets import preset
+from mnsf_ros.settings import Settings
 
 # What the user gives, and what the one line of answer must have in it.
 _UNUSABLE = {
@@ -122,6 +128,7 @@ class TestRenamedNodeWithParameterFile:
         assert "parameter 'typo'" in warnings[1]
 
     def test_says_which_topics_it_uses(self, peer, process):
+        assert ", method mnsf, device cpu, 1 thread, ego motion from registration" in process.log
         assert "sweeps from /lidar/points, flow on /robot/flow_node/flow" in process.log
         assert peer.values("input")["topic"] == "/lidar/points"
 
@@ -136,6 +143,44 @@ class TestRenamedNodeWithParameterFile:
 
     def test_keeps_the_reliability_that_it_was_given(self, peer):
         assert peer.values("input")["reliability"] == "best_effort"
+
+
+class TestCommandLine:
+    """What is not for ROS."""
+
+    def run(self, *arguments):
+        command = [sys.executable, "-m", "mnsf_ros.node", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+    @pytest.mark.parametrize("arguments", [["--help"], ["--ros-args", "-r", "a:=b", "--", "-h"]])
+    def test_help_says_how_to_start_the_node(self, arguments):
+        ended = self.run(*arguments)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        for word in ("~/points", "~/objects", "--ros-args", "--params-file"):
+            assert word in ended.stdout
+
+    @pytest.mark.parametrize(
+        "arguments", [["--frobnicate"], ["-p", "crop.max_range_m:=60"], ["--ros-args", "--", "x"]]
+    )
+    def test_other_options_are_refused(self, arguments):
+        ended = self.run(*arguments)
+        assert (ended.returncode, ended.stdout) == (2, "")
+        assert "error: unrecognized arguments" in ended.stderr
+        assert "--ros-args" in ended.stderr
+
+
+def test_greeting_names_what_differs_from_a_preset():
+    start = "preset online, method online, device auto, 2 threads, ego motion from "
+    settings = Settings().changed({"compute.num_threads": 2})
+    assert greeting(settings) == f"{start}registration"
+    changed = settings.changed({"ego_motion.source": "odometry", "crop.max_range_m": 60})
+    assert greeting(changed).startswith("preset online but for crop.max_range_m, ego_motion.source")
+    paper = preset("paper").changed({"compute.num_threads": 1})
+    assert greeting(paper).startswith("preset paper, method mnsf, device auto, 1 thread, ")
+    names = ("min_range_m", "max_range_m", "min_height_m", "max_height_m")
+    many = {f"crop.{name}": 1.5 * index for index, name in enumerate(names, start=1)}
+    many |= {"ground.window_m": 9, "ground.cell_size_m": 0.6, "objects.max_points": 5000}
+    assert "preset online with 7 changes, " in greeting(Settings().changed(many))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
