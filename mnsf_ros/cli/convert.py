@@ -38,10 +38,11 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.datasets.recording_writer import check_out, write_recording
+    from mnsf_ros.datasets.recording_writer import write_recording
     from mnsf_ros.demo.console_progress import counting_progress
+    from mnsf_ros.recording.new_folder import check_target
 
-    check_out(options.out, overwrite=options.force)
+    check_target(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
     source = open_source(
         options.format, options.source, sequence=options.sequence, labels=options.labels

@@ -27,7 +27,7 @@ def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
     summary = "write a recording of a simulated street with its true flow"
     arguments = add_subcommand(subparsers, "simulate", summary, _run)
-    arguments.value("out", "folder to write (rosbag2, mcap)", Path)
+    arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
     for name, (unit, text) in _OPTIONS.items():
         default = getattr(SimulationSettings, name)

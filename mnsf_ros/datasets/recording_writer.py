@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
-from mnsf_ros.errors import DatasetError, RecordingError
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.new_folder import check_target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+    from pathlib import Path
 
     from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
     from mnsf_ros.recording.flow_truth import FlowTruth
@@ -70,9 +67,6 @@ class TruthSummary:
             )
 
 
-_FILE_SUFFIX: Final = ".mcap"
-
-
 def write_recording(
     source: SweepSource,
     path: Path | str,
@@ -82,31 +76,17 @@ def write_recording(
     overwrite: bool = False,
     compress: bool = False,
 ) -> TruthSummary:
-    """Writes a sequence with what is known about its motion.
+    """Writes a sequence with what is known about its motion, and returns how much that is.
 
-    Only two sweeps are in memory at a time.
-
-    Args:
-        source: The sweeps.
-        path: Folder to write, or a single file if it ends in `.mcap`; it appears when all is
-            done, and nothing is left behind after an error.
-        settings: How far labels are believed.
-        progress: Called after every sweep with the number of sweeps done.
-        overwrite: Whether a recording at the same path may be replaced.
-        compress: Whether to compress the recording: smaller but slower to write and read.
-
-    Returns:
-        How many sweeps, and how much is known about them.
+    Only two sweeps are in memory at a time. After every sweep `progress` is called with the number
+    of sweeps done.
 
     Raises:
         DatasetError: The data set is damaged, or its sweeps are out of order.
         RecordingError: The recording cannot be written.
     """
     settings, summary = settings or TruthSettings(), TruthSummary()
-    with (
-        _target(Path(path), overwrite=overwrite) as folder,
-        BagWriter(folder, overwrite=overwrite, compress=compress) as writer,
-    ):
+    with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
         for sweep, following in _with_next(source.sweeps):
             truth = sweep_truth(sweep, following, settings)
             writer.write_sweep(sweep.xyz, sweep.columns, truth, sweep.pose, source.frame_id)
@@ -116,18 +96,6 @@ def write_recording(
         if not summary.num_sweeps:
             raise DatasetError("the sequence has no sweep there, nothing is written")
     return summary
-
-
-def check_out(path: Path, *, overwrite: bool) -> None:
-    """Says what stands in the way of a recording, before any work is done for it.
-
-    Raises:
-        RecordingError: Something is there already that may not be replaced.
-    """
-    if path.suffix == _FILE_SUFFIX:
-        _check_file(path, overwrite=overwrite)
-    else:
-        check_target(path, overwrite=overwrite)
 
 
 def _with_next(
@@ -150,31 +118,3 @@ def _with_next(
         current = following
     if current is not None:
         yield current, None
-
-
-@contextmanager
-def _target(path: Path, *, overwrite: bool) -> Iterator[Path]:
-    """Yields the folder for a BagWriter; of that for a single file, the file is kept."""
-    if path.suffix != _FILE_SUFFIX:
-        yield path
-        return
-    _check_file(path, overwrite=overwrite)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(
-            prefix=f".{path.stem}.", suffix=".partial", dir=path.parent
-        ) as temporary:
-            folder = Path(temporary, path.stem)
-            yield folder
-            (file,) = folder.glob(f"*{_FILE_SUFFIX}")
-            _check_file(path, overwrite=overwrite)
-            file.replace(path)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _check_file(path: Path, *, overwrite: bool) -> None:
-    if path.is_dir():
-        raise RecordingError(f"{path}: is a folder, expected a file")
-    if path.exists() and not overwrite:
-        raise RecordingError(f"{path}: exists already")

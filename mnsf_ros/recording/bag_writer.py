@@ -40,18 +40,18 @@ _LATEST_NS: Final = 2**63 - 1
 class BagWriter:
     """A recording being written; use it as a context manager.
 
-    The folder appears at its path when the block ends well. After any exception in the block,
-    also KeyboardInterrupt, nothing is left behind. The receive time of every message is the
-    stamp it is written with. Every part of the file has a checksum.
+    A folder, or a single file if the path ends in `.mcap`, appears when the block ends well. After
+    any exception in the block, also KeyboardInterrupt, nothing is left behind. The receive time of
+    every message is the stamp it is written with. Every part of the file has a checksum.
 
     Attributes:
-        path: The folder to write.
+        path: The folder or file to write.
     """
 
     def __init__(
         self, path: Path | str, *, overwrite: bool = False, compress: bool = False
     ) -> None:
-        """Names the folder to write, whose missing parents are made; nothing is written yet.
+        """Names what to write, whose missing parents are made; nothing is written yet.
 
         A recording at the same path is replaced only if `overwrite` is set. With `compress` chunks
         of the file are compressed with zstd: smaller but slower.

@@ -1,4 +1,4 @@
-"""A folder that appears complete or not at all."""
+"""A recording, folder or single file, that appears complete or not at all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import METADATA_NAME, SUFFIXES
+from mnsf_ros.recording.bag_files import MCAP, METADATA_NAME, SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,8 +20,8 @@ _REPLACEABLE_SUFFIXES = (*SUFFIXES, ".zstd")
 def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Yields where to make a folder; it is moved to `path` if the block ends well, else removed.
 
-    It has the same last name; missing parents are made. With `overwrite` a recording that is there
-    already is replaced, at the very end.
+    Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
+    there. With `overwrite` a recording that is there already is replaced, at the very end.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.
@@ -29,10 +29,12 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """
     check_target(path, overwrite=overwrite)
     path.parent.mkdir(parents=True, exist_ok=True)
-    prefix = f".{path.name}."
+    is_file, prefix = path.suffix == MCAP, f".{path.name}."
     with TemporaryDirectory(prefix=prefix, suffix=".partial", dir=path.parent) as temporary:
-        draft = Path(temporary, path.name)
+        draft = Path(temporary, path.stem if is_file else path.name)
         yield draft
+        if is_file:
+            (draft,) = draft.glob(f"*{MCAP}")
         check_target(path, overwrite=overwrite)
         replaced = Path(temporary, f"{path.name}.replaced")
         if path.exists():
@@ -46,19 +48,23 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Says what stands in the way of a recording folder, before any work is done for it.
+    """Says what stands in the way of a recording, before any work is done for it.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.
     """
     if not path.name:
         raise RecordingError(f"{str(path)!r}: is not the name of a folder, expected one to write")
-    if path.suffix in SUFFIXES:
+    if path.suffix == MCAP and path.is_dir():
+        raise RecordingError(f"{path}: is a folder, expected a file")
+    if path.suffix in SUFFIXES and path.suffix != MCAP:
         raise RecordingError(f"{path}: a recording is a folder: leave out {path.suffix!r}")
     if not path.exists() and not path.is_symlink():
         return
     if not overwrite:
         raise RecordingError(f"{path}: exists already")
+    if path.suffix == MCAP:
+        return
     # A wrong path must not cost anybody their other files.
     others = [path.name] if not path.is_dir() or path.is_symlink() else _other_files(path)
     if others:

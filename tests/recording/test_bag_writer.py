@@ -142,12 +142,16 @@ def test_overwriting_spares_what_is_no_recording(tmp_path, kind):
     assert path.exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "text"), [("bag.mcap", "leave out '.mcap'"), ("bag.db3", "leave out '.db3'")]
-)
-def test_path_of_a_file_is_refused(tmp_path, name, text):
-    with pytest.raises(RecordingError, match=text):
-        write_one(tmp_path / name)
+def test_path_of_a_file_of_another_kind_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match=r"leave out '\.db3'"):
+        write_one(tmp_path / "bag.db3")
+
+
+def test_a_single_file_holds_what_the_folder_would(tmp_path):
+    write_one(tmp_path / "bag")
+    write_one(tmp_path / "bag.mcap")
+    assert (tmp_path / "bag.mcap").read_bytes() == (tmp_path / "bag" / "bag.mcap").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "bag.mcap"]
 
 
 def test_path_without_name_is_refused():
