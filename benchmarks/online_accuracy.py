@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -178,7 +179,10 @@ def _ego_table() -> TextTable:
 
 def _ego_errors_m(sweeps: Sequence[TrueSweep]) -> list[float]:
     ego_motion = EgoMotion(preset("online").ego_motion)
-    poses = [ego_motion.pose_of(item.sweep).world_from_sensor for item in sweeps]
+    found = [ego_motion.pose_of(item.sweep) for item in sweeps]
+    # How the sensor moved in the first sweep is known only now.
+    found[0] = replace(found[0], motion=ego_motion.motion_in(sweeps[0].sweep))
+    poses = [pose.world_from_stamp for pose in found]
     errors_m = []
     for index in range(len(sweeps) - 1):
         ours = np.linalg.inv(poses[index]) @ poses[index + 1]

@@ -197,7 +197,11 @@ class EgoMotionSettings:
         65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000
     )
     thinning_m: float = _setting(
-        0.5, "Cell size for thinning before registration: one point per cell is kept", 0.05, 5
+        0.3,
+        "Cell size for thinning before registration: one point per cell is kept; cells near the "
+        "ground are 1.7 times as large",
+        0.05,
+        5,
     )
     map_cell_m: float = _setting(1.0, "Cell size of the local map", 0.1, 10)
     map_sweeps: int = _setting(

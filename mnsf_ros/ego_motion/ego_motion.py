@@ -41,8 +41,8 @@ class EgoSource(Enum):
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
 
 
-# Registration: 0.005 m and 0.5 mrad a sweep on KITTI 0005 and on an Apollo drive, 0.025 m where
-# a simulated street is driven at 19 m/s. Odometry: a usual one; its own covariance is not read.
+# Registration: 0.005 m and 0.5 mrad a sweep on KITTI 0005 and on an Apollo drive, 0.006 m where
+# simulated streets are driven at 18 m/s. Odometry: a usual one; its own covariance is not read.
 # Without either nobody knows.
 _NOISE: Final = {
     EgoSource.START: StepNoise(0.001, 0.0, 0.0001, 0.0),
