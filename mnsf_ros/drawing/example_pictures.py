@@ -17,6 +17,7 @@ from mnsf_ros.drawing.flow_panel import (
     BACKGROUND,
     FAINT_INK,
     GRID,
+    INK,
     MAX_POINTS,
     MISSING,
     Panel,
@@ -33,6 +34,8 @@ _BOTTOM_PX: Final = 26
 _LEFTS_PX: Final = (36, 484, 932)
 _FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
 _MOST_LETTERS: Final = 22
+# A picture of one place reaches so far to each side.
+_AROUND_M: Final = 12.0
 _SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
 # An error that counts as an outlier, whatever the true length, has the full color.
 FULL_ERROR_M: Final = 0.3
@@ -121,6 +124,24 @@ class ExamplePainter:
         _without_labels(axes)
         _draw_errors(axes, self._xy, errors_m)
         _draw_error_scale(figure)
+        return png_bytes(figure)
+
+    def around(self, item: PicturedFlow, place_m: tuple[float, float]) -> bytes | None:
+        """Returns what moves near a place (x, y), in truth and by a method; None without truth."""
+        if self._example.truth is None:
+            return None
+        figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
+        view_m = max(self._view_m, *(abs(value) + _AROUND_M for value in place_m))
+        limits = [(value - _AROUND_M, value + _AROUND_M) for value in place_m]
+        flows = {"truth": self._example.truth, item.method: item.flow}
+        for left, (name, flow) in zip(_LEFTS_PX, flows.items(), strict=False):
+            axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
+            title = f"{shortened(name, _MOST_LETTERS)}: what moves"
+            panel = Panel(title, "", self._xy, self._parts(flow)[1], 16.0, 1.5)
+            draw_panel(axes, panel, full_speed_m=self._speeds_m[1], view_m=view_m)
+            axes.scatter(*place_m, s=3000, facecolors="none", edgecolors=INK, linewidths=1.0)
+            axes.set(xlim=limits[0], ylim=limits[1])
+            _without_labels(axes)
         return png_bytes(figure)
 
     def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:

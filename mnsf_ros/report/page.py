@@ -26,7 +26,14 @@ from mnsf_ros.evaluation.tables import (
     further_tables,
     main_tables,
 )
-from mnsf_ros.report.worst import focus_method, missed_table, worst_card, worst_table
+from mnsf_ros.report.worst import (
+    MissedMover,
+    focus_method,
+    missed_card,
+    missed_table,
+    worst_card,
+    worst_table,
+)
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
@@ -50,12 +57,13 @@ def write_report(
     path: Path,
     *,
     pictured: Sequence[PicturedExample] = (),
+    missed: Sequence[tuple[MissedMover, PicturedExample]] = (),
     focus: str | None = None,
 ) -> None:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
-    Sweeps are `pictured`, the worst one first; it is that of the method in `focus`, by default
-    `focus_method`, whose worst sweeps are shown.
+    Sweeps are `pictured`, the worst one first, and movers that were `missed`; both are those of
+    the method in `focus`, by default `focus_method`.
 
     Raises:
         WritingError: Writing fails.
@@ -82,6 +90,7 @@ def write_report(
         worst=worst_table(rows, focus),
         missed=missed_table(rows, focus),
         cards=[worst_card(rows, example, focus) for example in pictured],
+        missed_cards=[card for one in missed if (card := missed_card(*one)) is not None],
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )
     replace_file(path, [f"{page}\n"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple, TypedDict
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import EvaluationError, MnsfError
@@ -13,7 +14,7 @@ from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.page import REPORT_FILE, write_report
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
-from mnsf_ros.report.worst import focus_method, worst_rows
+from mnsf_ros.report.worst import MissedMover, focus_method, missed_movers, worst_rows
 
 # A long recording is read from its beginning to the example wanted.
 _NEAR_SWEEPS = 200
@@ -57,28 +58,59 @@ def report_run(
             f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
         )
     focus = focus or focus_method(results)
-    worst = worst_rows(rows, focus)
+    worst, missed = worst_rows(rows, focus), missed_movers(rows, focus)
     methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
     path = folder / REPORT_FILE
-    pictured = recorded_examples(folder, worst[:num_pictured], methods)
-    write_report(results, path, pictured=pictured, focus=focus)
+    wanted = _Wanted(worst[:num_pictured], missed[:num_pictured])
+    pictured = recorded_examples(folder, wanted.rows, methods)
+    write_report(results, path, **wanted.found(pictured), focus=focus)
     if pictured or not estimate_again:
         return path
     if math.isfinite(limit_s):
         worst = [row for row in worst if row.number < _NEAR_SWEEPS] or worst
+        missed = [one for one in missed if one.row.number < _NEAR_SWEEPS] or missed
         # Other programs may take long, or do more than one expects of a picture.
         external = {method.name for method in record.methods if method.traits.is_external}
         methods = [method for method in methods if method not in external]
         known = [one.name for one in record.recordings if one.inspection is not None]
         worst = [row for row in worst if row.recording in known] if known else worst
-    wanted = worst[:num_pictured]
-    if methods and wanted:
+        missed = [one for one in missed if one.row.recording in known] if known else missed
+    wanted = _Wanted(worst[:num_pictured], missed[:num_pictured])
+    if methods and wanted.rows:
         times_s = {summary.method: summary.time_ms / 1e3 for summary in results.summaries}
         budget = TimeBudget(limit_s, times_s)
-        pictured = _estimated(record, wanted, methods, budget, say)
+        pictured = _estimated(record, wanted.rows, methods, budget, say)
     if pictured:
-        write_report(results, path, pictured=pictured, focus=focus)
+        write_report(results, path, **wanted.found(pictured), focus=focus)
     return path
+
+
+class _Wanted(NamedTuple):
+    """What is to be pictured: the worst sweeps, and movers that were missed."""
+
+    worst: list[ResultRow]
+    missed: list[MissedMover]
+
+    @property
+    def rows(self) -> list[ResultRow]:
+        """Each sweep once, the worst ones first."""
+        rows = [*self.worst, *(one.row for one in self.missed)]
+        return list({(row.recording, row.number): row for row in rows}.values())
+
+    def found(self, examples: Sequence[PicturedExample]) -> _Pictured:
+        """The examples that got ready, as what they are wanted for."""
+        by_key = {example.key: example for example in examples}
+        worst = [(row.recording, row.number) for row in self.worst]
+        missed = [(one, (one.row.recording, one.row.number)) for one in self.missed]
+        return {
+            "pictured": [by_key[key] for key in worst if key in by_key],
+            "missed": [(one, by_key[key]) for one, key in missed if key in by_key],
+        }
+
+
+class _Pictured(TypedDict):
+    pictured: list[PicturedExample]
+    missed: list[tuple[MissedMover, PicturedExample]]
 
 
 def _estimated(

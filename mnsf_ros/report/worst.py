@@ -13,7 +13,7 @@ from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, P
 from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
-from mnsf_ros.evaluation.tables import TextTable, format_number, format_percent
+from mnsf_ros.evaluation.tables import NO_VALUE, TextTable, format_number, format_percent
 
 _NUM_LISTED: Final = 10
 _NANOSECONDS: Final = 1e9
@@ -80,38 +80,69 @@ def worst_table(rows: Sequence[ResultRow], method: str) -> TextTable | None:
     return TextTable(header, listed, title)
 
 
-def missed_table(rows: Sequence[ResultRow], method: str) -> TextTable | None:
-    """Returns the movers that a method missed most often; None if it missed none."""
+class MissedMover(NamedTuple):
+    """A mover that was missed, in the sweep in which there was most to be seen of it."""
+
+    row: ResultRow
+    item: ObjectRow
+    num_sweeps: int
+
+    @property
+    def lost_by(self) -> str:
+        """What lost it, a dash if nobody says."""
+        return NO_VALUE if self.item.lost_by is None else self.item.lost_by.value
+
+
+def missed_movers(rows: Iterable[ResultRow], method: str) -> list[MissedMover]:
+    """Returns the movers that a method did not find in some sweep, the one of most sweeps first."""
     missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
     for row in rows:
         if row.method == method and row.movers is not None:
             for item in row.movers.objects:
                 if item.moves and not item.is_found:
                     missed.setdefault((row.recording, item.object_id), []).append((row, item))
-    worst = sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]
-    if not worst:
-        return None
-    header = ["mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by"]
-    listed = []
-    for sweeps in worst:
-        # The sweep in which there was most to be seen of it.
-        row, item = max(sweeps, key=lambda pair: (pair[1].num_points, -pair[0].number))
-        x_m, y_m = item.place_m
-        listed.append(
-            [
-                f"{row.recording}: {item.kind}",
-                str(len(sweeps)),
-                f"{row.stamp_ns / _NANOSECONDS:.3f}",
-                f"{x_m:.1f}, {y_m:.1f}",
-                f"{item.speed_m_s:.1f}",
-                f"{item.num_points:,}",
-                "-" if item.lost_by is None else item.lost_by.value,
-            ]
-        )
-    title = (
-        f"Movers that {method} missed in most sweeps; mnsf explain tells more of a stamp and x, y"
+    most = (
+        (*max(sweeps, key=lambda pair: (pair[1].num_points, -pair[0].number)), len(sweeps))
+        for sweeps in missed.values()
     )
-    return TextTable(header, listed, title)
+    return sorted((MissedMover(*one) for one in most), key=lambda one: -one.num_sweeps)
+
+
+def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable | None:
+    """Returns the movers that a method missed most often; None if it missed none."""
+    header = ["mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by"]
+    listed = [
+        [
+            f"{one.row.recording}: {one.item.kind}",
+            str(one.num_sweeps),
+            f"{one.row.stamp_ns / _NANOSECONDS:.3f}",
+            ", ".join(f"{value:.1f}" for value in one.item.place_m),
+            f"{one.item.speed_m_s:.1f}",
+            f"{one.item.num_points:,}",
+            one.lost_by,
+        ]
+        for one in missed_movers(rows, method)[:_NUM_LISTED]
+    ]
+    title = f"Movers that {method} missed in most sweeps (mnsf explain tells more of a place)"
+    return TextTable(header, listed, title) if listed else None
+
+
+def missed_card(missed: MissedMover, example: PicturedExample) -> Card | None:
+    """Returns what moves around a missed mover, in truth and by the method; None if unknown."""
+    flows = [item for item in example.flows if item.method == missed.row.method]
+    png = ExamplePainter(example).around(flows[0], missed.item.place_m) if flows else None
+    if png is None:
+        return None
+    item, row = missed.item, missed.row
+    caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
+    caption += _AGAIN if flows[0].is_again else ""
+    alt = f"What moves around the {item.kind} in top view, in truth and by {row.method}. {caption}."
+    subtitle = (
+        f"{row.stamp_ns / _NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
+        f"{item.speed_m_s:.1f} m/s, {item.range_m:.0f} m away"
+    )
+    title = f"Missed: {item.kind} in {row.recording}"
+    return Card(title, subtitle, [Picture(_uri(png), alt, caption)])
 
 
 def _cells(row: ResultRow, has_truth: bool) -> list[str]:

@@ -13,6 +13,7 @@ import pytest
 
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.results_files import read_results
@@ -24,6 +25,7 @@ from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
 from mnsf_ros.report.run_report import report_run
+from mnsf_ros.report.worst import badness
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -60,6 +62,21 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
     text, said = report_of(folder, num_pictured=2)
     assert said == []
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
+
+
+def test_missed_movers_are_pictured_beside_the_worst_sweeps(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", methods=["ego"])
+    item = ObjectRow(1, "car", True, 5.0, 12.0, 50, 0.0, place_m=(8.0, 3.0))
+    rows = list(RunFolder(folder).rows())
+    best = min(rows, key=badness)
+    movers = MoverRow((0, 0, 50), 0, objects=[item])
+    rows = [dataclasses.replace(row, movers=movers) if row is best else row for row in rows]
+    (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in rows))
+    text, said = report_of(folder, num_pictured=1)
+    assert said == ["estimating 2 examples again for pictures, about 0 s"]
+    # The worst sweep has two pictures, the missed mover of another one has one.
+    assert text.count("data:image/png") == 2 + 1
+    assert text.count("<h3>Missed: car in street</h3>") == 1
 
 
 def test_other_flows_are_estimated_once_more(street, tmp_path):

@@ -9,9 +9,11 @@ from html.parser import HTMLParser
 import pytest
 from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
 
+from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.results import Failure, FailureKind
 from mnsf_ros.evaluation.results_files import results_of
 from mnsf_ros.report.page import write_report
+from mnsf_ros.report.worst import missed_movers
 
 WITHOUT_END = {"meta", "link", "img", "br"}
 
@@ -105,6 +107,36 @@ def test_worst_examples_come_first(tmp_path):
     text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
     places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
     assert places == sorted(places)
+
+
+def missed_mover(name="<b>car</b>"):
+    item = ObjectRow(
+        7, name, True, 5.0, 12.0, 120, 0.0, place_m=(8.0, -9.0), lost_by=LostBy.TOO_LARGE
+    )
+    return row(3, "mnsf", 0.3, movers=MoverRow((0, 0, 120), 0, objects=[item]))
+
+
+def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
+    found = [missed_mover(), row(2, "mnsf", 0.2)]
+    (missed,) = missed_movers(found, "mnsf")
+    page = report(tmp_path, found, run_record(), missed=[(missed, pictured())])
+    assert "Movers that mnsf missed in most sweeps" in page.text
+    assert "Missed: <b>car</b> in street" in page.text
+    assert "missed in 1 sweeps, here lost by: too large" in page.text
+    (image,) = page.all("img")
+    assert "What moves around the <b>car</b>" in image["alt"]
+
+
+@pytest.mark.parametrize(
+    "example", [pictured(with_truth=False), dataclasses.replace(pictured(), flows=[])]
+)
+def test_missed_mover_without_truth_or_flow_has_no_picture(tmp_path, example):
+    found = [missed_mover()]
+    page = report(
+        tmp_path, found, run_record(), missed=[(missed_movers(found, "mnsf")[0], example)]
+    )
+    assert page.all("img") == []
+    assert "Missed: " not in page.text
 
 
 def test_picture_of_another_flow_says_so(tmp_path):
