@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -16,25 +15,20 @@ from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import LinearSettings
 
-FieldMaker = Callable[[Workbench], nn.Module]
-
 _MAX_NODES = 4_000_000
 # Under the root of the total variation, square metres: where the flow is constant, too, it has
 # a gradient.
 _VARIATION_FLOOR = 1e-5
 
 
-def perceptron_field(bench: Workbench) -> FlowField:
-    """A fresh field of the paper."""
-    return FlowField(bench.settings.field, bench.generator).to(bench.device)
-
-
-def linear_field(bench: Workbench) -> KroneckerField:
-    """A fresh linear field on a grid around the current and the next sweep.
+def fresh_field(bench: Workbench, *, is_linear: bool = False) -> nn.Module:
+    """A fresh field of the paper, or a linear one on a grid around the current and the next sweep.
 
     Raises:
         SweepError: If the grid would be too large.
     """
+    if not is_linear:
+        return FlowField(bench.settings.field, bench.generator).to(bench.device)
     points = torch.cat([bench.current.points, bench.next.points]).cpu()
     return KroneckerField(points, bench.settings.linear, bench.generator).to(bench.device)
 

@@ -21,7 +21,7 @@ from mnsf_ros.core.schedule import Schedule, Schedules
 from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.core.warm_start import Learners
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.methods.fields import perceptron_field
+from mnsf_ros.methods.fields import fresh_field
 
 
 def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:
@@ -133,7 +133,7 @@ def _cycle_flow(
     The inverse field h must bring the moved points back.
     """
     weight = bench.settings.mnsf_cycle.weight
-    there, back = (perceptron_field(bench) for _ in range(2))
+    there, back = (fresh_field(bench) for _ in range(2))
 
     def loss_of() -> torch.Tensor:
         points = bench.points.draw()

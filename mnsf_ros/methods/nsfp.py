@@ -11,33 +11,18 @@ from mnsf_ros.core.optimization import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.methods.fields import (
-    FieldMaker,
-    linear_field,
-    penalty,
-    perceptron_field,
-    schedule_for,
-)
+from mnsf_ros.methods.fields import fresh_field, penalty, schedule_for
 
 
-def nsfp(bench: Workbench, schedules: Schedules) -> torch.Tensor:
-    """NSFP (Li 2021); (N, 3) metres."""
-    return _flow(bench, schedules, perceptron_field)
-
-
-def nsfp_linear(bench: Workbench, schedules: Schedules) -> torch.Tensor:
-    """NSFP with linear fields on a Kronecker product of encodings; (N, 3) metres."""
-    return _flow(bench, schedules, linear_field)
-
-
-def _flow(bench: Workbench, schedules: Schedules, make_field: FieldMaker) -> torch.Tensor:
-    """Minimizes Chamfer(p + g(p), S3) + Chamfer(p', S2).
+def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> torch.Tensor:
+    """NSFP (Li 2021), by minimizing Chamfer(p + g(p), S3) + Chamfer(p', S2); (N, 3) metres.
 
     p' = q + h(q) with q = p + g(p) is where the inverse field h takes the moved points back to.
-    Both directions of the distance need all moved points, so there are no random batches.
+    Both directions of the distance need all moved points, so there are no random batches. A linear
+    field is one on a Kronecker product of encodings.
     """
     points = bench.rows_to_fit
-    there, back = (make_field(bench) for _ in range(2))
+    there, back = (fresh_field(bench, is_linear=is_linear) for _ in range(2))
     settings = bench.settings.nsfp
     to_next = ChamferDistance(bench.sampled_points(bench.next), settings.truncation_m)
     to_current = ChamferDistance(points, settings.truncation_m)

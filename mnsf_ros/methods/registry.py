@@ -44,6 +44,10 @@ def _called(path: str, *args: object, **options: object) -> Any:  # noqa: ANN401
     return resolve_name(path)(*args, **options)
 
 
+def _linear(path: str) -> Callable[..., Any]:
+    return partial(_later(path), is_linear=True)
+
+
 _NETWORK: Final = _later("network_estimator:NetworkEstimator")
 
 
@@ -67,11 +71,13 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
     "nsfp": partial(_NETWORK, flow_of=_later("nsfp:nsfp"), distance_kind="tree"),
-    "nsfp-linear": partial(_NETWORK, flow_of=_later("nsfp:nsfp_linear"), distance_kind="tree"),
+    "nsfp-linear": partial(_NETWORK, flow_of=_linear("nsfp:nsfp"), distance_kind="tree"),
     "fnsf": partial(_NETWORK, flow_of=_later("fnsf:fnsf")),
-    "fnsf-linear": partial(_NETWORK, flow_of=_later("fnsf:fnsf_linear")),
+    "fnsf-linear": partial(_NETWORK, flow_of=_linear("fnsf:fnsf")),
     "fnsf-joint": partial(_NETWORK, flow_of=_later("fnsf:fnsf_joint"), num_sweeps=3),
-    "fnsf-time": partial(_NETWORK, flow_of=_later("fnsf:fnsf_time"), num_sweeps=3),
+    "fnsf-time": partial(
+        _NETWORK, flow_of=partial(_later("fnsf:fnsf_joint"), has_time=True), num_sweeps=3
+    ),
     "mnsf-cycle": partial(_NETWORK, flow_of=_later("mnsf:mnsf_cycle"), num_sweeps=3),
     # Ablations (a) to (c) of the paper; (d) is the method itself.
     "mnsf-no-backward": _mnsf(2),
