@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.metrics import end_point_errors
-from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects import confidence, scene
 from mnsf_ros.objects.motion_fusion import JudgedMotions

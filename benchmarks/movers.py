@@ -23,16 +23,11 @@ from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
 from rich.console import Console
 
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, MoverSummary
+from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverSummary
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import (
-    TextTable,
-    confidence_table,
-    losses_table,
-    movers_table,
-    objects_table,
-)
+from mnsf_ros.evaluation.tables import confidence_table, losses_table, movers_table, objects_table
+from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from online_recordings import real_sweeps, simulated_sweeps, to_and_fro
 
-from mnsf_ros.evaluation.tables import TextTable
+from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet

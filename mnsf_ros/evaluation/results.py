@@ -10,7 +10,8 @@ from enum import Enum
 
 from mnsf_ros.evaluation.argoverse_metrics import added, bucketed_errors, three_way_epe_m
 from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
-from mnsf_ros.evaluation.movers import MoverRow, MoverSummary, summarize_movers
+from mnsf_ros.evaluation.mover_summary import MoverSummary, summarize_movers
+from mnsf_ros.evaluation.movers import MoverRow
 
 
 class FailureKind(Enum):

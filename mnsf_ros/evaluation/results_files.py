@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.movers import FAST, SLOW
+from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.notes import Note, nearest_preset, notes_of, protocol_text
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json

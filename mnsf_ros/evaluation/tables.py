@@ -1,136 +1,28 @@
-"""Tables for people, the same on the terminal and in Markdown, and those of a run."""
+"""The tables of a run, for people."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, RenderResult
-from rich.table import Table
-from rich.text import Text
-
-from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.movers import FAST, MOVER_GROUPS, SLOW, LostBy, MoverGroup
+from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup
+from mnsf_ros.evaluation.movers import LostBy
 from mnsf_ros.evaluation.results import MethodSummary
-
-# Chooses the best of the values of a column: `min` or `max`.
-Better = Callable[[Iterable[float]], float]
+from mnsf_ros.evaluation.text_table import Better, TextTable, format_number, format_percent
 
 _ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)")
 _ERROR_BETTER: Final[tuple[Better, ...]] = (min, max, max, min, min)
 _TIME_COLUMN: Final = "time (ms)"
-NO_VALUE: Final = "-"
-# A line and a blank on each side of a cell; and the line at the right end.
-_AROUND: Final = 3
-_END: Final = 1
 
-Block = list[tuple[int, int]]
 
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
     "static": "Static points",
 }
-
-
-@dataclass(frozen=True)
-class TextTable:
-    """A table of finished cells, for a `rich` console of any width and as Markdown.
-
-    The first column names the row, the others hold numbers.
-
-    Attributes:
-        header: C column titles.
-        rows: Rows of C cells.
-        title: What the table shows; may be empty.
-        better: For each column `min` or `max`, which chooses its best value, or None; may be empty.
-
-    Raises:
-        EvaluationError: If a row has not as many cells as the header.
-    """
-
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    title: str = ""
-    better: Sequence[Better | None] = ()
-
-    def __post_init__(self) -> None:
-        for number, row in enumerate(self.rows, start=1):
-            if len(row) != len(self.header):
-                raise EvaluationError(
-                    f"row {number} of the table has {len(row)} cells {tuple(row)!r}, "
-                    f"expected {len(self.header)}: {tuple(self.header)!r}"
-                )
-
-    def markdown(self) -> str:
-        """Returns the table as Markdown, the title as a paragraph above, newline at the end."""
-        alignments = [":---", *["---:"] * (len(self.header) - 1)]
-        lines = [_markdown_row(self.header), _markdown_row(alignments)]
-        lines += [_markdown_row(row) for row in self.rows]
-        if self.title:
-            lines = [self.title, "", *lines]
-        return "\n".join(lines) + "\n"
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yields one table for each block of columns that finds room beside the names of rows.
-
-        Figures stay whole. Where there is little room, titles of columns and then names of rows go
-        on in the next line after a word; columns that find no room even so follow in further
-        blocks.
-        """
-        for number, block in enumerate(self._blocks(options.max_width - _END)):
-            yield self._drawn(block, self.title if number == 0 else "")
-
-    def _drawn(self, block: Block, title: str) -> Table:
-        # Text, not str: rich would take a method called "[a]" for markup and swallow it.
-        table = Table(title=Text(title) if title else None, title_justify="left")
-        for place, width in block:
-            table.add_column(
-                Text(self.header[place]),
-                justify="right" if place else "left",
-                width=width,
-                overflow="fold",
-            )
-        for row in self.rows:
-            table.add_row(*(Text(row[place]) for place, _ in block))
-        return table
-
-    def _blocks(self, room: int) -> Iterator[Block]:
-        """Yields places and widths of the columns of each block, the names first."""
-        least = [self._width(place, title_breaks=True) for place in range(len(self.header))]
-        words = max(map(_word_width, [self.header[0], *(row[0] for row in self.rows)]))
-        # Beside a name that is too long for that, the widest column must still have its place.
-        least[0] = max(1, min(words, room - _AROUND - max(least[1:], default=-_AROUND) - _AROUND))
-        block = [(0, least[0])]
-        for place, width in enumerate(least[1:], start=1):
-            if len(block) > 1 and _room_of(block) + width + _AROUND > room:
-                yield self._grown(block, room)
-                block = [(0, least[0])]
-            block.append((place, width))
-        yield self._grown(block, room)
-
-    def _grown(self, block: Block, room: int) -> Block:
-        """The block with what room is left given to the names, then to the titles."""
-        widths = dict(block)
-        lacking = {place: self._width(place) - width for place, width in block}
-        for _ in range(room - _room_of(block)):
-            place = 0 if lacking[0] > 0 else max(lacking, key=lambda place: lacking[place])
-            if lacking[place] <= 0:
-                break
-            widths[place] += 1
-            lacking[place] -= 1
-        return list(widths.items())
-
-    def _width(self, place: int, *, title_breaks: bool = False) -> int:
-        """Width of a column, its title in one line or with breaks between words."""
-        title = self.header[place]
-        title_width = _word_width(title) if title_breaks else cell_len(title)
-        return max([title_width, *(cell_len(row[place]) for row in self.rows)])
 
 
 def errors_table(
@@ -155,16 +47,6 @@ def errors_table(
     return TextTable(header, rows, title, better)
 
 
-def format_number(value: float, decimals: int) -> str:
-    """Returns the number with so many decimals, or a dash for NaN."""
-    return NO_VALUE if math.isnan(value) else f"{value:.{decimals}f}"
-
-
-def format_percent(share: float, decimals: int = 1) -> str:
-    """Returns a share of 0 to 1 in percent, without the sign, or a dash for NaN."""
-    return format_number(share * 100.0, decimals)
-
-
 def _error_cells(errors: FlowErrors) -> list[str]:
     return [
         format_number(errors.epe_m, 3),
@@ -173,19 +55,6 @@ def _error_cells(errors: FlowErrors) -> list[str]:
         format_percent(errors.outliers),
         format_number(errors.angle_error_rad, 3),
     ]
-
-
-def _room_of(block: Block) -> int:
-    return sum(width + _AROUND for _, width in block)
-
-
-def _word_width(text: str) -> int:
-    return max(map(cell_len, text.split()), default=0)
-
-
-def _markdown_row(cells: Sequence[str]) -> str:
-    escaped = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
-    return "| " + " | ".join(escaped) + " |"
 
 
 def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:

@@ -18,14 +18,8 @@ from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
 from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
-from mnsf_ros.evaluation.tables import (
-    NO_VALUE,
-    TextTable,
-    consistency_table,
-    format_percent,
-    further_tables,
-    main_tables,
-)
+from mnsf_ros.evaluation.tables import consistency_table, further_tables, main_tables
+from mnsf_ros.evaluation.text_table import NO_VALUE, TextTable, format_percent
 from mnsf_ros.report.worst import (
     MissedMover,
     focus_method,

@@ -13,7 +13,7 @@ from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, P
 from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.results_files import RunResults
-from mnsf_ros.evaluation.tables import NO_VALUE, TextTable, format_number, format_percent
+from mnsf_ros.evaluation.text_table import NO_VALUE, TextTable, format_number, format_percent
 
 _NUM_LISTED: Final = 10
 _NANOSECONDS: Final = 1e9

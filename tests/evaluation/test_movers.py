@@ -14,16 +14,8 @@ import small_evaluations as small
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.movers import (
-    FAST,
-    SLOW,
-    LostBy,
-    MoverRow,
-    ObjectRow,
-    TrueMotion,
-    mover_row,
-    summarize_movers,
-)
+from mnsf_ros.evaluation.mover_summary import FAST, SLOW, summarize_movers
+from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow, summarize
 from mnsf_ros.evaluation.results_files import results_csv, results_of
 from mnsf_ros.evaluation.run_folder import from_json, to_json
