@@ -133,22 +133,6 @@ def bucketed_errors(sums: Mapping[str, list[float]]) -> dict[str, dict[str, floa
     }
 
 
-def space_time_angles(
-    estimate: NDArray[Any], truth: NDArray[Any], interval_s: float = 0.1
-) -> NDArray[np.float64]:
-    """Returns angles (N,) in radians between vectors (N, 3) with a fourth component of time.
-
-    The angle error of Argoverse 2. Unlike the paper's, it is small where both vectors are.
-    """
-    time = np.full((len(truth), 1), interval_s)
-    first = np.hstack([np.asarray(estimate, dtype=np.float64), time])
-    second = np.hstack([np.asarray(truth, dtype=np.float64), time])
-    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    cosines = (first * second).sum(axis=1) / lengths
-    angles: NDArray[np.float64] = np.arccos(np.clip(cosines, -1.0, 1.0))
-    return angles
-
-
 def _sums(errors_m: NDArray[np.float64], motion_m: NDArray[np.float64]) -> list[float]:
     return [float(len(errors_m)), math.fsum(errors_m), math.fsum(motion_m)]
 

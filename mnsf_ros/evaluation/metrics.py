@@ -110,11 +110,10 @@ def by_motion(
 def errors_by_band(
     estimate: NDArray[Any],
     truth: NDArray[Any],
-    valid: NDArray[np.bool_],
     values: NDArray[np.float64],
     limits: tuple[float, ...],
 ) -> dict[str, FlowErrors]:
-    """Scores the `valid` points apart by bands of some values (N,), which are at least 0.
+    """Scores points apart by bands of some values (N,), which are at least 0.
 
     The upper limits of the bands are ascending, the last one is infinite.
 
@@ -123,9 +122,9 @@ def errors_by_band(
     """
     bands = np.searchsorted(np.asarray(limits), values, side="right")
     return {
-        f"{limit:g}": flow_errors(estimate, truth, valid & (bands == number))
+        f"{limit:g}": flow_errors(estimate, truth, bands == number)
         for number, limit in enumerate(limits)
-        if (valid & (bands == number)).any()
+        if (bands == number).any()
     }
 
 

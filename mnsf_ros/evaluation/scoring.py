@@ -146,7 +146,6 @@ def _with_errors(
     errors_m = end_point_errors(flow, true_flow)
     groups = three_way_sums(errors_m, dynamic, class_id)
     buckets = bucket_sums(errors_m * share, own_m * share, xy, class_id)
-    every, range_m = np.ones(len(xyz), dtype=bool), np.linalg.norm(xy, axis=1)
     movers = None
     if estimate.over_ground is not None:
         movers = mover_row(known, estimate.over_ground, rows, errors_m, estimate.reason_of)
@@ -154,8 +153,8 @@ def _with_errors(
         row,
         movers=movers,
         errors=by_motion(flow, true_flow, dynamic),
-        by_range=errors_by_band(flow, true_flow, every, range_m, RANGE_LIMITS_M),
-        by_speed=errors_by_band(flow, true_flow, every, own_m / interval_s, SPEED_LIMITS_M_S),
+        by_range=errors_by_band(flow, true_flow, np.linalg.norm(xy, axis=1), RANGE_LIMITS_M),
+        by_speed=errors_by_band(flow, true_flow, own_m / interval_s, SPEED_LIMITS_M_S),
         three_way_epe_m=three_way_epe_m(groups),
         bucketed=bucketed_errors(buckets),
         sums={**groups, **buckets},

@@ -9,7 +9,6 @@ from mnsf_ros.evaluation.argoverse_metrics import (
     added,
     bucket_sums,
     bucketed_errors,
-    space_time_angles,
     three_way_epe_m,
     three_way_sums,
 )
@@ -135,21 +134,6 @@ def test_bucketed_errors_leave_three_way_groups_alone():
     assert bucketed_errors({"foreground static": [1.0, 0.5, 0.0]}) == {}
 
 
-@pytest.mark.parametrize(
-    ("estimate", "truth", "angle"),
-    [
-        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0),
-        ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0), math.pi / 4),
-        ((0.01, 0.0, 0.0), (0.0, 0.0, 0.0), math.atan(0.1)),
-        ((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0), math.pi / 2),
-        ((3.0, 0.0, 0.0), (3.0, 0.0, 0.0), 0.0),
-    ],
-)
-def test_space_time_angle(estimate, truth, angle):
-    found = space_time_angles(np.array([estimate]), np.array([truth]))
-    assert found[0] == pytest.approx(angle, abs=1e-7)
-
-
 @pytest.fixture
 def av2():
     with np.errstate(all="ignore"):
@@ -170,8 +154,6 @@ def test_point_errors_agree_with_av2(av2):
     assert np.allclose(
         end_point_errors(estimate, truth), av2.compute_end_point_error(estimate, truth)
     )
-    angles = space_time_angles(estimate, truth)
-    assert np.allclose(angles, av2.compute_angle_error(estimate, truth), atol=1e-7)
     # av2 adds 1e-10 m to the length of the truth, the paper 1e-20: the same unless both are 0.
     errors = flow_errors(estimate, truth)
     assert errors.acc5 == av2.compute_accuracy_strict(estimate, truth).mean()

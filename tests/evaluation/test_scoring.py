@@ -226,7 +226,7 @@ def test_failed_row_says_why_and_nothing_else():
 def test_band_limits_belong_to_the_band_above():
     values = np.array([0.0, 9.999, 10.0, 25.0])
     flow = np.zeros((4, 3))
-    bands = errors_by_band(flow, flow, np.ones(4, bool), values, (10.0, 20.0, np.inf))
+    bands = errors_by_band(flow, flow, values, (10.0, 20.0, np.inf))
     assert {limit: errors.num_points for limit, errors in bands.items()} == {
         "10": 2,
         "20": 1,
