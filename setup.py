@@ -8,7 +8,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "mnsf_ros"
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent  # colcon links this file into its build folder
 VERSION = re.search(r'__version__ = "(.+)"', (HERE / PACKAGE / "__init__.py").read_text())[1]
 
 # The PyPI wheels of ROS 2 must never be a hard requirement: beside an installed ROS they would

@@ -1,0 +1,51 @@
+"""Which topic the lidar publishes on, where the user does not say."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+import rclpy
+from rclpy.context import Context
+
+from mnsf_ros.errors import SettingsError
+
+_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+# Clouds that a scene flow node publishes.
+_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
+# Nodes need a while to find each other; one more cloud may turn up until then.
+_SEARCH_S: Final = 3.0
+
+
+def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
+    """Returns the topic of the only publisher of clouds, beside those of this package.
+
+    Raises:
+        SettingsError: If there is none, or more than one; it names them.
+    """
+    topics = _cloud_topics(search_s)
+    if len(topics) == 1:
+        return topics[0]
+    if topics:
+        raise SettingsError(f"several PointCloud2 topics: {', '.join(topics)}; give points:=TOPIC")
+    raise SettingsError(
+        f"no PointCloud2 topic is published, as seen in {search_s:g} s; start the lidar first, or "
+        "give points:=TOPIC"
+    )
+
+
+def _cloud_topics(search_s: float) -> list[str]:
+    context = Context()
+    rclpy.init(args=[], context=context)
+    try:
+        node = rclpy.create_node("scene_flow_search", context=context)
+        time.sleep(search_s)
+        topics = [
+            name
+            for name, types in node.get_topic_names_and_types()
+            if _CLOUD_TYPE in types and node.count_publishers(name) > 0
+        ]
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+    return sorted(name for name in topics if not name.endswith(_OWN_ENDS))

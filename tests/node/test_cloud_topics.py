@@ -1,0 +1,41 @@
+"""The lidar's topic is found where there is only one."""
+
+from __future__ import annotations
+
+import pytest
+import rclpy
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2
+
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.cloud_topics import only_cloud_topic
+
+
+@pytest.fixture
+def publish(ros):
+    """Advertises topics as long as the test lasts; they are seen at once in one process."""
+    node = rclpy.create_node("lidars")
+    yield lambda *topics: [node.create_publisher(PointCloud2, topic, 1) for topic in topics]
+    node.destroy_node()
+
+
+def test_the_only_one_is_taken(publish):
+    publish("/lidar/points", "/scene_flow/flow", "/scene_flow/flow/moving", "/scene_flow/objects")
+    assert only_cloud_topic(search_s=1.0) == "/lidar/points"
+
+
+def test_several_are_listed(publish):
+    publish("/rear/points", "/front/points")
+    with pytest.raises(SettingsError, match="/front/points, /rear/points; give points:=TOPIC"):
+        only_cloud_topic(search_s=1.0)
+
+
+def test_none_is_said(publish):
+    node = rclpy.create_node("no_lidar")
+    node.create_publisher(Odometry, "/odom", 1)
+    node.create_subscription(PointCloud2, "/wanted/points", print, 1)
+    try:
+        with pytest.raises(SettingsError, match="no PointCloud2 topic is published"):
+            only_cloud_topic(search_s=0.5)
+    finally:
+        node.destroy_node()
