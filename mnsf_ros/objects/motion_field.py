@@ -24,7 +24,8 @@ class MotionField:
     """What a fit found for K objects.
 
     Attributes:
-        flows: (K, 3) float32, metres, from the current sweep to the target.
+        flows: (K, 3) float32, metres, from the current sweep to the target, after the interval
+            between their stamps.
         num_matched: (K,) number of points that the target has a counterpart of.
     """
 
@@ -43,7 +44,8 @@ def fit_motion_field(
         start: (K, 3) metres, motion to the next sweep to start from.
         num_iterations: Steps.
     """
-    flows = np.float32(target.steps) * start
+    num_steps = target.steps_of(objects, start)
+    flows = num_steps * start
     num_matched: NDArray[np.int64] = np.zeros(len(objects), np.int64)
     for iteration in range(num_iterations):
         reach_m = _FIRST_REACH_M if iteration < _NUM_FIRST else _REACH_M
@@ -51,4 +53,4 @@ def fit_motion_field(
         num_matched = objects.sums(is_matched.astype(np.int64))
         steps = objects.sums(pulls) / np.maximum(num_matched, 1)[:, None]
         flows = flows + (_STEP * steps).astype(np.float32)
-    return MotionField(flows, num_matched)
+    return MotionField(flows * (np.float32(target.steps) / num_steps), num_matched)

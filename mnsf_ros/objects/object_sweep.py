@@ -14,6 +14,7 @@ from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
+from mnsf_ros.objects.sweep_clock import SweepClock
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import kept_mask
 from mnsf_ros.sweeps.sweep import Sweep
@@ -29,6 +30,7 @@ class ObjectSweep:
         pose: Where it was taken.
         xyz: (N, 3) float32, metres, its points in the sensor frame of one moment.
         kept: (N,) bool, the points inside the crop that are not ground.
+        clock: When which direction was measured; None if not known.
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
         num_objects: Number of objects; number 0 is none.
@@ -44,7 +46,12 @@ class ObjectSweep:
         self.pose = pose
         self.xyz = pose.in_one_moment(sweep)
         self.kept = kept_mask(self.xyz, settings)
-        points = np.compress(self.kept, self.xyz, axis=0)
+        self.clock = None
+        if pose.motion is not None and sweep.times_s is not None:
+            self.clock = SweepClock.of(self.xyz, sweep.times_s)
+        # What moves is elsewhere when it is seen again: objects are made of first views.
+        self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
+        points = np.compress(self._in_objects, self.xyz, axis=0)
         if len(points) < _MIN_POINTS:
             raise SweepError(
                 f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "
@@ -64,9 +71,12 @@ class ObjectSweep:
         return RangeView(self.xyz)
 
     def objects(self) -> NDArray[np.int64]:
-        """(N,) the object of each point of the sweep; 0 for ground and what was cropped."""
+        """(N,) the object of each point of the sweep.
+
+        It is 0 for ground, for what was cropped, and for points that were seen a second time.
+        """
         objects = np.zeros(len(self.sweep), dtype=np.int64)
-        objects[self.kept] = self._point_objects
+        objects[self._in_objects] = self._point_objects
         return objects
 
 

@@ -96,6 +96,12 @@ class Scene:
         rows = movers.rows_of(current.num_objects)[owners]
         beside = attached(current, owners, movers, self._are_loose(doubtful))
         rows = np.where(rows >= 0, rows, beside)
+        if current.clock is not None:
+            velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
+            again = current.clock.owners_again(
+                current.xyz, movers.positions, velocities, movers.owners
+            )
+            rows = np.where(rows >= 0, rows, again)
         is_moving = rows >= 0
         motion = np.zeros((len(sweep), 3), np.float32)
         motion[is_moving] = moving.motions[rows[is_moving]]

@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to this.
 _TRUNCATION_M: Final = 0.5
+# An object that was measured at the end of one sweep and at the beginning of the next has hardly
+# moved; less of the interval than this is not believed.
+_MIN_SHARE_OF_STEPS: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,23 +29,45 @@ class Target:
         from_current: (4, 4), target_from_current of static points.
         steps: How often an object has made its motion to the next sweep by then: 1 for the next
             sweep, -1 for the previous one, if the intervals are equal.
+        current: The current sweep.
     """
 
     sweep: ObjectSweep
     from_current: NDArray[np.float64]
     steps: float
+    current: ObjectSweep
 
     @classmethod
     def of(cls, sweep: ObjectSweep, current: ObjectSweep, steps: float) -> Target:
         """Returns another sweep as a target for the current one."""
         target_from_world = np.linalg.inv(sweep.pose.world_from_sensor)
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
-        return cls(sweep, from_current, steps)
+        return cls(sweep, from_current, steps, current)
 
     def points(self, step: int = 1) -> NDArray[np.float32]:
         """(T, 3) metres, the target's thinned points (of each `step` one), current frame."""
         current_from_target = np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
         return transformed(self.sweep.thinned[::step], current_from_target)
+
+    def steps_of(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns `steps` as (1, 1), or as (K, 1) by the times at which objects were measured.
+
+        A turning lidar meets an object that changes its azimuth sooner or later than after the
+        interval of the sweeps, by up to a revolution where a sweep begins.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
+        """
+        steps = np.full((1, 1), self.steps, np.float32)
+        here, there = self.current.clock, self.sweep.clock
+        between_s = (self.sweep.sweep.stamp_ns - self.current.sweep.stamp_ns) / NANOSECONDS
+        if here is None or there is None or between_s == 0 or len(objects) == 0:
+            return steps
+        moved = transformed(objects.centers + steps * motions, self.from_current)
+        late_s = there.times_of(moved) - here.times_of(objects.centers)
+        shares = np.maximum((between_s + late_s) / between_s, _MIN_SHARE_OF_STEPS)
+        return (shares[:, None] * self.steps).astype(np.float32)
 
     def pulls(
         self, positions: NDArray[np.float32], reach_m: float
@@ -99,5 +125,5 @@ class Target:
         """Returns (P, 3) positions of the objects' points in metres in the frame of the target."""
         positions = objects.positions
         if motions is not None:
-            positions = positions + np.float32(self.steps) * motions[objects.owners]
+            positions = positions + (self.steps_of(objects, motions) * motions)[objects.owners]
         return transformed(positions, self.from_current)

@@ -1,0 +1,102 @@
+"""When a turning lidar measured which direction, and what it saw a second time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+_NUM_AZIMUTHS: Final = 720
+# Points of one direction that were measured later than the first by this share of the sweep were
+# seen again.
+_AGAIN_SHARE: Final = 0.5
+# A lidar turns if the points of one direction are measured at about the same time: the mean
+# deviation as a share of the sweep.
+_MAX_SPREAD: Final = 0.05
+# A point that was seen again belongs to a mover if it is this close to where that had moved.
+_REACH_M: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class SweepClock:
+    """The times of a sweep of a turning lidar.
+
+    Attributes:
+        times_s: (720,) float64, seconds from the stamp to when each azimuth was first measured.
+        is_again: (N,) bool, the points that were measured after a full revolution.
+        revolution_s: Seconds from the first to the second view of a point.
+    """
+
+    times_s: NDArray[np.float64]
+    is_again: NDArray[np.bool_]
+    revolution_s: float
+
+    @classmethod
+    def of(cls, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> SweepClock | None:
+        """Returns the clock of points (N, 3), metres, with times (N,); None if nothing turns."""
+        if len(xyz) == 0:
+            return None
+        cells = _azimuths(xyz)
+        span_s = float(times_s.max()) - float(times_s.min())
+        first = np.full(_NUM_AZIMUTHS, np.inf, np.float32)
+        np.minimum.at(first, cells, times_s)
+        is_again = times_s > first[cells] + np.float32(_AGAIN_SHARE * span_s)
+        own_cells, own_s = cells[~is_again], times_s[~is_again]
+        counts = np.bincount(own_cells, minlength=_NUM_AZIMUTHS)
+        means = np.bincount(own_cells, own_s, _NUM_AZIMUTHS) / np.maximum(counts, 1)
+        if np.abs(own_s - means[own_cells]).mean() > _MAX_SPREAD * span_s:
+            return None
+        revolution_s = 0.0
+        if is_again.any():
+            revolution_s = float(np.median(times_s[is_again] - means[cells[is_again]]))
+        return cls(means[_nearest_filled(counts > 0)], is_again, revolution_s)
+
+    def times_of(self, positions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Returns (P,) seconds from the stamp to when places (P, 3) were measured first."""
+        times: NDArray[np.float64] = self.times_s[_azimuths(positions)]
+        return times
+
+    def owners_again(
+        self,
+        xyz: NDArray[np.float32],
+        points: NDArray[np.float32],
+        velocities: NDArray[np.float32],
+        rows: NDArray[np.int64],
+    ) -> NDArray[np.int64]:
+        """Returns (N,) which mover the points that were seen again belong to; -1 for all others.
+
+        Args:
+            xyz: (N, 3) metres, the points of the sweep.
+            points: (P, 3) metres, points of movers when they were seen first.
+            velocities: (P, 3) metres per second.
+            rows: (P,) the movers.
+        """
+        owners = np.full(len(xyz), -1)
+        again = np.flatnonzero(self.is_again)
+        if len(again) == 0 or len(points) == 0:
+            return owners
+        moved = points + np.float32(self.revolution_s) * velocities
+        distances, nearest = cKDTree(moved).query(xyz[again], distance_upper_bound=_REACH_M)
+        is_near = np.isfinite(distances)
+        owners[again[is_near]] = rows[nearest[is_near]]
+        return owners
+
+
+def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Returns (N,) the azimuth of points (N, 3) as a cell from 0 to 719."""
+    angles = np.arctan2(xyz[:, 1], xyz[:, 0])
+    scaled = (angles + np.float32(np.pi)) * np.float32(_NUM_AZIMUTHS / (2 * np.pi))
+    cells: NDArray[np.int64] = np.minimum(scaled.astype(np.int64), _NUM_AZIMUTHS - 1)
+    return cells
+
+
+def _nearest_filled(is_filled: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Returns (720,) the nearest azimuth that has points."""
+    filled = np.flatnonzero(is_filled)
+    gaps = np.arange(_NUM_AZIMUTHS)[:, None] - filled
+    half = _NUM_AZIMUTHS // 2
+    nearest: NDArray[np.int64] = filled[np.abs((gaps + half) % _NUM_AZIMUTHS - half).argmin(axis=1)]
+    return nearest
