@@ -60,6 +60,15 @@ def ros():
     rclpy.try_shutdown()
 
 
+@pytest.fixture
+def other_domain(monkeypatch):
+    """Lets what starts now start in a ROS domain where nothing else is."""
+    domain, lock = _reserve_domain()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    yield
+    lock.close()
+
+
 @contextlib.contextmanager
 def _node_starter(tmp_path_factory):
     """A function that starts nodes as a user does; at the end it ends those that still run."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import rclpy
 from nav_msgs.msg import Odometry
+from rclpy.context import Context
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.errors import SettingsError
@@ -12,11 +13,20 @@ from mnsf_ros.node.cloud_topics import only_cloud_topic
 
 
 @pytest.fixture
-def publish(ros):
-    """Advertises topics as long as the test lasts; they are seen at once in one process."""
-    node = rclpy.create_node("lidars")
-    yield lambda *topics: [node.create_publisher(PointCloud2, topic, 1) for topic in topics]
+def node(ros, other_domain):
+    """A node whose topics are all that there is; they are seen at once in one process."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node("lidars", context=context)
+    yield node
     node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def publish(node):
+    """Advertises topics."""
+    return lambda *topics: [node.create_publisher(PointCloud2, topic, 1) for topic in topics]
 
 
 def test_the_only_one_is_taken(publish):
@@ -30,12 +40,8 @@ def test_several_are_listed(publish):
         only_cloud_topic(search_s=1.0)
 
 
-def test_none_is_said(publish):
-    node = rclpy.create_node("no_lidar")
+def test_none_is_said(node):
     node.create_publisher(Odometry, "/odom", 1)
     node.create_subscription(PointCloud2, "/wanted/points", print, 1)
-    try:
-        with pytest.raises(SettingsError, match="no PointCloud2 topic is published"):
-            only_cloud_topic(search_s=0.5)
-    finally:
-        node.destroy_node()
+    with pytest.raises(SettingsError, match="no PointCloud2 topic is published"):
+        only_cloud_topic(search_s=0.5)
