@@ -221,7 +221,7 @@ class ObjectSettings:
     """How points are grouped into objects, and which objects are dynamic (method `online`)."""
 
     cell_size_m: float = _setting(
-        0.25,
+        0.15,
         "Cell size for grouping: points in touching cells of the horizontal plane form one object",
         0.05,
         5,
@@ -244,8 +244,15 @@ class ObjectSettings:
     )
     max_speed_m_s: float = _setting(36.0, "Maximum speed of objects over ground", 1, 100)
     max_iterations: int = _setting(4, "Iterations when the motion of an object is fitted", 1, 100)
+    min_probability: float = _setting(
+        0.5,
+        "An object is dynamic only if it moves with at least this probability. Higher: fewer false "
+        "positives, more missed movers",
+        0.01,
+        0.99,
+    )
     max_unexplained: float = _setting(
-        0.65,
+        0.85,
         "An object is dynamic only if its motion leaves less than this share of the residual that "
         "it would have as a static object. Lower: fewer false positives, more missed movers",
         0.05,

@@ -18,6 +18,7 @@ class Verdict(Enum):
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"
     LEFT_OUT = "left out: other suspects are nearer"
+    NO_BETTER_MOTION = "no motion explains it better"
     REFUSED = "refused by the gate"
     DYNAMIC = "dynamic"
 

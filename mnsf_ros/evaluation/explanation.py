@@ -31,7 +31,7 @@ _SETTINGS: Final = {
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
     Verdict.TOO_LARGE: "the parameter objects.max_size_m is the limit",
     Verdict.LEFT_OUT: "the parameter objects.max_suspects is the limit",
-    Verdict.REFUSED: "a higher objects.max_unexplained accepts more",
+    Verdict.REFUSED: "a lower objects.min_probability accepts more",
 }
 
 

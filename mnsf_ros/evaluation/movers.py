@@ -228,7 +228,7 @@ def _with_loss(
         return item
     if reason.verdict is Verdict.DYNAMIC:
         return replace(item, lost_by=LostBy.PARTLY)
-    if reason.verdict is not Verdict.REFUSED:
+    if reason.verdict not in (Verdict.NO_BETTER_MOTION, Verdict.REFUSED):
         return replace(item, lost_by=LostBy[reason.verdict.name])
     motion = truth.velocity[own].mean(axis=0) * truth.interval_s
     if reason.motion is not None and np.linalg.norm(reason.motion - motion) <= _CLOSE_M:

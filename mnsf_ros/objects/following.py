@@ -96,7 +96,9 @@ def _updated(
     covariances[rows] = (posterior + posterior.swapaxes(1, 2)) / 2
     seen_ns, num_seen = tracks.seen_ns.copy(), tracks.num_seen.copy()
     seen_ns[rows] = tracks.stamp_ns
-    num_seen[rows] += 1
+    num_seen[rows] += seen.are_clear[things]
+    scores = tracks.scores.copy()
+    scores[rows] = seen.scores[things]
     points, owners = _replaced_points(tracks, rows, seen, things)
     return replace(
         tracks,
@@ -104,6 +106,7 @@ def _updated(
         covariances=covariances,
         seen_ns=seen_ns,
         num_seen=num_seen,
+        scores=scores,
         points=points,
         owners=owners,
     )
@@ -138,7 +141,8 @@ def _begun(
         covariances=seen.variances[is_new][:, :, None] * np.eye(2),
         begun_ns=now_ns,
         seen_ns=now_ns,
-        num_seen=np.ones(number, np.int64),
+        num_seen=seen.are_clear[is_new].astype(np.int64),
+        scores=seen.scores[is_new],
         points=seen.points[is_chosen],
         owners=(np.cumsum(is_new) - 1)[seen.owners[is_chosen]],
     )

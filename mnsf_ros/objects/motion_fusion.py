@@ -15,6 +15,8 @@ from mnsf_ros.objects.target import Target
 
 # A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
+# To choose among candidates, a third of the points is enough.
+_POINTS_TO_CHOOSE: Final = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,13 @@ class JudgedMotions:
     disagreement: NDArray[np.float32]
 
     @property
+    def total(self) -> NDArray[np.float64]:
+        """Returns (K,) metres, the cost and the mean residual in older sweeps."""
+        past = self.past.mean(axis=1) if self.past.shape[1] else 0.0
+        total: NDArray[np.float64] = self.cost + past
+        return total
+
+    @property
     def cost(self) -> NDArray[np.float64]:
         """Returns (K,) metres, the mean residual in the next and the previous sweep."""
         cost: NDArray[np.float64] = self.near.mean(axis=1)
@@ -48,7 +57,7 @@ class JudgedMotions:
 
     def better(self, other: JudgedMotions) -> JudgedMotions:
         """Returns for each object its own motion, or the other one if that is clearly better."""
-        wins = other.cost < self.cost - _MIN_BETTER_M
+        wins = other.total < self.total - _MIN_BETTER_M
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -88,6 +97,12 @@ def judge(
     return JudgedMotions(motions, near, past, disagreement)
 
 
+def with_past(objects: ObjectPoints, targets: Targets, judged: JudgedMotions) -> JudgedMotions:
+    """Returns motions that were judged by the neighbouring sweeps, with residuals in older ones."""
+    past = judge(objects, Targets((), targets.past), judged.motions).past
+    return replace(judged, past=past)
+
+
 def best_of(candidates: Iterable[JudgedMotions]) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt."""
     first, *others = candidates
@@ -102,6 +117,7 @@ def fuse_motions(
     forward: MotionField,
     backward: MotionField,
     inverted: NDArray[np.float32],
+    others: Sequence[NDArray[np.float32]] = (),
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
@@ -111,14 +127,15 @@ def fuse_motions(
         forward: The forward field.
         backward: The backward field.
         inverted: (K, 3) metres, the inverted backward flow.
+        others: (K, 3) metres each, further candidates.
     """
     weight = forward.num_matched / np.maximum(forward.num_matched + backward.num_matched, 1)
     weight = weight[:, None].astype(np.float32)
     mean = weight * forward.flows + (1 - weight) * inverted
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
-    near = Targets(targets.near, past=())
+    some = objects.thinner(_POINTS_TO_CHOOSE)
     best = best_of(
-        judge(objects, near, motions, disagreement) for motions in (mean, forward.flows, inverted)
+        judge(some, targets, motions, disagreement)
+        for motions in (mean, forward.flows, inverted, *others)
     )
-    past = judge(objects, Targets((), targets.past), best.motions).past
-    return replace(best, past=past)
+    return judge(objects, targets, best.motions, disagreement)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource, SensorPose
 from mnsf_ros.errors import SweepError
-from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.following import alive, expecting_shares, follow
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.following import alive, follow
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -22,13 +22,11 @@ from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 
-# How far back an object is followed: three sweeps at 10 Hz. A pedestrian has then moved by more
-# than the noise, and a car has not turned by much.
-_PAST_S: Final = 0.3
+# How far back an object is looked for: three and six sweeps at 10 Hz. Before the first a car has
+# not turned by much, before the second a slow pedestrian has moved by more than the noise.
+_PAST_S: Final = (0.3, 0.6)
 _PAST_TOLERANCE_S: Final = 0.12
 _MAX_SWEEPS: Final = 12
-# An object is that of a track if more than this share of its points is where that is expected.
-_MIN_SHARE: Final = 0.3
 
 Item = TypeVar("Item")
 
@@ -105,7 +103,7 @@ class MotionMemory:
         return self._tracks is None
 
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
-        """An older sweep to test motions on, if there is one.
+        """Older sweeps to test motions on, as far as there are any, the youngest first.
 
         Args:
             current: The current sweep.
@@ -121,18 +119,24 @@ class MotionMemory:
             if age >= 0 and sweep.pose.source is EgoSource.CONSTANT_VELOCITY:
                 # Its pose relative to the earlier sweeps is not known.
                 break
-        near = {
-            abs(age - _PAST_S): sweep
-            for sweep, age in ages.items()
-            if abs(age - _PAST_S) < _PAST_TOLERANCE_S and age > 1.5 * interval_s
-        }
-        if not near:
-            return []
-        sweep = near[min(near)]
-        return [Target.of(sweep, current, -ages[sweep] / interval_s)]
+        found: list[ObjectSweep] = []
+        for past_s in _PAST_S:
+            near = {
+                abs(age - past_s): sweep
+                for sweep, age in ages.items()
+                if abs(age - past_s) < _PAST_TOLERANCE_S and age > 1.5 * interval_s
+            }
+            found += [near[min(near)]] if near else []
+        return [Target.of(sweep, current, -ages[sweep] / interval_s) for sweep in found]
 
     def follow(
-        self, current: ObjectSweep, movers: ObjectPoints, moving: JudgedMotions, interval_s: float
+        self,
+        current: ObjectSweep,
+        movers: ObjectPoints,
+        moving: JudgedMotions,
+        scores: NDArray[np.float64],
+        are_clear: NDArray[np.bool_],
+        interval_s: float,
     ) -> tuple[Tracks, NDArray[np.int64]]:
         """Follows what moves into the current sweep.
 
@@ -140,13 +144,20 @@ class MotionMemory:
             current: The current sweep.
             movers: K objects that move.
             moving: Their motions.
+            scores: (K,) logarithm of the odds that they move.
+            are_clear: (K,) whether they are said to move.
             interval_s: Time to the next sweep.
 
         Returns:
             The tracks, and (K,) the number of the track of each mover.
         """
         seen = Sightings.of(
-            movers, moving, current.pose.world_from_sensor, interval_s or USUAL_INTERVAL_S
+            movers,
+            moving,
+            scores,
+            are_clear,
+            current.pose.world_from_sensor,
+            interval_s or USUAL_INTERVAL_S,
         )
         tracks, ids = follow(self._expected_tracks(current, interval_s), seen, self._next_id)
         self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
@@ -156,24 +167,10 @@ class MotionMemory:
 
     def expected(
         self, current: ObjectSweep, objects: ObjectPoints, interval_s: float
-    ) -> NDArray[np.float32] | None:
-        """(K, 3) metres to the next sweep, by their tracks; 0 for objects without one.
-
-        None if none of them has one.
-        """
+    ) -> Expectation:
+        """Returns what the tracks say of objects of the current sweep."""
         tracks = self._expected_tracks(current, interval_s)
-        if len(tracks) == 0 or len(objects) == 0:
-            return None
-        world = transformed(objects.positions, current.pose.world_from_sensor).astype(np.float64)
-        shares = expecting_shares(tracks, world, objects.owners, len(objects))
-        rows = shares.argmax(axis=1)
-        is_known = shares.max(axis=1) > _MIN_SHARE
-        if not is_known.any():
-            return None
-        expected = np.zeros((len(objects), 3))
-        turn = current.pose.world_from_sensor[:3, :3]
-        expected[is_known] = turned(tracks.velocities[rows[is_known]], turn.T) * interval_s
-        return expected.astype(np.float32)
+        return Expectation.of(objects, tracks, current.pose.world_from_sensor, interval_s)
 
     def _expected_tracks(self, current: ObjectSweep, interval_s: float) -> Tracks:
         """Returns the tracks as they are expected in the current sweep."""

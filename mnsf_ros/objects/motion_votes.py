@@ -20,8 +20,12 @@ _MAX_TRIES: Final = 4_000_000
 
 
 def voted_motions(
-    objects: ObjectPoints, targets: Sequence[Target], max_motion_m: float
-) -> NDArray[np.float32]:
+    objects: ObjectPoints,
+    targets: Sequence[Target],
+    max_motion_m: float,
+    base: NDArray[np.float32],
+    number: int,
+) -> list[NDArray[np.float32]]:
     """Tries all horizontal shifts of each object on a coarse grid.
 
     A shift gets a vote for each point that meets an occupied cell of the next sweep, and one if
@@ -29,33 +33,41 @@ def voted_motions(
 
     Args:
         objects: K objects of the current sweep.
-        targets: The sweep at t+1, and that at t-1 where there is one.
-        max_motion_m: Longest shift tried.
+        targets: The other sweeps.
+        max_motion_m: Longest shift tried, for one step.
+        base: (K, 3) metres, motion of one step that shifts are added to.
+        number: How many shifts of each object are wanted.
 
     Returns:
-        (K, 3) metres, to the next sweep; the third is 0.
+        (K, 3) metres each, motions of one step, the best ones first.
     """
     objects = objects.thinner(_POINTS_PER_OBJECT)
     farthest = max(1.0, *(abs(target.steps) for target in targets))
-    grid = VotingGrid(objects.positions, margin_m=max_motion_m * farthest)
+    base_m = float(np.abs(base).max(initial=0.0))
+    grid = VotingGrid(objects.positions, margin_m=(max_motion_m + base_m) * farthest)
     shifts = _shifts(int(max_motion_m / grid.cell_m))
     cost = np.float32(_COST_PER_M * grid.cell_m) * np.hypot(*shifts.T).astype(np.float32)
     shifted = [
-        (grid.occupied(target), grid.steps(np.rint(shifts * target.steps).astype(np.int64)))
+        (target, grid.occupied(target), grid.steps(np.rint(shifts * target.steps).astype(np.int64)))
         for target in targets
     ]
-    best = np.zeros((len(objects), 3), np.float32)
+    best = np.tile(base, (number, 1, 1))
     group_size = max(1, _MAX_TRIES // (_POINTS_PER_OBJECT * len(shifts)))
     groups = np.arange(len(objects)) // group_size
     for group in range(-(-len(objects) // group_size)):
-        some = objects.only(groups == group)
-        cells = grid.cells_of(some.positions)
-        hits = np.zeros((len(cells), len(shifts)), np.float32)
-        for occupied, steps in shifted:
-            hits += occupied[cells[:, None] + steps[None]]
+        is_own = groups == group
+        some, own_base = objects.only(is_own), base[is_own]
+        hits = np.zeros((len(some.owners), len(shifts)), np.float32)
+        for target, occupied, steps in shifted:
+            moved = some.positions + np.float32(target.steps) * own_base[some.owners]
+            hits += occupied[grid.cells_of(moved)[:, None] + steps[None]]
         votes = some.sums(hits) / some.counts[:, None].astype(np.float32) - cost
-        best[groups == group, :2] = shifts[votes.argmax(axis=1)] * grid.cell_m
-    return best
+        for rank in range(number):
+            chosen = shifts[votes.argmax(axis=1)]
+            best[rank, is_own, :2] += (chosen * grid.cell_m).astype(np.float32)
+            # The next one is no neighbour of this.
+            votes[(np.abs(shifts[None] - chosen[:, None]) <= 1).all(axis=2)] = -np.inf
+    return list(best)
 
 
 def _shifts(radius: int) -> NDArray[np.int64]:

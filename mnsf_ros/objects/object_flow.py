@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +12,18 @@ from mnsf_ros.core.compute_device import check_device, usable_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
+from mnsf_ros.objects.evidence import evidence, moving_scores
+from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse_motions, judge
+from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
 from mnsf_ros.objects.motion_memory import MotionMemory
-from mnsf_ros.objects.motion_votes import voted_motions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.static_gate import moves, seen_through, suspects
+from mnsf_ros.objects.static_gate import moves, seen_through
+from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
-
-_POINTS_TO_GUESS: Final = 24
 
 
 class ObjectFlowEstimator:
@@ -78,27 +77,39 @@ class ObjectFlowEstimator:
             scene = Scene.of(triplet, self._memory, self.settings.objects.min_points)
         with clock.stage("objects"):
             objects = ObjectPoints.of(scene.current, self.settings.objects)
-            suspected, all_standing = suspects(objects, scene.targets)
-            nearest = suspected.are_nearest(self.settings.objects.max_suspects)
-            objects, standing = suspected.only(nearest), all_standing.only(nearest)
+            expected = self._memory.expected(scene.current, objects, scene.interval_s)
+            suspects = Suspects.among(objects, scene.targets, expected)
+            nearest = suspects.objects.are_nearest(self.settings.objects.max_suspects)
+            searched = suspects.only(nearest)
         with clock.stage("search"):
-            start = self._start(objects, scene, standing)
-        moving = self._moved(objects, scene, start, clock)
+            start, is_worth = first_guesses(
+                searched, scene.targets, scene.usual_interval_s, self.settings.objects
+            )
+            candidates = searched.only(is_worth)
+        moving = self._moved(candidates, scene, start[is_worth], clock)
         with clock.stage("gate"):
-            free = seen_through(objects, scene.targets, moving.motions)
-            is_moving = moves(standing, moving, free, self.settings.objects)
-            known = (suspected, objects, standing, start, moving, is_moving)
-            evidence = {"free space": free}
-            reasons = Reasons(scene.current, self.settings.objects, *known, evidence)
-            movers, moving = objects.only(is_moving), moving.only(is_moving)
-            # Objects beyond the limits of the work are as uncertain as suspects.
-            is_doubtful = np.ones(len(suspected), dtype=bool)
-            is_doubtful[nearest] = ~is_moving
-            doubtful, standing = suspected.only(is_doubtful), all_standing.only(is_doubtful)
+            free = seen_through(candidates.objects, scene.targets, moving.motions)
+            scores = moving_scores(evidence(candidates, moving, free))
+            may_move, is_moving = moves(candidates.standing, moving, scores, self.settings.objects)
         with clock.stage("tracks"):
-            followed = self._memory.follow(scene.current, movers, moving, scene.interval_s)
+            tracks, ids = self._memory.follow(
+                scene.current,
+                candidates.objects.only(may_move),
+                moving.only(may_move),
+                scores[may_move],
+                is_moving[may_move],
+                scene.interval_s,
+            )
+            ids = ids[is_moving[may_move]]
+            # Objects beyond the limits of the work are as uncertain as suspects.
+            doubtful = suspects.only(~np.isin(suspects.rows, candidates.rows[is_moving]))
+            known = (suspects, searched, start, candidates, moving, free, scores, is_moving)
+            reasons = Reasons(scene.current, self.settings.objects, *known)
+            movers, moving = candidates.objects.only(is_moving), moving.only(is_moving)
         with clock.stage("output"):
-            over_ground = scene.over_ground(movers, moving, doubtful, standing, *followed)
+            over_ground = scene.over_ground(
+                movers, moving, doubtful.objects, doubtful.standing, tracks, ids
+            )
             flow = scene.flow(over_ground)
         return FlowEstimate(
             flow=flow,
@@ -106,41 +117,30 @@ class ObjectFlowEstimator:
             times_ms=clock.times_ms,
             start=scene.start,
             over_ground=over_ground,
-            num_left_out=len(suspected) - len(objects),
+            num_left_out=int(np.count_nonzero(~nearest)),
             reason_of=reasons,
         )
 
-    def _start(
-        self, objects: ObjectPoints, scene: Scene, standing: JudgedMotions
-    ) -> NDArray[np.float32]:
-        """(K, 3) where fits start: none, the voted motion, or that of the last triplet."""
-        if len(objects) == 0:
-            return standing.motions
-        reach_m = self.settings.objects.max_speed_m_s * scene.usual_interval_s
-        guesses = [voted_motions(objects, scene.targets.near, reach_m)]
-        expected = self._memory.expected(scene.current, objects, scene.interval_s)
-        guesses += [] if expected is None else [expected]
-        # A rough guess needs only half the points, and only the neighbouring sweeps.
-        some, near = objects.thinner(_POINTS_TO_GUESS), Targets(scene.targets.near, past=())
-        judged = (judge(some, near, guess) for guess in (standing.motions, *guesses))
-        return best_of(judged).motions
-
     def _moved(
-        self, objects: ObjectPoints, scene: Scene, start: NDArray[np.float32], clock: _Clock
+        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: _Clock
     ) -> JudgedMotions:
         """Forward field, backward field, inversion, fusion."""
+        objects, targets = suspects.objects, scene.targets
         num_iterations = self.settings.objects.max_iterations
-        next_, *previous = scene.targets.near
+        next_, *previous = targets.near
+        others = [start]
+        if suspects.expected.is_known.any():
+            others.append(suspects.expected.motions)
         with clock.stage("forward"):
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("fusion"):
-                return judge(objects, scene.targets, forward.flows)
+                return best_of(judge(objects, targets, each) for each in (forward.flows, *others))
         with clock.stage("backward"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward.flows / np.float32(previous[0].steps)
         with clock.stage("fusion"):
-            return fuse_motions(objects, scene.targets, forward, backward, inverted)
+            return fuse_motions(objects, targets, forward, backward, inverted, others)
 
 
 class _Clock(StageClock):

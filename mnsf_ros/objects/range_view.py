@@ -24,7 +24,10 @@ class RangeView:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
         cells, ranges = _directions(xyz)
         self._nearest = np.full(_NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
-        np.minimum.at(self._nearest, cells, ranges)
+        # Points come in the order of the beams: first the nearest of each run in one cell.
+        starts = np.flatnonzero(np.diff(cells, prepend=-1))
+        if len(starts):
+            np.minimum.at(self._nearest, cells[starts], np.minimum.reduceat(ranges, starts))
 
     def is_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) whether places (P, 3), in metres in the frame of the sweep, are free.

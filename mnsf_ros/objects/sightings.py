@@ -31,6 +31,8 @@ class Sightings:
     Attributes:
         groups: (K,) int, the thing from 0 to G - 1 that each of K movers is a part of.
         states: (G, 2, 3) middle of the points in metres, velocity in metres per second.
+        scores: (G,) logarithm of the odds that they move.
+        are_clear: (G,) whether they are said to move.
         variances: (G, 2) of both along each axis.
         points: (P, 3) metres.
         owners: (P,) int from 0 to G - 1, rising.
@@ -38,6 +40,8 @@ class Sightings:
 
     groups: NDArray[np.int64]
     states: NDArray[np.float64]
+    scores: NDArray[np.float64]
+    are_clear: NDArray[np.bool_]
     variances: NDArray[np.float64]
     points: NDArray[np.float64]
     owners: NDArray[np.int64]
@@ -47,6 +51,8 @@ class Sightings:
         cls,
         movers: ObjectPoints,
         moving: JudgedMotions,
+        scores: NDArray[np.float64],
+        are_clear: NDArray[np.bool_],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Sightings:
@@ -55,6 +61,8 @@ class Sightings:
         Args:
             movers: K objects that move.
             moving: Their motions.
+            scores: (K,) logarithm of the odds that they move.
+            are_clear: (K,) whether they are said to move.
             world_from_sensor: (4, 4) where the sensor was.
             interval_s: Time to the next sweep, above 0.
         """
@@ -75,7 +83,11 @@ class Sightings:
         lengths = spread.max(axis=1, initial=0.0) / 0.29
         place_errors = _PLACE_M + _PLACE_SHARE * np.maximum(lengths - _SMALL_M, 0.0)
         variances = np.stack([place_errors, velocity_errors], axis=1) ** 2
-        return cls(groups, np.stack([centers, velocities], axis=1), variances, points, owners)
+        best = np.full(number, -np.inf)
+        np.maximum.at(best, groups, scores)
+        clear = np.bincount(groups, are_clear, number) > 0
+        states = np.stack([centers, velocities], axis=1)
+        return cls(groups, states, best, clear, variances, points, owners)
 
     def __len__(self) -> int:
         return len(self.states)

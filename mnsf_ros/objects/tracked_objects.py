@@ -16,6 +16,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Of what is faster, the box points where it goes; of what is slower, along its longest side.
 _MIN_HEADING_M_S: Final = 1.0
+_MAX_BOX_POINTS: Final = 1000
 # A track that was seen to move so often is told of while it is hidden,
 _MIN_SEEN: Final = 3
 # that is, if more than this share of its points would be behind something.
@@ -46,7 +47,8 @@ def tracked_objects(
         points = expected[tracks.owners == row] if seen is None else current.xyz[seen]
         if seen is None and not _is_hidden(tracks, row, points, current):
             continue
-        center, size, yaw = _box(points.astype(np.float64), velocities[row])
+        step = -(-len(points) // _MAX_BOX_POINTS)
+        center, size, yaw = _box(points[::step].astype(np.float64), velocities[row])
         found = TrackedObject(
             track_id=int(tracks.ids[row]),
             center=center,

@@ -29,6 +29,7 @@ class Tracks:
         begun_ns: (K,) int, when each was first seen to move.
         seen_ns: (K,) int, when each was last seen to move.
         num_seen: (K,) int, in how many sweeps.
+        scores: (K,) logarithm of the odds that they move, by the last sweep that showed them.
         points: (P, 3) metres, where they were last seen, moved to where they should be by now.
         owners: (P,) int from 0 to K - 1, rising.
     """
@@ -41,6 +42,7 @@ class Tracks:
     begun_ns: NDArray[np.int64]
     seen_ns: NDArray[np.int64]
     num_seen: NDArray[np.int64]
+    scores: NDArray[np.float64]
     points: NDArray[np.float64]
     owners: NDArray[np.int64]
 
@@ -63,6 +65,7 @@ class Tracks:
             begun_ns=self.begun_ns[wanted],
             seen_ns=self.seen_ns[wanted],
             num_seen=self.num_seen[wanted],
+            scores=self.scores[wanted],
             points=self.points[is_chosen],
             owners=(np.cumsum(wanted) - 1)[self.owners[is_chosen]],
         )
@@ -80,6 +83,7 @@ class Tracks:
             begun_ns=no_ints,
             seen_ns=no_ints,
             num_seen=no_ints,
+            scores=np.zeros(0),
             points=np.zeros((0, 3)),
             owners=no_ints,
         )
@@ -124,6 +128,7 @@ _COLUMNS: Final = (
     "begun_ns",
     "seen_ns",
     "num_seen",
+    "scores",
     "points",
 )
 

@@ -11,7 +11,10 @@ from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
-SETTINGS = Settings().changed({"ground.remove": False, "objects.thinning_m": 0.02})
+# The boxes have fewer points than real objects.
+SETTINGS = Settings().changed(
+    {"ground.remove": False, "objects.thinning_m": 0.02, "objects.cell_size_m": 0.25}
+)
 
 
 def surface(center, size=(2.0, 1.5, 1.5), num_points=300):

@@ -16,7 +16,8 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()
-SETTINGS = Settings().changed({"compute.device": "cpu"})
+# The boxes have fewer points than real objects.
+SETTINGS = Settings().changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
 POINTS_PER_CAR = 400
 # Over the ground, metres per tenth of a second.
 VELOCITY = np.array([0.8, 0.05, 0.0])

@@ -12,7 +12,8 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 STREET = BoxStreet()
-SETTINGS = Settings().changed({"compute.device": "cpu"})
+# The boxes have fewer points than real objects.
+SETTINGS = Settings().changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
 POINTS_PER_CAR = 400
 
 

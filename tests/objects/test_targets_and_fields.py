@@ -105,21 +105,26 @@ class TestVotingGrid:
         assert occupied[grid.cells_of(asked)].tolist() == [True, True, True, False, False]
 
 
+def best_vote(objects, targets, reach_m=3.6):
+    """The motion with most votes, none being known before."""
+    return voted_motions(objects, targets, reach_m, np.zeros((len(objects), 3), np.float32), 1)[0]
+
+
 class TestVotes:
     @pytest.mark.parametrize("factor", [1.0, 3.0, -2.0, 0.0])
     def test_find_the_shift_to_within_a_cell(self, current, objects, factor):
         sweeps = [prepared(moved_box(factor)), prepared(moved_box(-factor))]
         targets = [target(sweeps[0], current), target(sweeps[1], current, -1.0)]
-        voted = voted_motions(objects, targets, 3.6)
+        voted = best_vote(objects, targets)
         assert np.linalg.norm(voted - factor * MOTION, axis=1) < 0.35
 
     def test_do_without_a_previous_sweep(self, objects, near):
-        voted = voted_motions(objects, near[:1], 3.6)
+        voted = best_vote(objects, near[:1])
         assert np.linalg.norm(voted - MOTION, axis=1) < 0.35
 
     def test_take_the_short_way_where_nothing_tells(self, current, objects):
         away = target(prepared(surface((60, 40, 0))), current)
-        np.testing.assert_array_equal(voted_motions(objects, [away], 3.6), [[0, 0, 0]])
+        np.testing.assert_array_equal(best_vote(objects, [away]), [[0, 0, 0]])
 
     @pytest.mark.parametrize("reach_m", [18.0, 2000.0])
     def test_of_a_long_time_need_a_bounded_memory(self, current, objects, reach_m):
@@ -128,16 +133,26 @@ class TestVotes:
             prepared(*(surface((x, y, 0)) for x in range(-60, 61, 8) for y in range(-60, 61, 8)))
         )
         tracemalloc.start()
-        voted_motions(many, [target(current, current)], reach_m)
+        best_vote(many, [target(current, current)], reach_m)
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert peak < 150e6
 
+    def test_are_added_to_what_is_known_before(self, objects, near):
+        base = rows(np.add(MOTION, (2.0, -1.0, 0.0)))
+        (voted,) = voted_motions(objects, near, 3.6, base, 1)
+        assert np.linalg.norm(voted - MOTION, axis=1) < 0.35
+
+    def test_second_is_no_neighbor_of_the_first(self, objects, near):
+        first, second = voted_motions(objects, near, 3.6, rows((0, 0, 0)), 2)
+        assert np.linalg.norm(first - MOTION, axis=1) < 0.35
+        assert np.abs(second - first).max() > 0.7
+
     def test_do_not_depend_on_how_many_objects_are_tried_at_once(self, near, current, monkeypatch):
         many = objects_of(prepared(*(surface((10.0, y, 0)) for y in range(-40, 41, 8))))
-        at_once = voted_motions(many, near, 3.6)
+        at_once = best_vote(many, near)
         monkeypatch.setattr("mnsf_ros.objects.motion_votes._MAX_TRIES", 1)
-        np.testing.assert_array_equal(voted_motions(many, near, 3.6), at_once)
+        np.testing.assert_array_equal(best_vote(many, near), at_once)
 
 
 class TestMotionField:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from box_street import BoxStreet, pose, triplets_of
+from box_street import BoxStreet, box_points, pose, triplets_of
 
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 STREET = BoxStreet()
-SETTINGS = Settings().changed({"compute.device": "cpu"})
+# The boxes have fewer points than real objects.
+SETTINGS = Settings().changed({"compute.device": "cpu", "objects.cell_size_m": 0.25})
 POINTS_PER_CAR = 400
 SPEED_M_S = 8.0
 
@@ -77,6 +78,39 @@ class TestCar:
             np.testing.assert_array_equal(known.track_ids > 0, known.dynamic)
             for each in known.objects:
                 assert each.num_points == np.count_nonzero(known.track_ids == each.track_id)
+
+
+def walk(places):
+    """Sweeps with a person at these places, (x, y) each."""
+    sweeps = []
+    for index, place in enumerate(places):
+        still = STREET.sweep(path(index), index)
+        body = box_points(np.random.default_rng(1), place, (0.4, 0.5, 1.7), 150)
+        sensor_from_world = np.linalg.inv(path(index))
+        body = (body - (0, 0, 1.8)) @ sensor_from_world[:3, :3].T + sensor_from_world[:3, 3]
+        xyz = np.vstack([still.xyz, body.astype(np.float32)])
+        sweeps.append(Sweep(xyz, still.stamp_ns, still.frame_id))
+    return sweeps
+
+
+def found_shares(places):
+    """Of each sweep but the first and the last the share of the person that is said to move."""
+    return np.array([known.dynamic[-150:].mean() for known in estimates(walk(places))])
+
+
+class TestPerson:
+    @pytest.mark.parametrize("speed_m_s", [0.5, 1.5])
+    @pytest.mark.parametrize("heading", [(1.0, 0.0), (0.0, -1.0)])
+    def test_is_found_from_six_tenths_of_a_second_on(self, speed_m_s, heading):
+        places = np.add(np.outer(np.arange(14) * speed_m_s / 10, heading), (4.0, 3.0))
+        assert (found_shares(places)[6:] > 0.8).mean() >= 0.9
+
+    def test_that_stops_is_static_within_half_a_second(self):
+        way = np.minimum(np.arange(20), 10) * 0.15
+        shares = found_shares(np.stack([4 + way, np.full(20, 3.0)], axis=1))
+        assert (shares[6:9] > 0.8).all()
+        # It stands from sweep 10 on, which the estimates see as number 9.
+        assert (shares[9 + 5 :] == 0).all()
 
 
 class TestIdentity:

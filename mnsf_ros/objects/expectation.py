@@ -1,0 +1,65 @@
+"""What the tracks expect of the objects of a sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.rigid_motion import transformed, turned
+from mnsf_ros.objects.following import expecting_shares
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.tracks import Tracks
+
+# An object is that of a track if more than this share of its points is where that is expected.
+_MIN_SHARE: Final = 0.3
+_POINTS_PER_OBJECT: Final = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What is known of K objects from the sweeps before.
+
+    Attributes:
+        motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
+        num_seen: (K,) int, in how many sweeps their track was seen to move; 0 without one.
+    """
+
+    motions: NDArray[np.float32]
+    num_seen: NDArray[np.int64]
+    scores: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        objects: ObjectPoints,
+        tracks: Tracks,
+        world_from_sensor: NDArray[np.float64],
+        interval_s: float,
+    ) -> Expectation:
+        """Returns what tracks, as they are expected in the current sweep, say of its objects."""
+        some = objects.thinner(_POINTS_PER_OBJECT)
+        motions = np.zeros((len(some), 3), np.float32)
+        num_seen, scores = np.zeros(len(some), np.int64), np.zeros(len(some))
+        if len(some) > 0 and len(tracks) > 0:
+            world = transformed(some.positions, world_from_sensor).astype(np.float64)
+            shares = expecting_shares(tracks, world, some.owners, len(some))
+            rows = shares.argmax(axis=1)
+            is_known = np.greater(shares.max(axis=1), _MIN_SHARE)
+            velocities = turned(tracks.velocities, world_from_sensor[:3, :3].T)
+            motions[is_known] = velocities[rows[is_known]] * interval_s
+            num_seen[is_known] = tracks.num_seen[rows[is_known]]
+            scores[is_known] = tracks.scores[rows[is_known]]
+        return cls(motions, num_seen, scores)
+
+    @property
+    def is_known(self) -> NDArray[np.bool_]:
+        """(K,) whether an object has a track."""
+        is_known: NDArray[np.bool_] = np.any(self.motions != 0, axis=1)
+        return is_known
+
+    def only(self, wanted: NDArray[np.bool_]) -> Expectation:
+        """Returns what is known of the objects of the (K,) mask."""
+        return Expectation(self.motions[wanted], self.num_seen[wanted], self.scores[wanted])

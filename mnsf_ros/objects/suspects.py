@@ -1,0 +1,86 @@
+"""Which objects may move: those that other sweeps do not support as static."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.target import Target
+
+# An object that an older sweep explains as well as this without motion is not a suspect: for one
+# older sweep, and for two, the younger first. Over a longer time a slow object moves by more.
+_MIN_PAST_M: Final = ((), (0.08,), (0.05, 0.12))
+# The same for each neighbouring sweep and for their mean, where there are no older ones.
+_MIN_EACH_M: Final = 0.015
+_MIN_MEAN_M: Final = 0.025
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """K objects that may move.
+
+    Attributes:
+        rows: (K,) int, which of all objects they are.
+        objects: Their points.
+        standing: How well they are explained as static.
+        expected: What tracks expect of them.
+    """
+
+    rows: NDArray[np.int64]
+    objects: ObjectPoints
+    standing: JudgedMotions
+    expected: Expectation
+
+    @classmethod
+    def among(cls, objects: ObjectPoints, targets: Targets, expected: Expectation) -> Suspects:
+        """Returns the objects that no older sweep supports as static, and those with a track.
+
+        Without older sweeps they are those that no neighbouring sweep supports. A surface that
+        one sweep does not show may be hidden.
+        """
+        # The past first: it decides most objects, and few remain for the other sweeps.
+        is_suspect = np.ones(len(objects), dtype=bool)
+        residuals: list[NDArray[np.float64]] = []
+        for target in (*reversed(targets.past), *targets.near):
+            values = np.zeros(len(objects))
+            values[is_suspect] = target.unexplained(objects.only(is_suspect))
+            residuals.append(values)
+            is_suspect &= expected.is_known | (values > _least_m(target, targets))
+        num_past = len(targets.past)
+        columns = np.stack(residuals, axis=1)
+        if not targets.past:
+            is_suspect &= expected.is_known | (columns.mean(axis=1) > _MIN_MEAN_M)
+        rows = np.flatnonzero(is_suspect)
+        no_motion = np.zeros((len(rows), 3), np.float32)
+        standing = JudgedMotions(
+            no_motion,
+            near=columns[rows, num_past:],
+            past=columns[rows, :num_past][:, ::-1],
+            disagreement=no_motion[:, 0],
+        )
+        return cls(rows, objects.only(is_suspect), standing, expected.only(is_suspect))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def only(self, wanted: NDArray[np.bool_]) -> Suspects:
+        """Returns the objects of the (K,) mask."""
+        return Suspects(
+            self.rows[wanted],
+            self.objects.only(wanted),
+            self.standing.only(wanted),
+            self.expected.only(wanted),
+        )
+
+
+def _least_m(target: Target, targets: Targets) -> float:
+    """Returns the least residual of a suspect in a sweep."""
+    if target in targets.past:
+        return _MIN_PAST_M[len(targets.past)][list(targets.past).index(target)]
+    return -1.0 if targets.past else _MIN_EACH_M
