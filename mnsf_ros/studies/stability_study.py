@@ -139,7 +139,7 @@ def _full_sweeps(triplet: SweepTriplet, size: int) -> dict[str, Sweep]:
         sweep: Sweep | None = getattr(triplet, name)
         if sweep is None:
             raise EvaluationError(f"the triplet has no {name} sweep")
-        sweeps[name] = _with_points(sweep, sweep.kept_xyz)
+        sweeps[name] = sweep if sweep.kept is None else sweep.part(sweep.kept)
         if len(sweeps[name]) <= size:
             raise EvaluationError(
                 f"sizes: got {size}, but the {name} sweep has {len(sweeps[name])} points, "
@@ -148,18 +148,10 @@ def _full_sweeps(triplet: SweepTriplet, size: int) -> dict[str, Sweep]:
     return sweeps
 
 
-def _with_points(sweep: Sweep, xyz: NDArray[np.float32]) -> Sweep:
-    """The sweep with these points only, whose flow is asked for."""
-    kept = None if sweep.kept is None else np.ones(len(xyz), dtype=bool)
-    return replace(sweep, xyz=xyz, kept=kept)
-
-
 def _part(
     triplet: SweepTriplet, sweeps: dict[str, Sweep], rows: dict[str, NDArray[np.int64]]
 ) -> SweepTriplet:
-    current, following, previous = (
-        _with_points(sweeps[name], sweeps[name].xyz[rows[name]]) for name in SWEEPS
-    )
+    current, following, previous = (sweeps[name].part(rows[name]) for name in SWEEPS)
     return replace(triplet, current=current, next=following, previous=previous, earlier=())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,18 @@ class Sweep:
         """The kept points, (M, 3) metres; all points if nobody has chosen any."""
         # np.compress is several times faster than xyz[kept].
         return self.xyz if self.kept is None else np.compress(self.kept, self.xyz, axis=0)
+
+    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Sweep:
+        """Returns some points only, by a mask (N,) or their numbers, with all that belongs to them.
+
+        The `source` stays that of all points.
+        """
+        return replace(
+            self,
+            xyz=self.xyz[rows],
+            kept=None if self.kept is None else self.kept[rows],
+            times_s=None if self.times_s is None else self.times_s[rows],
+        )
 
     @classmethod
     def from_array(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,3 +99,23 @@ def test_means_are_over_draws():
         Change("b", 10, "next", 0, 9.0, 0.0),
     ]
     assert mean_changes(found, "a", "next", "flow_m") == {10: 2.0}
+
+
+def test_points_keep_their_times(triplet):
+    """A sweep of some of its points has as many times as points."""
+    sweeps = [
+        replace(sweep, times_s=sweep.xyz[:, 0], kept=sweep.xyz[:, 1] > 0)
+        for sweep in (triplet.previous, triplet.current, triplet.next)
+    ]
+    seen = []
+
+    class Watching(MeanFlow):
+        def estimate(self, triplet):
+            seen.extend([triplet.previous, triplet.current, triplet.next])
+            return super().estimate(triplet)
+
+    list(changes("mean", Watching(), SweepTriplet(*sweeps), (50,), 2, 0))
+    assert seen
+    for sweep in seen:
+        np.testing.assert_array_equal(sweep.times_s, sweep.xyz[:, 0])
+        assert sweep.kept.all()

@@ -130,3 +130,26 @@ def test_interval():
 )
 def test_interval_ratio(stamps_ns, ratio):
     assert triplet(*stamps_ns).interval_ratio == ratio
+
+
+@pytest.mark.parametrize("rows", [np.array([2, 0]), np.array([True, False, True, False])])
+def test_a_part_has_all_that_belongs_to_its_points(rows):
+    sweep = Sweep(
+        POINTS.astype(np.float32),
+        kept=np.array([True, True, False, False]),
+        times_s=np.arange(4, dtype=np.float32),
+    )
+    part = sweep.part(rows)
+    np.testing.assert_array_equal(part.xyz, sweep.xyz[rows])
+    np.testing.assert_array_equal(part.kept, sweep.kept[rows])
+    np.testing.assert_array_equal(part.times_s, sweep.times_s[rows])
+    assert Sweep(sweep.xyz).part(rows).times_s is None
+
+
+def test_the_middle_of_the_times():
+    xyz = POINTS.astype(np.float32)
+    assert Sweep(xyz).middle_s == 0
+    assert Sweep(xyz, times_s=np.array([0.1, -0.2, 0.0, 0.05], np.float32)).middle_s == (
+        pytest.approx(-0.05)
+    )
+    assert Sweep(xyz[:0], times_s=np.zeros(0, np.float32)).middle_s == 0
