@@ -18,6 +18,8 @@ from mnsf_ros.node.environment import (
 )
 
 if TYPE_CHECKING:
+    from rclpy.executors import SingleThreadedExecutor
+
     from mnsf_ros.node.scene_flow_node import SceneFlowNode
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
@@ -78,6 +80,7 @@ class _EndSignals:
 def _run(signals: _EndSignals) -> int:
     import rclpy
     from rclpy.exceptions import ParameterException
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.logging import get_logger
 
     status, node = 0, None
@@ -89,9 +92,12 @@ def _run(signals: _EndSignals) -> int:
         # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
         from mnsf_ros.node.scene_flow_node import SceneFlowNode
 
+        # An executor that a signal keeps from being made complains when it is deleted.
+        executor = SingleThreadedExecutor()
         signals.leave_to_rclpy()
         node = SceneFlowNode()
-        _spin(node)
+        executor.add_node(node)
+        _spin(executor, node)
     except (SettingsError, ParameterException) as error:
         get_logger(_LOGGER_NAME).fatal(str(error))
         status = _EXIT_USAGE
@@ -118,13 +124,10 @@ def _init_ros() -> None:
         raise SettingsError(f"cannot start ROS: {type(error).__name__}: {text}") from None
 
 
-def _spin(node: SceneFlowNode) -> None:
+def _spin(executor: SingleThreadedExecutor, node: SceneFlowNode) -> None:
     """Runs the node's callbacks until a signal comes."""
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
 
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     while rclpy.ok():
         try:
             executor.spin()
