@@ -17,7 +17,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.methods import make_method
-from mnsf_ros.sweeps.sweep import NANOSECONDS
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 # A stamp that was printed with three decimals is off by less.
 _SAME_STAMP_NS: Final = 1_000_000
@@ -120,13 +120,15 @@ def _rows_at(
 def _object_lines(example: Example, reason: Reason) -> Iterator[str]:
     if reason.num_points:
         yield f"Object: {reason.num_points} points after thinning, {reason.size_m:.1f} m long"
-    if reason.motion is None or reason.start is None:
-        return
-    speed_m_s = float(np.linalg.norm(reason.motion)) / (example.triplet.interval_s or 0.1)
-    yield f"Motion found: {_vector(reason.motion)} m to the next sweep, {speed_m_s:.1f} m/s"
-    yield f"The search started at {_vector(reason.start)} m"
-    yield f"Residual if static: {_listed(reason.static_m)}"
-    yield f"Residual if it moves: {_listed(reason.moving_m)}"
+    if reason.motion is not None:
+        interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
+        speed_m_s = float(np.linalg.norm(reason.motion)) / interval_s
+        yield f"Motion found: {_vector(reason.motion)} m to the next sweep, {speed_m_s:.1f} m/s"
+    if reason.start is not None:
+        yield f"The search started at {_vector(reason.start)} m"
+    for words, residuals_m in (("static", reason.static_m), ("it moves", reason.moving_m)):
+        if residuals_m:
+            yield f"Residual if {words}: {_listed(residuals_m)}"
     for name, value in reason.evidence.items():
         yield f"Evidence, {name}: {value:.3f}"
 
@@ -145,11 +147,9 @@ def _truth_lines(example: Example, reason: Reason, rows: NDArray[np.int64]) -> I
         f"Truth: {share:.0%} of the points dynamic, {_vector(motion)} m to the next sweep, "
         f"{float(own_m[own].mean()) / known.interval_s:.1f} m/s"
     )
-    if reason.motion is not None and reason.start is not None:
-        errors_m = (np.linalg.norm(each - motion) for each in (reason.motion, reason.start))
-        yield "The motion found is off by {:.2f} m, the start of the search by {:.2f} m".format(
-            *errors_m
-        )
+    for words, guess in (("motion found", reason.motion), ("start of the search", reason.start)):
+        if guess is not None:
+            yield f"The {words} is off by {float(np.linalg.norm(guess - motion)):.2f} m"
 
 
 def _vector(vector: NDArray[np.float64]) -> str:
