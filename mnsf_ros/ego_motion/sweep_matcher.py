@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.settings import EgoMotionSettings
@@ -26,6 +28,12 @@ _SEARCH_WITHIN_M: Final = (5.0, 2.0)
 # Where the search starts, beside the last sweep. From one place alone it ends in a wrong minimum
 # on half of the simulated streets at 3 m a sweep, with .7 instead of .9 of the points explained.
 _SEARCH_FROM_M: Final = ((0.0, 0.0), (2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
+# And so far ahead and behind, in such steps: what stands must lie this close to itself.
+_SEARCH_AHEAD_M: Final = 5.0
+_SEARCH_STEP_M: Final = 0.4
+_STANDING_WITHIN_M: Final = 0.15
+# A pose farther from the expected one than this has to be better than it.
+_DRAGGED_M: Final = 0.15
 _NUM_NEIGHBORS: Final = 7
 # Points within this height of the lowest one of a column are mostly ground, which is smooth: on it
 # cells are larger by this factor.
@@ -44,6 +52,13 @@ class Cloud:
 
     points: small_gicp.PointCloud
     tree: small_gicp.KdTree
+    num_standing: int  # the first ones, which are not low
+
+    @property
+    def standing(self) -> NDArray[np.float64]:
+        """(S, 3) metres, the points that are not near the ground."""
+        points: NDArray[np.float64] = self.points.points()[: self.num_standing, :3]
+        return points
 
 
 class SweepMatcher:
@@ -85,25 +100,62 @@ class SweepMatcher:
             return None
         found = None if expected is None else self._found(cloud, expected)
         if found is None:
-            # Whichever explains most of the cloud, somewhere near the last pose.
-            starts = (self._beside(*self._last, cloud, shift_m) for shift_m in _SEARCH_FROM_M)
-            results = [
-                result for start in starts if (result := self._found(cloud, start)) is not None
-            ]
-            found = max(results, key=lambda result: result.num_inliers, default=None)
-        return None if found is None else np.asarray(found.T_target_source)
+            found = self._searched(cloud, *self._last)
+        return found
 
-    def _found(
-        self, cloud: Cloud, expected: NDArray[np.float64]
-    ) -> small_gicp.RegistrationResult | None:
+    def _found(self, cloud: Cloud, expected: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The pose near an expected one, None if there the map does not explain the cloud."""
         found = self._aligned(cloud, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
         if found.num_inliers < _MIN_EXPLAINED * cloud.points.size():
             return None
-        settled = self._aligned(
-            cloud, found.T_target_source, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE
-        )
-        return settled if np.isfinite(settled.T_target_source).all() else None
+        starts = [np.asarray(found.T_target_source)]
+        if np.linalg.norm(starts[0][:3, 3] - expected[:3, 3]) > _DRAGGED_M:
+            # Traffic alongside may have led the search astray.
+            starts.append(expected)
+        return self._settled(cloud, starts)
+
+    def _searched(
+        self, cloud: Cloud, last: Cloud, world_from_last: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """The pose near the last one, None if there the map does not explain the cloud."""
+        starts = [self._beside(last, world_from_last, cloud, shift) for shift in _SEARCH_FROM_M]
+        for x in np.arange(-_SEARCH_AHEAD_M, _SEARCH_AHEAD_M + _SEARCH_STEP_M, _SEARCH_STEP_M):
+            ahead = np.eye(4)
+            ahead[0, 3] = x
+            starts.append(world_from_last @ ahead)
+        best = self._settled(cloud, starts)
+        if best is None:
+            return None
+        near = self._aligned(cloud, best, _FIND_WITHIN_M, 1)
+        return best if near.num_inliers >= _MIN_EXPLAINED * cloud.points.size() else None
+
+    def _settled(
+        self, cloud: Cloud, starts: Sequence[NDArray[np.float64]]
+    ) -> NDArray[np.float64] | None:
+        """The pose near one of several that explains most of what stands on the ground.
+
+        By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
+        by all that stands they do not.
+        """
+        poses = [
+            np.asarray(
+                self._aligned(cloud, start, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE).T_target_source
+            )
+            for start in starts
+        ]
+        poses = [pose for pose in poses if np.isfinite(pose).all()]
+        if len(poses) < 2 or self._last is None:
+            return next(iter(poses), None)
+        last, world_from_last = self._last
+        tree, last_from_world = cKDTree(last.standing), np.linalg.inv(world_from_last)
+
+        def num_explained(pose: NDArray[np.float64]) -> int:
+            last_from_this = last_from_world @ pose
+            there = cloud.standing @ last_from_this[:3, :3].T + last_from_this[:3, 3]
+            distances, _ = tree.query(there, distance_upper_bound=_STANDING_WITHIN_M)
+            return int(np.count_nonzero(np.isfinite(distances)))
+
+        return max(poses, key=num_explained)
 
     def _aligned(
         self, cloud: Cloud, start: NDArray[np.float64], within_m: float, max_steps: int
@@ -157,25 +209,28 @@ class SweepMatcher:
         points = np.compress(near, points, axis=0)
         if len(points) < _MIN_POINTS:
             return None
-        cloud = self._thinned(points)
+        cloud, num_standing = self._thinned(points)
         if cloud.size() < _MIN_POINTS:
             return None
         tree = small_gicp.KdTree(cloud, num_threads=1)
         # Each point by itself: here threads change nothing in the result.
         small_gicp.estimate_covariances(cloud, tree, _NUM_NEIGHBORS, num_threads=self.num_threads)
-        return Cloud(cloud, tree)
+        return Cloud(cloud, tree, num_standing)
 
-    def _thinned(self, points: NDArray[np.float32]) -> small_gicp.PointCloud:
-        """Returns one point for each cell of (N, 3) points, larger cells near the ground."""
+    def _thinned(self, points: NDArray[np.float32]) -> tuple[small_gicp.PointCloud, int]:
+        """Returns one point for each cell of (N, 3) points, larger cells near the ground.
+
+        The number is that of the points that are not near the ground; they come first.
+        """
         is_low = _are_low(points)
         cell_m = self._settings.thinning_m
-        parts = (
+        parts = [
             small_gicp.voxelgrid_sampling(
                 np.compress(chosen, points, axis=0).astype(np.float64), size_m, num_threads=1
             ).points()
             for chosen, size_m in ((~is_low, cell_m), (is_low, _LOW_CELLS * cell_m))
-        )
-        return small_gicp.PointCloud(np.concatenate(list(parts))[:, :3])
+        ]
+        return small_gicp.PointCloud(np.concatenate(parts)[:, :3]), len(parts[0])
 
 
 def _are_low(points: NDArray[np.float32]) -> NDArray[np.bool_]:
