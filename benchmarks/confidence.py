@@ -23,7 +23,7 @@ from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
 from rich.console import Console
 from scipy.optimize import minimize
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
@@ -37,6 +37,9 @@ _CLOSE_M: Final = 0.1
 _EDGES: Final = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0001)
 # Points of one sweep that are looked at; neighbors say the same.
 _MAX_POINTS: Final = 4000
+# So many sweeps of a recording have no past yet. Every third one is taken as one of two, too.
+_NUM_FIRST: Final = 3
+_PAIR_EVERY: Final = 3
 
 _KINDS: Final = ("moving", "doubtful", "standing")
 
@@ -47,7 +50,11 @@ def main() -> None:
     """Fits, and shows the table."""
     raw = argparse.RawDescriptionHelpFormatter
     argparse.ArgumentParser(description=__doc__, formatter_class=raw).parse_args()
-    recordings = [simulated_sweeps(seed, 16) for seed in range(4)]
+    recordings = [
+        simulated_sweeps(seed, 16, scenario=name)
+        for name in ("street", "street_that_hurts")
+        for seed in range(3)
+    ]
     kitti = real_sweeps("kitti_0005")
     samples = list(_samples([*recordings, kitti] if kitti else recordings))
     console = Console(width=120)
@@ -63,17 +70,17 @@ def main() -> None:
 
 
 def _samples(recordings: list[list[TrueSweep]]) -> Iterator[Samples]:
+    """Of each sweep with all that was before, and of some sweeps with the next one only."""
     for sweeps in recordings:
         estimator = make_method("online", preset("online"))
         for index in range(1, len(sweeps) - 1):
-            triple = [item.sweep for item in sweeps[index - 1 : index + 2]]
-            recorders = {kind: _Recorder(kind) for kind in ("moving", "doubtful")}
-            with ExitStack() as stack:
-                for kind, recorder in recorders.items():
-                    stack.enter_context(patch.object(scene, f"{kind}_confidence", recorder))
-                estimate = estimator.estimate(SweepTriplet(*triple))
-            if index > 3:
-                yield _sample(sweeps[index], estimate, recorders)
+            previous, *pair = (item.sweep for item in sweeps[index - 1 : index + 2])
+            sample = _sample(sweeps[index], estimator, SweepTriplet(previous, *pair))
+            if index > _NUM_FIRST:
+                yield sample
+            if index % _PAIR_EVERY == 0:
+                alone = make_method("online", preset("online"))
+                yield _sample(sweeps[index], alone, SweepTriplet(None, *pair))
 
 
 class _Recorder:
@@ -85,9 +92,11 @@ class _Recorder:
         # Beyond any confidence, so that the points of an object can be told from the result.
         self._first = {"moving": 10, "doubtful": 10_000}[kind]
 
-    def __call__(self, objects: ObjectPoints, judged: JudgedMotions) -> NDArray[np.float32]:
-        self.features = self._features_of(objects, judged)
-        self.known = self._confidence_of(objects, judged)
+    def __call__(
+        self, objects: ObjectPoints, judged: JudgedMotions, *more: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        self.features = self._features_of(objects, judged, *more)
+        self.known = self._confidence_of(objects, judged, *more)
         return np.arange(len(objects), dtype=np.float32) + self._first
 
     def rows(self, values: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
@@ -96,7 +105,12 @@ class _Recorder:
         return is_own, (values[is_own] - self._first).astype(int)
 
 
-def _sample(truth: TrueSweep, estimate: FlowEstimate, recorders: dict[str, _Recorder]) -> Samples:
+def _sample(truth: TrueSweep, estimator: SceneFlowEstimator, triplet: SweepTriplet) -> Samples:
+    recorders = {kind: _Recorder(kind) for kind in ("moving", "doubtful")}
+    with ExitStack() as stack:
+        for kind, recorder in recorders.items():
+            stack.enter_context(patch.object(scene, f"{kind}_confidence", recorder))
+        estimate = estimator.estimate(triplet)
     rows = np.flatnonzero(truth.scored & estimate.kept)
     rows = rows[:: max(1, len(rows) // _MAX_POINTS)]
     is_close = end_point_errors(estimate.flow[rows], truth.flow[rows]) < _CLOSE_M

@@ -11,19 +11,28 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 
 # Logistic regressions; `python benchmarks/confidence.py` prints the numbers and how well they hold.
-# Dynamic objects: constant, per metre of disagreement, per metre of residual, per 10 m of range.
-_MOVING: Final = (5.13, -0.42, -0.56, -0.94)
+# Dynamic objects: constant, per metre of disagreement, per metre of residual, per 10 m of range,
+# per unit of the score that they move.
+_MOVING: Final = (1.18, 0.96, -3.85, -0.60, 0.90)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
-_DOUBTFUL: Final = (3.39, -11.06, -0.02)
+_DOUBTFUL: Final = (2.79, -9.37, 0.20)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (5.73, -0.18)
 # Beyond this the confidence is 0 or 1, and the exponential would overflow.
 _MAX_SCORE: Final = np.float32(80)
 
 
-def moving_confidence(objects: ObjectPoints, moving: JudgedMotions) -> NDArray[np.float32]:
-    """Returns (K,) the confidence in the flow of K dynamic objects."""
-    return _logistic(moving_features(objects, moving), _MOVING)
+def moving_confidence(
+    objects: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Returns (K,) the confidence in the flow of K dynamic objects.
+
+    Args:
+        objects: K objects.
+        moving: Their motions.
+        scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+    """
+    return _logistic(moving_features(objects, moving, scores), _MOVING)
 
 
 def doubtful_confidence(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float32]:
@@ -39,9 +48,11 @@ def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
     return _probability(np.float32(constant) + np.float32(per_10_m / 10) * ranges)
 
 
-def moving_features(objects: ObjectPoints, moving: JudgedMotions) -> NDArray[np.float64]:
-    """Returns (K, 4) the features of K dynamic objects."""
-    columns = (moving.disagreement, moving.cost, _tens_of_metres(objects.centers))
+def moving_features(
+    objects: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Returns (K, 5) the features of K dynamic objects."""
+    columns = (moving.disagreement, moving.cost, _tens_of_metres(objects.centers), scores)
     return _with_constant(*columns)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
 
-# Logistic regressions; `python benchmarks/confidence.py` prints the numbers. For each column of
+# Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, free space up to 0.5, all free space, logarithm of the number of points, metres to
 # the next sweep, agreement with a track, and with what score of that, gain in the past per metre.

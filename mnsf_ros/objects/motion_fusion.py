@@ -15,6 +15,9 @@ from mnsf_ros.objects.target import Target
 
 # A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
+# So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
+# evenly.
+_MAX_SHARE: Final = 0.8
 # To choose among candidates, a third of the points is enough.
 _POINTS_TO_CHOOSE: Final = 16
 
@@ -55,9 +58,14 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
-    def better(self, other: JudgedMotions) -> JudgedMotions:
-        """Returns for each object its own motion, or the other one if that is clearly better."""
-        wins = other.total < self.total - _MIN_BETTER_M
+    def better(self, other: JudgedMotions, share: float = 1.0) -> JudgedMotions:
+        """Returns for each object its own motion, or the other one if that is clearly better.
+
+        Args:
+            other: Other motions.
+            share: They must leave less than this share of the residual.
+        """
+        wins = other.total < share * self.total - _MIN_BETTER_M
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -134,8 +142,11 @@ def fuse_motions(
     mean = weight * forward.flows + (1 - weight) * inverted
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
+    near = Targets(targets.near, past=())
     best = best_of(
-        judge(some, targets, motions, disagreement)
-        for motions in (mean, forward.flows, inverted, *others)
+        judge(some, near, motions, disagreement) for motions in (mean, forward.flows, inverted)
     )
+    best = with_past(some, targets, best)
+    for motions in others:
+        best = best.better(judge(some, targets, motions, disagreement), _MAX_SHARE)
     return judge(objects, targets, best.motions, disagreement)

@@ -108,7 +108,13 @@ class ObjectFlowEstimator:
             movers, moving = candidates.objects.only(is_moving), moving.only(is_moving)
         with clock.stage("output"):
             over_ground = scene.over_ground(
-                movers, moving, doubtful.objects, doubtful.standing, tracks, ids
+                movers,
+                moving,
+                doubtful.objects,
+                doubtful.standing,
+                scores[is_moving],
+                tracks,
+                ids,
             )
             flow = scene.flow(over_ground)
         return FlowEstimate(

@@ -77,6 +77,7 @@ class Scene:
         moving: JudgedMotions,
         doubtful: ObjectPoints,
         standing: JudgedMotions,
+        scores: NDArray[np.float64],
         tracks: Tracks,
         ids: NDArray[np.int64],
     ) -> OverGround:
@@ -88,6 +89,7 @@ class Scene:
             doubtful: Objects that neither motion nor being static explains well enough, or that
                 were left out.
             standing: How these stand.
+            scores: (K,) logarithm of the odds that the movers move.
             tracks: What is followed.
             ids: (K,) the numbers of the tracks of K movers.
         """
@@ -108,7 +110,7 @@ class Scene:
         track_ids = np.zeros(len(sweep), np.int32)
         track_ids[is_moving] = ids[rows[is_moving]]
         confidence = standing_confidence(current.xyz)
-        confidence[is_moving] = moving_confidence(movers, moving)[rows[is_moving]]
+        confidence[is_moving] = moving_confidence(movers, moving, scores)[rows[is_moving]]
         rows = doubtful.rows_of(current.num_objects)[owners]
         is_doubtful = (rows >= 0) & ~is_moving
         confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
