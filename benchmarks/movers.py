@@ -27,7 +27,7 @@ from mnsf_ros.evaluation.mover_summary import FAST, SLOW, MoverSummary
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.tables import confidence_table, losses_table, movers_table, objects_table
-from mnsf_ros.evaluation.text_table import TextTable
+from mnsf_ros.evaluation.text_table import TextTable, format_number
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -162,7 +162,7 @@ def tables(half: str, summaries: list[MethodSummary]) -> Iterator[TextTable]:
         [
             summary.method,
             *(f"{summary.errors[part].epe_m:.4f}" for part in ("dynamic", "static")),
-            *(f"{_normalized(summary, kind):.2f}" for kind in _NORMALIZED),
+            *(format_number(_normalized(summary, kind), 2) for kind in _NORMALIZED),
             f"{summary.time_ms:.0f}",
         ]
         for summary in summaries
