@@ -66,7 +66,12 @@ def follow(tracks: Tracks, seen: Sightings, next_id: int) -> tuple[Tracks, NDArr
     shares = expecting_shares(tracks, seen.points, seen.owners, len(seen))
     is_possible: NDArray[np.bool_] = shares > _MIN_SHARE
     settled = _PER_SETTLED * np.minimum(tracks.num_seen / _SETTLED, 1.0)
-    things, rows = linear_sum_assignment(is_possible * (shares + settled), maximize=True)
+    # Of several parts of what a track was, the largest one goes on with its number.
+    sizes = np.bincount(seen.owners, minlength=len(seen))
+    whole = np.maximum(np.bincount(tracks.owners, minlength=len(tracks)), 1)
+    covered = np.minimum(shares * sizes[:, None] / whole, 1.0)
+    gains = is_possible * (shares + covered + settled)
+    things, rows = linear_sum_assignment(gains, maximize=True)
     is_same = is_possible[things, rows]
     things, rows = things[is_same], rows[is_same]
     is_new = np.ones(len(seen), dtype=bool)

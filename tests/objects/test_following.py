@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_scenes import rows, surface
@@ -64,6 +66,18 @@ class TestIdentity:
         for _ in range(num_hidden):
             assert follower.see() == []
         assert follower.see((1 + num_hidden, 0, 0)) == ([1] if same else [2])
+
+    def test_goes_on_with_the_largest_part(self):
+        follower = Follower()
+        follower.see((0, 0, 0), velocity=(0, 0, 0))
+        points = surface((0, 0, 0), (2.0, 1.5, 1.5), 48).astype(np.float64)
+        is_end = points[:, 0] < np.sort(points[:, 0])[8]
+        parts = seen((0, 0, 0), (0, 0, 5), velocity=(0, 0, 0))
+        points = np.concatenate([points[is_end], points[~is_end]])
+        points[-8:, 0] += 2  # a side of it comes into view
+        parts = replace(parts, points=points, owners=np.sort(~is_end).astype(np.int64))
+        _, ids = follow(alive(follower.tracks, follower.now_ns + 10**8, INTERVAL_S), parts, 2)
+        assert ids.tolist() == [2, 1]
 
     def test_is_never_used_again(self):
         follower = Follower()
