@@ -24,11 +24,10 @@ class Expectation:
 
     Attributes:
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
-        num_seen: (K,) int, in how many sweeps their track was seen to move; 0 without one.
+        scores: (K,) logarithm of the odds that their track moves; 0 without one.
     """
 
     motions: NDArray[np.float32]
-    num_seen: NDArray[np.int64]
     scores: NDArray[np.float64]
 
     @classmethod
@@ -42,7 +41,7 @@ class Expectation:
         """Returns what tracks, as they are expected in the current sweep, say of its objects."""
         some = objects.thinner(_POINTS_PER_OBJECT)
         motions = np.zeros((len(some), 3), np.float32)
-        num_seen, scores = np.zeros(len(some), np.int64), np.zeros(len(some))
+        scores = np.zeros(len(some))
         if len(some) > 0 and len(tracks) > 0:
             world = transformed(some.positions, world_from_sensor).astype(np.float64)
             shares = expecting_shares(tracks, world, some.owners, len(some))
@@ -50,9 +49,8 @@ class Expectation:
             is_known = np.greater(shares.max(axis=1), _MIN_SHARE)
             velocities = turned(tracks.velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
-            num_seen[is_known] = tracks.num_seen[rows[is_known]]
             scores[is_known] = tracks.scores[rows[is_known]]
-        return cls(motions, num_seen, scores)
+        return cls(motions, scores)
 
     @property
     def is_known(self) -> NDArray[np.bool_]:
@@ -62,4 +60,4 @@ class Expectation:
 
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
         """Returns what is known of the objects of the (K,) mask."""
-        return Expectation(self.motions[wanted], self.num_seen[wanted], self.scores[wanted])
+        return Expectation(self.motions[wanted], self.scores[wanted])

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.expectation import Expectation
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.target import Target
 
 # An object that an older sweep explains as well as this without motion is not a suspect: for one
 # older sweep, and for two, the younger first. Over a longer time a slow object moves by more.
@@ -47,11 +46,13 @@ class Suspects:
         # The past first: it decides most objects, and few remain for the other sweeps.
         is_suspect = np.ones(len(objects), dtype=bool)
         residuals: list[NDArray[np.float64]] = []
-        for target in (*reversed(targets.past), *targets.near):
+        past = zip(targets.past, _MIN_PAST_M[len(targets.past)], strict=True)
+        near_m = -1.0 if targets.past else _MIN_EACH_M
+        for target, least_m in (*reversed([*past]), *((near, near_m) for near in targets.near)):
             values = np.zeros(len(objects))
             values[is_suspect] = target.unexplained(objects.only(is_suspect))
             residuals.append(values)
-            is_suspect &= expected.is_known | (values > _least_m(target, targets))
+            is_suspect &= expected.is_known | (values > least_m)
         num_past = len(targets.past)
         columns = np.stack(residuals, axis=1)
         if not targets.past:
@@ -77,10 +78,3 @@ class Suspects:
             self.standing.only(wanted),
             self.expected.only(wanted),
         )
-
-
-def _least_m(target: Target, targets: Targets) -> float:
-    """Returns the least residual of a suspect in a sweep."""
-    if target in targets.past:
-        return _MIN_PAST_M[len(targets.past)][list(targets.past).index(target)]
-    return -1.0 if targets.past else _MIN_EACH_M

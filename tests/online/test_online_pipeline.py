@@ -172,6 +172,19 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
     assert_balanced(pipeline)
 
 
+def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
+    """A pipeline with an estimate that lasts for hours and a triplet that waits, and its sweeps."""
+    endless = network_settings.changed({"optimization.max_iterations": 100_000})
+    pipeline, indices = make_pipeline(endless), itertools.count()
+
+    def is_one_waiting():
+        pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
+        return pipeline.load == 2
+
+    wait_until(is_one_waiting)
+    return pipeline, indices
+
+
 class TestSettings:
     def test_hold_from_the_next_estimate_on(
         self, make_pipeline, recorder, make_sweep, network_settings, wait_until
@@ -193,14 +206,9 @@ class TestSettings:
     def test_end_an_estimate_that_would_last_for_hours(
         self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
-        endless = network_settings.changed({"optimization.max_iterations": 100_000})
-        pipeline, indices = make_pipeline(endless), itertools.count()
-
-        def is_one_waiting():
-            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
-            return pipeline.load == 2
-
-        wait_until(is_one_waiting)
+        pipeline, indices = with_one_waiting(
+            make_pipeline, make_sweep, network_settings, wait_until
+        )
         pipeline.change_settings(network_settings)
         wait_until(lambda: pipeline.load == 0)
         # The one that waited; it had the endless settings, too, when it came.
@@ -305,14 +313,7 @@ class TestReset:
     def test_abandons_what_is_under_way_and_what_waits(
         self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
-        endless = network_settings.changed({"optimization.max_iterations": 100_000})
-        pipeline, indices = make_pipeline(endless), itertools.count()
-
-        def is_one_waiting():
-            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
-            return pipeline.load == 2
-
-        wait_until(is_one_waiting)
+        pipeline, _ = with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until)
         pipeline.reset()
         wait_until(lambda: pipeline.load == 0)
         assert recorder.handed_out == []
