@@ -54,6 +54,7 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "torch>=2.4",
+        "numba>=0.61",
         "edt>=2.4",
         "small_gicp>=1.0.1,<2",
         "rosbags>=0.11,<0.12",

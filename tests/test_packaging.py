@@ -145,7 +145,7 @@ def anchors(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_links_of_documents_lead_somewhere(path: Path) -> None:
-    for link in re.findall(r"\]\((?!https?:)([^)]+)\)", path.read_text()):
+    for link in re.findall(r"\]\((?!https?:)([^)\[]+)\)", path.read_text()):
         file, _, anchor = link.partition("#")
         target = path.parent / file if file else path
         assert target.exists(), link

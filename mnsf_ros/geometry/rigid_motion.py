@@ -8,6 +8,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.errors import SweepError
 
 Floating = TypeVar("Floating", np.float32, np.float64)
@@ -29,21 +30,30 @@ _MAX_REACH_RATIO: Final = 50.0
 
 def transformed(xyz: NDArray[np.float32], transform: NDArray[np.float64]) -> NDArray[np.float32]:
     """Applies a (4, 4) transform to (N, 3) points; the digits do not depend on threads."""
-    return turned(xyz, transform[:3, :3]) + transform[:3, 3].astype(np.float32)
+    turn, shift = (part.astype(np.float32) for part in (transform[:3, :3], transform[:3, 3]))
+    return _turned_and_shifted(np.ascontiguousarray(xyz), np.ascontiguousarray(turn), shift)
 
 
 def turned(vectors: NDArray[Floating], turn: NDArray[np.float64]) -> NDArray[Floating]:
     """Applies a (3, 3) matrix to vectors (N, 3), in their own precision."""
-    # Written out: a matrix product may sum in another order with other threads, and with many
-    # thin rows it is the slower one, too.
-    turn = turn.astype(vectors.dtype)
-    x, y, z = (np.ascontiguousarray(vectors[:, axis]) for axis in range(3))
+    own_turn = np.ascontiguousarray(turn, dtype=vectors.dtype)
+    return _turned_and_shifted(np.ascontiguousarray(vectors), own_turn, np.zeros(3, vectors.dtype))
+
+
+# A matrix product of BLAS may sum in another order with other threads.
+@compiled(
+    "float32[:, ::1](float32[:, ::1], float32[:, ::1], float32[::1])",
+    "float64[:, ::1](float64[:, ::1], float64[:, ::1], float64[::1])",
+)
+def _turned_and_shifted(
+    vectors: NDArray[Floating], turn: NDArray[Floating], shift: NDArray[Floating]
+) -> NDArray[Floating]:
     result = np.empty_like(vectors)
-    for axis in range(3):
-        column = x * turn[axis, 0]
-        column += y * turn[axis, 1]
-        column += z * turn[axis, 2]
-        result[:, axis] = column
+    for row in range(len(vectors)):
+        x, y, z = vectors[row, 0], vectors[row, 1], vectors[row, 2]
+        for axis in range(3):
+            turned = x * turn[axis, 0] + y * turn[axis, 1] + z * turn[axis, 2]
+            result[row, axis] = turned + shift[axis]
     return result
 
 
