@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 
@@ -18,7 +18,6 @@ _REACH_M: Final = 0.5
 _MIN_HEIGHT_M: Final = 0.1
 # A fragment moves with a mover if more than this share of it is in reach.
 _MIN_SHARE: Final = 0.5
-_TOUCHING: Final = np.ones((3, 3), dtype=bool)
 
 
 def attached(
@@ -26,8 +25,8 @@ def attached(
     owners: NDArray[np.int64],
     movers: ObjectPoints,
     is_loose: NDArray[np.bool_],
-) -> NDArray[np.int64]:
-    """Returns with which mover the points beside movers move.
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns which points beside movers move with them.
 
     Args:
         current: The sweep.
@@ -36,22 +35,17 @@ def attached(
         is_loose: (all objects of the sweep,) those that may be fragments: not known to be static.
 
     Returns:
-        (N,) the row of the mover, -1 for points without one and for the movers' own points.
+        (M,) the points, none of the movers' own among them, and (M,) the row of the mover of each.
     """
-    rows = np.full(len(owners), -1)
     if len(movers) == 0:
-        return rows
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
     row_of = movers.rows_of(current.num_objects)
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
-    xyz = current.xyz
-    candidates = np.flatnonzero(is_loose[owners] | ~current.kept)
-    cells, is_near = _cells_near(points, xyz[candidates])
-    candidates, cells = candidates[is_near], cells[is_near]
-    is_ground = ~current.kept[candidates]
-    is_wanted = ~is_ground | _is_above_floor(xyz[candidates, 2], cells, is_ground)
-    candidates = candidates[is_wanted]
-    distances, nearest = cKDTree(points).query(xyz[candidates], distance_upper_bound=_REACH_M)
+    candidates = _points_near(points, current, owners, is_loose)
+    distances, nearest = cKDTree(points).query(
+        current.xyz[candidates], distance_upper_bound=_REACH_M
+    )
     is_close = np.isfinite(distances)
     # A fragment moves as a whole, or not at all.
     total = np.bincount(owners, minlength=current.num_objects)
@@ -59,36 +53,63 @@ def attached(
     goes = close > _MIN_SHARE * total
     goes[0] = True
     is_close &= goes[owners[candidates]]
-    rows[candidates[is_close]] = point_rows[nearest[is_close]]
-    return rows
+    return candidates[is_close], point_rows[nearest[is_close]]
 
 
-def _cells_near(
-    points: NDArray[np.float32], others: NDArray[np.float32]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Returns the cell in the view from above of others (N, 3), and if points (P, 3) are beside."""
+def _points_near(
+    points: NDArray[np.float32],
+    current: ObjectSweep,
+    owners: NDArray[np.int64],
+    is_loose: NDArray[np.bool_],
+) -> NDArray[np.int64]:
+    """Returns the loose points, and those above the floor, in the cells beside points (P, 3)."""
     low = points[:, :2].min(axis=0) - 2 * _REACH_M
     size = ((points[:, :2].max(axis=0) - low) / _REACH_M).astype(np.int64) + 3
-    occupied = np.zeros(size, dtype=bool)
-    occupied[tuple(((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T)] = True
-    occupied = ndimage.binary_dilation(occupied, _TOUCHING)
-    # All other points go to the cells at the border, which are empty.
-    with np.errstate(over="ignore"):  # overflow to infinity is far away, too
-        columns = [
-            np.clip((others[:, axis] - low[axis]) / np.float32(_REACH_M), 0, size[axis] - 1)
-            for axis in (0, 1)
-        ]
-    cells: NDArray[np.int64] = np.ravel_multi_index(
-        tuple(column.astype(np.int64) for column in columns), tuple(size)
-    )
-    return cells, occupied.ravel()[cells]
+    cells = np.zeros(size, np.uint8)
+    columns, rows = ((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T
+    for column in (-1, 0, 1):
+        for row in (-1, 0, 1):
+            cells[columns + column, rows + row] = 1
+    xyz = np.ascontiguousarray(current.xyz)
+    return _near_cells(xyz, owners, current.kept, is_loose, cells, low.astype(np.float32))
 
 
-def _is_above_floor(
-    heights: NDArray[np.float32], cells: NDArray[np.int64], is_ground: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Returns (N,) whether points are clearly above the lowest ground point of their cell."""
-    floor = np.full(int(cells.max(initial=0)) + 1, np.inf, np.float32)
-    np.minimum.at(floor, cells[is_ground], heights[is_ground])
-    is_above: NDArray[np.bool_] = heights > floor[cells] + np.float32(_MIN_HEIGHT_M)
-    return is_above
+@compiled(
+    "int64[::1](float32[:, ::1], int64[::1], boolean[::1], boolean[::1], uint8[:, ::1], "
+    "float32[::1])"
+)
+def _near_cells(
+    xyz: NDArray[np.float32],
+    owners: NDArray[np.int64],
+    kept: NDArray[np.bool_],
+    is_loose: NDArray[np.bool_],
+    cells: NDArray[np.uint8],
+    low: NDArray[np.float32],
+) -> NDArray[np.int64]:
+    """Returns loose points in marked cells, and points that are not kept above the floor there."""
+    reach, min_height = np.float32(_REACH_M), np.float32(_MIN_HEIGHT_M)
+    # The cells at the border are not marked: all that is beyond them is in them.
+    last_column, last_row = np.float32(cells.shape[0] - 1), np.float32(cells.shape[1] - 1)
+    found = np.empty(len(xyz), np.int64)
+    cell_of = np.empty(len(xyz), np.int64)
+    floor = np.full(cells.size, np.float32(np.inf), np.float32)
+    number = 0
+    for point in range(len(xyz)):
+        if kept[point] and not is_loose[owners[point]]:
+            continue
+        column = int(min(max((xyz[point, 0] - low[0]) / reach, np.float32(0)), last_column))
+        row = int(min(max((xyz[point, 1] - low[1]) / reach, np.float32(0)), last_row))
+        if not cells[column, row]:
+            continue
+        cell = column * cells.shape[1] + row
+        if not kept[point]:
+            floor[cell] = min(floor[cell], xyz[point, 2])
+        found[number], cell_of[number] = point, cell
+        number += 1
+    num_wanted = 0
+    for index in range(number):
+        point = found[index]
+        if kept[point] or xyz[point, 2] > floor[cell_of[index]] + min_height:
+            found[num_wanted] = point
+            num_wanted += 1
+    return found[:num_wanted].copy()

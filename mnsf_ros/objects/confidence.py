@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 
@@ -42,10 +44,17 @@ def doubtful_confidence(objects: ObjectPoints, standing: JudgedMotions) -> NDArr
 
 def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
     """Returns (N,) the confidence in the flow of static points (N, 3), metres."""
-    constant, per_10_m = _STANDING
-    with np.errstate(over="ignore"):  # a range may be infinite
-        ranges = np.hypot(xyz[:, 0], xyz[:, 1])
-    return _probability(np.float32(constant) + np.float32(per_10_m / 10) * ranges)
+    return _probability(_standing_scores(np.ascontiguousarray(xyz)))
+
+
+@compiled("float32[::1](float32[:, ::1])")
+def _standing_scores(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
+    constant, per_metre = np.float32(_STANDING[0]), np.float32(_STANDING[1] / 10)
+    scores = np.empty(len(xyz), np.float32)
+    for point in range(len(xyz)):
+        x, y = np.float64(xyz[point, 0]), np.float64(xyz[point, 1])
+        scores[point] = constant + per_metre * np.float32(math.sqrt(x * x + y * y))
+    return scores
 
 
 def moving_features(

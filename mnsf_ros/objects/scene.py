@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround, Start
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.geometry.rigid_motion import turned
+from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.attachments import attached
 from mnsf_ros.objects.confidence import (
     doubtful_confidence,
@@ -93,27 +94,30 @@ class Scene:
             tracks: What is followed.
             ids: (K,) the numbers of the tracks of K movers.
         """
-        current, sweep = self.current, self.current.sweep
+        current = self.current
         owners = current.objects()
         rows = movers.rows_of(current.num_objects)[owners]
-        beside = attached(current, owners, movers, self._are_loose(doubtful))
-        rows = np.where(rows >= 0, rows, beside)
+        beside, their_rows = attached(current, owners, movers, self._are_loose(doubtful))
+        rows[beside] = their_rows
         if current.clock is not None:
             velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
-            again = current.clock.owners_again(
+            again, their_rows = current.clock.owners_again(
                 current.xyz, movers.positions, velocities, movers.owners
             )
-            rows = np.where(rows >= 0, rows, again)
-        is_moving = rows >= 0
-        motion = np.zeros((len(sweep), 3), np.float32)
-        motion[is_moving] = moving.motions[rows[is_moving]]
-        track_ids = np.zeros(len(sweep), np.int32)
-        track_ids[is_moving] = ids[rows[is_moving]]
+            is_free = rows[again] < 0
+            rows[again[is_free]] = their_rows[is_free]
         confidence = standing_confidence(current.xyz)
-        confidence[is_moving] = moving_confidence(movers, moving, scores)[rows[is_moving]]
-        rows = doubtful.rows_of(current.num_objects)[owners]
-        is_doubtful = (rows >= 0) & ~is_moving
-        confidence[is_doubtful] = doubtful_confidence(doubtful, standing)[rows[is_doubtful]]
+        doubts = np.full(current.num_objects, -1, np.float32)
+        doubts[doubtful.numbers] = doubtful_confidence(doubtful, standing)
+        motion, is_moving, track_ids = _spread(
+            rows,
+            owners,
+            np.ascontiguousarray(moving.motions),
+            moving_confidence(movers, moving, scores),
+            ids.astype(np.int32),
+            doubts,
+            confidence,
+        )
         pose = self.targets.near[0].sweep.pose
         if pose.source is EgoSource.CONSTANT_VELOCITY:
             # Without the ego motion, no flow is known.
@@ -145,10 +149,50 @@ class Scene:
         sweep, pose = self.current.sweep, self.current.pose
         xyz, motion = sweep.xyz, over_ground.next_from_current
         # (R - I) p + t, not (R p + t) - p: far from the origin the difference would lose digits.
-        flow = turned(xyz, motion[:3, :3] - np.eye(3)) + motion[:3, 3].astype(np.float32)
-        moving = over_ground.dynamic
+        flow = transformed(xyz, motion - np.diag((1.0, 1.0, 1.0, 0.0)))
+        moving = np.flatnonzero(over_ground.dynamic)
         over_ground_motion = over_ground.motion[moving]
         if pose.motion is not None and sweep.times_s is not None:
             over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
         flow[moving] += turned(over_ground_motion, motion[:3, :3])
         return flow
+
+
+@compiled(
+    "Tuple((float32[:, ::1], boolean[::1], int32[::1]))(int64[::1], int64[::1], float32[:, ::1], "
+    "float32[::1], int32[::1], float32[::1], float32[::1])"
+)
+def _spread(
+    rows: NDArray[np.int64],
+    owners: NDArray[np.int64],
+    motions: NDArray[np.float32],
+    confidences: NDArray[np.float32],
+    ids: NDArray[np.int32],
+    doubts: NDArray[np.float32],
+    confidence: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.int32]]:
+    """Returns motion, whether it moves, and number of the track of each of N points.
+
+    Args:
+        rows: (N,) the mover of each point; -1 for none.
+        owners: (N,) the object of each point.
+        motions: (K, 3) those of the movers.
+        confidences: (K,) those of the movers.
+        ids: (K,) the numbers of the movers' tracks.
+        doubts: (all objects,) the confidence in objects that may move; -1 for all others.
+        confidence: (N,) as if all were static; changed where it is another.
+    """
+    motion = np.zeros((len(rows), 3), np.float32)
+    is_moving = np.zeros(len(rows), np.bool_)
+    track_ids = np.zeros(len(rows), np.int32)
+    for point in range(len(rows)):
+        row = rows[point]
+        if row >= 0:
+            for axis in range(3):
+                motion[point, axis] = motions[row, axis]
+            is_moving[point] = True
+            track_ids[point] = ids[row]
+            confidence[point] = confidences[row]
+        elif doubts[owners[point]] >= 0:
+            confidence[point] = doubts[owners[point]]
+    return motion, is_moving, track_ids

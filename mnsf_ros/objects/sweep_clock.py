@@ -65,8 +65,8 @@ class SweepClock:
         points: NDArray[np.float32],
         velocities: NDArray[np.float32],
         rows: NDArray[np.int64],
-    ) -> NDArray[np.int64]:
-        """Returns (N,) which mover the points that were seen again belong to; -1 for all others.
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Returns (M,) the points that were seen again of movers, and (M,) which mover each is of.
 
         Args:
             xyz: (N, 3) metres, the points of the sweep.
@@ -74,15 +74,13 @@ class SweepClock:
             velocities: (P, 3) metres per second.
             rows: (P,) the movers.
         """
-        owners = np.full(len(xyz), -1)
         again = np.flatnonzero(self.is_again)
         if len(again) == 0 or len(points) == 0:
-            return owners
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
         moved = points + np.float32(self.revolution_s) * velocities
         distances, nearest = cKDTree(moved).query(xyz[again], distance_upper_bound=_REACH_M)
         is_near = np.isfinite(distances)
-        owners[again[is_near]] = rows[nearest[is_near]]
-        return owners
+        return again[is_near], rows[nearest[is_near]]
 
 
 def _azimuths(xyz: NDArray[np.float32]) -> NDArray[np.int64]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,83 +37,127 @@ def tracked_objects(
     turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
     velocities = turned(tracks.velocities, turn.T)
     expected = turned(tracks.points - place, turn.T).astype(np.float32)
-    rows = np.flatnonzero(point_ids)
-    rows = rows[np.argsort(point_ids[rows], kind="stable")]
-    ids, starts = np.unique(point_ids[rows], return_index=True)
-    parts = np.split(rows, starts[1:]) if len(ids) else []
-    own = dict(zip(ids.tolist(), parts, strict=True))
-    objects = []
+    expected_of = _parts(tracks.owners, np.arange(len(tracks)))
+    moving = np.flatnonzero(point_ids > 0)
+    moving = moving[np.argsort(point_ids[moving], kind="stable")]
+    seen_of = _parts(point_ids[moving], tracks.ids)
+    told, parts = [], []
     for row in range(len(tracks)):
-        seen = own.get(int(tracks.ids[row]))
-        points = expected[tracks.owners == row] if seen is None else current.xyz[seen]
-        if seen is None and not _is_hidden(tracks, row, points, current):
-            continue
-        step = -(-len(points) // _MAX_BOX_POINTS)
-        center, size, yaw = _box(points[::step].astype(np.float64), velocities[row])
-        found = TrackedObject(
+        seen = moving[seen_of[row]]
+        points = current.xyz[seen] if len(seen) else expected[expected_of[row]]
+        if len(seen) or _is_hidden(tracks, row, points, current):
+            told.append((row, seen))
+            parts.append(points[:: -(-len(points) // _MAX_BOX_POINTS)])
+    rows = [row for row, _ in told]
+    boxes = zip(*_boxes(parts, velocities[rows]), strict=True)
+    covariances = np.einsum("kab,cd->kacbd", tracks.covariances, np.eye(3)).reshape(-1, 6, 6)
+    objects = (
+        TrackedObject(
             track_id=int(tracks.ids[row]),
             center=center,
             size=size,
-            yaw=yaw,
+            yaw=float(yaw),
             velocity=velocities[row],
-            covariance=np.kron(tracks.covariances[row], np.eye(3)),
+            covariance=covariances[row],
             age_s=(tracks.stamp_ns - int(tracks.begun_ns[row])) / NANOSECONDS,
-            num_points=0 if seen is None else len(seen),
+            num_points=len(seen),
         )
-        objects.append(_at_stamp(found, current, seen))
-    return tuple(objects)
+        for (row, seen), (center, size, yaw) in zip(told, boxes, strict=True)
+    )
+    return _at_stamp(objects, [seen for _, seen in told], current)
+
+
+def _parts(sorted_numbers: NDArray[Any], numbers: NDArray[np.int64]) -> list[slice]:
+    """Returns where each of the numbers (K,) is among sorted ones (P,)."""
+    starts = np.searchsorted(sorted_numbers, numbers, "left").tolist()
+    return list(map(slice, starts, np.searchsorted(sorted_numbers, numbers, "right").tolist()))
 
 
 def _at_stamp(
-    found: TrackedObject, current: ObjectSweep, seen: NDArray[np.int64] | None
-) -> TrackedObject:
-    """Returns an object where it is at the stamp, in the frame of the sensor then.
+    objects: Iterable[TrackedObject], seen: Sequence[NDArray[np.int64]], current: ObjectSweep
+) -> tuple[TrackedObject, ...]:
+    """Returns objects where they are at the stamp, in the frame of the sensor then.
 
     Args:
-        found: Where it was when it was measured, in the frame of the moment of the sweep.
+        objects: Where they were when they were measured, in the frame of the moment of the sweep.
+        seen: The points that show each of them; none if it is hidden.
         current: The sweep.
-        seen: The points that show it; None if it is hidden.
     """
     motion, times_s = current.pose.motion, current.sweep.times_s
     if motion is None or times_s is None:
-        return found
-    own_s = motion.moment_s if seen is None else float(times_s[seen].mean())
+        return tuple(objects)
     stamp_from_moment = np.linalg.inv(motion.moment_from_stamp)
     turn, place = stamp_from_moment[:3, :3], stamp_from_moment[:3, 3]
-    ahead = turn @ (np.cos(found.yaw), np.sin(found.yaw), 0.0)
-    return replace(
-        found,
-        center=turn @ (found.center - own_s * found.velocity) + place,
-        yaw=float(np.arctan2(ahead[1], ahead[0])),
-        velocity=turn @ found.velocity,
-    )
+    moved = []
+    for found, points in zip(objects, seen, strict=True):
+        own_s = float(times_s[points].mean()) if len(points) else motion.moment_s
+        ahead = turn @ (np.cos(found.yaw), np.sin(found.yaw), 0.0)
+        moved.append(
+            replace(
+                found,
+                center=turn @ (found.center - own_s * found.velocity) + place,
+                yaw=float(np.arctan2(ahead[1], ahead[0])),
+                velocity=turn @ found.velocity,
+            )
+        )
+    return tuple(moved)
 
 
 def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: ObjectSweep) -> bool:
     """Returns whether something is in front of the points (P, 3) where a track is expected."""
-    if tracks.num_seen[row] < _MIN_SEEN:
+    if tracks.num_seen[row] < _MIN_SEEN or len(points) == 0:
         return False
     return bool(current.view.is_hidden(points).mean() > _MIN_HIDDEN)
 
 
-def _box(
-    points: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Returns center and size in metres, and yaw in radians, of the upright box around points."""
-    yaw = _heading(points, velocity)
-    turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    middle = points.mean(axis=0)
-    along = turned(points - middle, turn)
-    low, high = along.min(axis=0), along.max(axis=0)
-    center = middle + turned((low + high)[None] / 2, turn.T)[0]
-    return center, high - low, yaw
+def _boxes(
+    parts: Sequence[NDArray[np.float32]], velocities: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the upright boxes around K sets of points, none of them empty.
+
+    Args:
+        parts: K sets of points (P, 3), metres.
+        velocities: (K, 3) of each set.
+
+    Returns:
+        Centers (K, 3) and sizes (K, 3) in metres, and yaws (K,) in radians.
+    """
+    if not parts:
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
+    points = np.concatenate(parts).astype(np.float64)
+    counts = np.array([len(part) for part in parts])
+    starts, owners = np.cumsum(counts) - counts, np.repeat(np.arange(len(parts)), counts)
+    middles = np.add.reduceat(points, starts, axis=0) / counts[:, None]
+    x, y, z = (points - middles[owners]).T
+    yaws = _headings(x, y, starts, velocities)
+    cosines, sines = np.cos(yaws), np.sin(yaws)
+    ahead = x * cosines[owners] + y * sines[owners]
+    aside = y * cosines[owners] - x * sines[owners]
+    along = np.stack([ahead, aside, z], axis=1)
+    low, high = np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+    x, y, z = ((low + high) / 2).T
+    shifts = np.stack([x * cosines - y * sines, x * sines + y * cosines, z], axis=1)
+    return middles + shifts, high - low, yaws
 
 
-def _heading(points: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
-    """Returns where the velocity points to, or of slow objects their longest direction."""
-    if np.hypot(velocity[0], velocity[1]) > _MIN_HEADING_M_S:
-        return float(np.arctan2(velocity[1], velocity[0]))
-    x, y = (points[:, :2] - points[:, :2].mean(axis=0)).T
-    yaw = float(np.arctan2(2 * (x * y).sum(), (x * x).sum() - (y * y).sum()) / 2)
-    is_backward = velocity[0] * np.cos(yaw) + velocity[1] * np.sin(yaw) < 0
-    return float(np.arctan2(-np.sin(yaw), -np.cos(yaw))) if is_backward else yaw
+def _headings(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    velocities: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Returns (K,) where velocities point to, or of slow objects their longest direction.
+
+    Args:
+        x: (P,) metres, the places of points around the middle of their object.
+        y: (P,) the same.
+        starts: (K,) the first point of each object.
+        velocities: (K, 3) of each object.
+    """
+    across, along = np.add.reduceat(x * y, starts), np.add.reduceat(x * x - y * y, starts)
+    longest = np.arctan2(2 * across, along) / 2
+    cosines, sines = np.cos(longest), np.sin(longest)
+    is_backward = velocities[:, 0] * cosines + velocities[:, 1] * sines < 0
+    longest = np.where(is_backward, np.arctan2(-sines, -cosines), longest)
+    is_fast = np.hypot(velocities[:, 0], velocities[:, 1]) > _MIN_HEADING_M_S
+    return np.where(is_fast, np.arctan2(velocities[:, 1], velocities[:, 0]), longest)

@@ -23,7 +23,15 @@ def rows_of(*parts, is_loose=True, kept=None):
     first = objects.only(np.arange(len(objects)) == owners[0] - 1)
     loose = np.full(current.num_objects, is_loose)
     loose[[0, *first.numbers]] = False
-    return attached(current, owners, first, loose)
+    return spread(attached(current, owners, first, loose), len(owners))
+
+
+def spread(found, number):
+    """(N,) the rows of the points found; -1 for all others."""
+    points, mover_rows = found
+    all_rows = np.full(number, -1)
+    all_rows[points] = mover_rows
+    return all_rows
 
 
 class TestFragments:
@@ -49,7 +57,8 @@ class TestFragments:
         objects, owners = objects_of(current), current.objects()
         part = owners[len(CAR)]
         movers = objects.only(objects.numbers != part)
-        found = attached(current, owners, movers, np.arange(current.num_objects) == part)
+        is_loose = np.arange(current.num_objects) == part
+        found = spread(attached(current, owners, movers, is_loose), len(owners))
         nearer = movers.numbers.tolist().index(owners[0])
         assert (found[owners == part] == nearer).mean() > 0.9
 
@@ -57,7 +66,19 @@ class TestFragments:
         current = prepared(CAR)
         none = objects_of(current).only(np.zeros(1, dtype=bool))
         loose = np.ones(current.num_objects, dtype=bool)
-        assert (attached(current, current.objects(), none, loose) == -1).all()
+        points, mover_rows = attached(current, current.objects(), none, loose)
+        assert len(points) == len(mover_rows) == 0
+
+    def test_far_beyond_everything_is_an_ordinary_place(self):
+        """Values that overflow the number of a cell."""
+        current = prepared(CAR, FRAGMENT)
+        objects, owners = objects_of(current), current.objects()
+        current.xyz = np.append(current.xyz, np.float32([[3e38, -3e38, 1], [-1e30, 0, -1e30]]), 0)
+        current.kept = np.append(current.kept, [False, False])
+        first = objects.only(np.arange(len(objects)) == owners[0] - 1)
+        loose = np.arange(current.num_objects) == owners[-1]
+        points, _ = attached(current, np.append(owners, [0, 0]), first, loose)
+        np.testing.assert_array_equal(points, np.arange(len(CAR), len(CAR) + len(FRAGMENT)))
 
 
 class TestBottoms:
