@@ -19,8 +19,8 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
     be written, each process compiles anew.
 
     A compiled function runs without the GIL. It sums in the order of its loops, so that its digits
-    are those of the same function in plain Python (`NUMBA_DISABLE_JIT=1`). It must call no other
-    compiled function: Numba does not notice when that one changes.
+    are those of the same function in plain Python (`NUMBA_DISABLE_JIT=1`). It must call no
+    compiled function of another file: Numba does not notice when that one changes.
 
     Args:
         signatures: As Numba writes them, for example `float32[::1](float32[:, ::1], int64)`.

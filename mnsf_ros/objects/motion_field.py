@@ -49,8 +49,6 @@ def fit_motion_field(
     num_matched: NDArray[np.int64] = np.zeros(len(objects), np.int64)
     for iteration in range(num_iterations):
         reach_m = _FIRST_REACH_M if iteration < _NUM_FIRST else _REACH_M
-        pulls, is_matched = target.pulls(objects.positions + flows[objects.owners], reach_m)
-        num_matched = objects.sums(is_matched.astype(np.int64))
-        steps = objects.sums(pulls) / np.maximum(num_matched, 1)[:, None]
-        flows = flows + (_STEP * steps).astype(np.float32)
+        pulls, num_matched = target.pulls(objects, flows, reach_m)
+        flows = flows + (_STEP * pulls).astype(np.float32)
     return MotionField(flows * (np.float32(target.steps) / num_steps), num_matched)

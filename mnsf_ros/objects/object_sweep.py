@@ -1,4 +1,4 @@
-"""A prepared sweep: its objects above the ground, and a tree of its points."""
+"""A prepared sweep: its objects above the ground, and a grid of its points."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.sweep_clock import SweepClock
@@ -34,6 +34,7 @@ class ObjectSweep:
         thinned: (T, 3) float32, metres, sensor frame: the kept points, one for each small cell.
         thinned_objects: (T,) int, their objects.
         num_objects: Number of objects; number 0 is none.
+        grid: The thinned points in cells.
     """
 
     def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
@@ -62,8 +63,7 @@ class ObjectSweep:
         self.num_objects = segmentation.num_objects
         self.thinned = _thinned(points, settings)
         self.thinned_objects = segmentation.objects_of(self.thinned)
-        # Unbalanced: three times as fast to build, and as fast to ask.
-        self.tree = cKDTree(self.thinned, balanced_tree=False, compact_nodes=False)
+        self.grid = PointGrid(self.thinned)
 
     @cached_property
     def view(self) -> RangeView:

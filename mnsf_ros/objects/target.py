@@ -70,23 +70,25 @@ class Target:
         return (shares[:, None] * self.steps).astype(np.float32)
 
     def pulls(
-        self, positions: NDArray[np.float32], reach_m: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What leads to the nearest points of the target.
+        self, objects: ObjectPoints, flows: NDArray[np.float32], reach_m: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """What leads objects to the nearest points of the target.
 
         Args:
-            positions: (P, 3) metres, current frame.
+            objects: K objects.
+            flows: (K, 3) metres, how far they are moved.
             reach_m: Points farther off do not pull.
 
         Returns:
-            (P, 3) metres, axes of the current frame, and (P,) whether there is a point in reach.
+            (K, 3) metres, mean over each object's points, axes of the current frame, and (K,) the
+            number of its points that have a point in reach.
         """
-        here = transformed(positions, self.from_current)
-        distances, rows = self.sweep.tree.query(here, distance_upper_bound=reach_m)
-        is_near = np.isfinite(distances)
-        pulls = np.zeros_like(here)
-        pulls[is_near] = self.sweep.thinned[rows[is_near]] - here[is_near]
-        return turned(pulls, self.from_current[:3, :3].T), is_near
+        exactly = np.zeros_like(objects.spacing)
+        _, vectors, counts = self.sweep.grid.compared(
+            objects.positions, objects.owners, flows, self.from_current, exactly, reach_m
+        )
+        means = vectors / np.maximum(counts, 1)[:, None]
+        return turned(means, self.from_current[:3, :3].T), counts
 
     def seen_through(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
@@ -97,7 +99,8 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep; none if not given.
         """
-        is_free = self.sweep.view.is_free(self._moved(objects, motions))
+        moved = objects.positions + self._shifts(objects, motions)[objects.owners]
+        is_free = self.sweep.view.is_free(transformed(moved, self.from_current))
         shares: NDArray[np.float64] = objects.sums(is_free.astype(np.int64)) / objects.counts
         return shares
 
@@ -113,17 +116,21 @@ class Target:
         Returns:
             (K,) metres, mean over each object's points, truncated.
         """
-        here = self._moved(objects, motions)
-        distances, _ = self.sweep.tree.query(here, distance_upper_bound=_TRUNCATION_M)
-        costs = np.maximum(np.minimum(distances, _TRUNCATION_M) - objects.spacing, 0.0)
-        means: NDArray[np.float64] = objects.sums(costs) / objects.counts
+        sums, _, _ = self.sweep.grid.compared(
+            objects.positions,
+            objects.owners,
+            self._shifts(objects, motions),
+            self.from_current,
+            objects.spacing,
+            _TRUNCATION_M,
+        )
+        means: NDArray[np.float64] = sums / objects.counts
         return means
 
-    def _moved(
+    def _shifts(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None
     ) -> NDArray[np.float32]:
-        """Returns (P, 3) positions of the objects' points in metres in the frame of the target."""
-        positions = objects.positions
-        if motions is not None:
-            positions = positions + (self.steps_of(objects, motions) * motions)[objects.owners]
-        return transformed(positions, self.from_current)
+        """Returns (K, 3) metres, how far objects have moved by the time of the target."""
+        if motions is None:
+            return np.zeros((len(objects), 3), np.float32)
+        return self.steps_of(objects, motions) * motions
