@@ -28,6 +28,9 @@ _CONFIDENCE_EDGES: Final = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0001)
 _MIN_POINTS: Final = 20
 _MIN_GHOST_POINTS: Final = 10
 _FOUND_SHARE: Final = 0.5
+# What is slower than dynamic points but faster than this moves in truth, too: neither wrong nor
+# missed.
+_CREEPING_M_S: Final = 0.25
 # Velocities count after this time of being followed, directions from this speed on.
 _SETTLED_S: Final = 0.5
 _MIN_DIRECTED_M_S: Final = 1.0
@@ -93,7 +96,7 @@ class MoverRow:
 
     Attributes:
         points: Number of points that are called dynamic and are, that are called so and are not,
-            and that are dynamic and not called so.
+            and that are dynamic and not called so. Slower ones that move count in none.
         num_ghosts: False movers: tracked objects, or motions, with most points static in truth.
         confidence: Lower limit of a band of confidence, as text, to number of points called
             dynamic, sum of their confidence, and number of those with less than 0.1 m of error.
@@ -140,12 +143,13 @@ def mover_row(
     the end point errors of their flow; `reason_of` as in `FlowEstimate`.
     """
     called = said.dynamic[rows]
-    counts = (called & truth.dynamic, called & ~truth.dynamic, ~called & truth.dynamic)
+    moves = truth.dynamic | (np.sqrt((truth.velocity**2).sum(axis=1)) > _CREEPING_M_S)
+    counts = (called & truth.dynamic, called & ~moves, ~called & truth.dynamic)
     right, wrong, missed = (int(np.count_nonzero(each)) for each in counts)
     tracks = np.zeros(len(rows), np.int32) if said.track_ids is None else said.track_ids[rows]
     return MoverRow(
         points=(right, wrong, missed),
-        num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], truth.dynamic[called]),
+        num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], moves[called]),
         confidence=_by_confidence(said.confidence[rows][called], errors_m[called] < _CLOSE_M),
         objects=[
             item if reason_of is None else _with_loss(item, truth, own, reason_of(rows[own]))

@@ -115,6 +115,23 @@ def tree(rng: np.random.Generator) -> Model:
     return Model(SurfaceClass.VEGETATION, (trunk, *blobs), width, width, rng.uniform(20.0, 45.0))
 
 
+def hedge(rng: np.random.Generator) -> Model:
+    """Returns 4 m of a clipped hedge along x with uneven sides."""
+    height = rng.uniform(1.1, 1.8)
+    shapes = [box((-2.0, 2.0), (-0.3, 0.3), (0.0, height))]
+    for x in np.arange(-1.8, 1.9, 0.4).tolist():
+        y, z, size = rng.uniform(-0.2, 0.2), rng.uniform(0.3, height), rng.uniform(0.2, 0.35)
+        shapes.append(sphere(x + rng.uniform(-0.1, 0.1), y, z, size))
+    return Model(SurfaceClass.VEGETATION, tuple(shapes), 4.0, 1.2, rng.uniform(20.0, 45.0))
+
+
+def bollard(rng: np.random.Generator) -> Model:
+    """Returns a bollard at the edge of a sidewalk."""
+    radius = rng.uniform(0.05, 0.08)
+    shapes = (cylinder(0.0, 0.0, radius, (0.0, rng.uniform(0.85, 1.0))),)
+    return Model(SurfaceClass.STREET_FURNITURE, shapes, 2 * radius, 2 * radius, 60.0)
+
+
 def lamp_post(rng: np.random.Generator) -> Model:
     """Returns a street lamp whose arm points along +x."""
     radius, height = rng.uniform(0.07, 0.11), rng.uniform(5.5, 7.0)

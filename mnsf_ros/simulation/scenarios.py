@@ -271,6 +271,21 @@ STAGES: Final[dict[str, Stage]] = {
         ego_speeds=((0.0, 0.3),),
         road_half_width_m=100.0,
     ),
+    "standing": Stage(
+        "nothing moves: walls, shop windows, parked cars, hedges, poles",
+        (),
+        (
+            *_PARKED,
+            *_POSTS,
+            *(Row("bollard", y, 1.5) for y in (6.7, -6.7)),
+            Row("shop", 15.0, 9.0, to_x=30.0),
+            Row("hedge", 9.0, 4.1, from_x=34.0),
+            Row("house", 18.0, 11.0, from_x=36.0),
+            Row("hedge", -9.0, 4.5, share=0.8, to_x=30.0),
+            Row("house", -18.0, 11.0, 180.0, to_x=30.0),
+            Row("shop", -15.0, 9.0, 180.0, from_x=36.0),
+        ),
+    ),
     "seam": Stage(
         "sweeps of 395 degrees, cut by time",
         _TRAFFIC,

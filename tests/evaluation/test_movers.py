@@ -102,6 +102,13 @@ def test_parked_object_that_is_called_moving_is_a_ghost_and_a_row():
     assert (summary.ghosts_per_sweep, summary.ghost_sweeps) == (0.5, 0.5)
 
 
+def test_slow_mover_below_the_limit_of_dynamic_is_neither_wrong_nor_missed():
+    tracks = IDS.astype(np.int32)
+    row = row_of(true_motion(IDS, {1: 0.3, 2: 0.2}), said(IDS > 0, tracks=tracks))
+    assert row.points == (0, 40, 0)
+    assert row.num_ghosts == 1
+
+
 def test_motions_without_tracks_are_ghosts_each():
     motion = np.zeros((N, 3), np.float32)
     motion[:10, 0], motion[10:20, 0], motion[20:29, 0] = 1, 2, 3

@@ -68,7 +68,13 @@ def test_points_and_moved_points_lie_on_their_surfaces(name):
                 assert off_surface(simulator.scene, sweep, rows, world, then_s).max() < 2e-3
 
 
-@pytest.mark.parametrize("name", STAGES)
+def test_nothing_moves_in_the_standing_scene():
+    sweep = SweepSimulator(of("standing")).sweep(20)
+    assert not sweep.dynamic.any()
+    assert np.unique(sweep.body).size > 20
+
+
+@pytest.mark.parametrize("name", [name for name, stage in STAGES.items() if stage.movers])
 def test_ids_are_stable_and_speeds_as_declared(name):
     simulator = SweepSimulator(of(name, num_columns=1800))
     now, then = simulator.sweep(20), simulator.sweep(21)
