@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import Settings
@@ -40,7 +40,10 @@ class MethodTraits:
 
 
 class SceneFlowEstimator(Protocol):
-    """Estimates the flow of the middle sweep of a triplet. Not for several threads at once."""
+    """Estimates the flow of the middle sweep of a triplet. Not for several threads at once.
+
+    A method can do a part of its work ahead of an estimate, see `PreparingEstimator`.
+    """
 
     @property
     def settings(self) -> Settings:
@@ -78,5 +81,39 @@ class SceneFlowEstimator(Protocol):
 
         Raises:
             SettingsError: If the method cannot work with the settings.
+        """
+        ...
+
+
+@runtime_checkable
+class PreparingEstimator(SceneFlowEstimator, Protocol):
+    """A method with work that each sweep needs once, whatever becomes of its triplets.
+
+    `prepare` may run in one thread while `estimate` runs in another one for an earlier triplet; all
+    that they share is what the one returns and the other gets. Everything else is for one thread
+    at a time.
+    """
+
+    def prepare(self, triplet: SweepTriplet) -> Any:  # noqa: ANN401 - known to the method only
+        """Makes the sweeps of a triplet ready, those that are not yet, and returns what is ready.
+
+        It is called for each triplet in the order of the stamps, also for those that are dropped
+        afterwards. What it returns must not change any more.
+
+        Raises:
+            MnsfError: If there is no flow for this triplet; the next one is tried all the same.
+        """
+        ...
+
+    def estimate(
+        self,
+        triplet: SweepTriplet,
+        cancelled: Callable[[], bool] = never,
+        prepared: Any = None,  # noqa: ANN401 - as above
+    ) -> FlowEstimate:
+        """Estimates the flow as every method does, from what `prepare` made of the triplet.
+
+        The flow is the same if nobody has prepared it: None stands for that, and the method
+        prepares it first.
         """
         ...

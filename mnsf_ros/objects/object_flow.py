@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import check_device, usable_threads
+from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
@@ -18,6 +18,7 @@ from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.static_gate import moves, seen_through
@@ -32,7 +33,8 @@ class ObjectFlowEstimator:
     The structure is that of the paper: a forward field, a backward field, inversion, fusion. The
     fields are piecewise constant instead of networks, and the sensor's own motion is found first.
 
-    Not for use from several threads at once.
+    `prepare` and `estimate` share nothing but what the one hands to the other: each may have a
+    thread of its own.
 
     Attributes:
         settings: How it estimates.
@@ -50,31 +52,49 @@ class ObjectFlowEstimator:
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
         self.settings = settings
+        self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
 
     def with_settings(self, settings: Settings) -> ObjectFlowEstimator:
         """An estimator with other settings; it knows what this one does if that still holds."""
         other = ObjectFlowEstimator(settings)
-        other._memory = self._memory.with_settings(settings)
+        is_same_world = self._sweeps.are_same_for(settings)
+        other._sweeps = self._sweeps.with_settings(settings)
+        other._memory = self._memory.with_settings(settings, is_same_world=is_same_world)
         return other
 
+    def prepare(self, triplet: SweepTriplet) -> ReadySweeps:
+        """Makes the sweeps of a triplet ready: ego motion, crop, ground, objects.
+
+        Raises:
+            SweepError: If crop and ground removal leave too few points of a sweep, or if one cannot
+                follow that before it.
+        """
+        return self._sweeps.ready(*triplet.before[:1], triplet.current, triplet.next)
+
     def estimate(
-        self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never
+        self,
+        triplet: SweepTriplet,
+        cancelled: Callable[[], bool] = never,
+        prepared: ReadySweeps | None = None,
     ) -> FlowEstimate:
         """Estimates the flow of the triplet's current sweep.
 
         Args:
             triplet: Three sweeps, or two if `previous` is None, each in its own sensor frame.
             cancelled: Asked between the steps; True ends the estimate with CancelledError.
+            prepared: What `prepare` made of the triplet; None: that is done first.
 
         Raises:
-            SweepError: If crop and ground removal leave too few points of a sweep.
+            SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        self._memory.use_threads(usable_threads(self.settings.compute))
         clock = _Clock(cancelled)
+        if prepared is not None:
+            clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
-            scene = Scene.of(triplet, self._memory, self.settings.objects.min_points)
+            ready = self.prepare(triplet) if prepared is None else prepared
+            scene = Scene.of(triplet, ready, self._memory, self.settings.objects.min_points)
         with clock.stage("objects"):
             objects = ObjectPoints.of(scene.current, self.settings.objects)
             expected = self._memory.expected(scene.current, objects, scene.interval_s)

@@ -21,6 +21,7 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Tracks
@@ -46,16 +47,13 @@ class Scene:
     min_points: int
 
     @classmethod
-    def of(cls, triplet: SweepTriplet, memory: MotionMemory, min_points: int) -> Scene:
-        """Makes the sweeps of a triplet ready.
-
-        Raises:
-            SweepError: If too few points of one are left.
-        """
+    def of(
+        cls, triplet: SweepTriplet, ready: ReadySweeps, memory: MotionMemory, min_points: int
+    ) -> Scene:
+        """Looks at a triplet whose sweeps are ready."""
         start = memory.start(triplet)
-        *before, current, next_ = memory.prepared(
-            *triplet.before[:1], triplet.current, triplet.next
-        )
+        memory.enter(ready.world)
+        *before, current, next_ = ready.of_triplet
         if start is Start.WARM and memory.is_blank:
             # The gap was short for objects, but too long to know where the sensor went.
             start = Start.COLD_GAP
@@ -64,7 +62,7 @@ class Scene:
             # Otherwise the current sweep cannot be related to the previous one.
             near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
         interval_s = max(0.0, triplet.interval_s)
-        past = memory.past(current, interval_s)
+        past = ready.past(current, interval_s)
         return cls(current, Targets(near, past), interval_s, start, min_points)
 
     @property

@@ -23,8 +23,9 @@ class LatestOnlyWorker(Generic[Job]):
         self._work = work
         # Guards the three fields below it.
         self._condition = threading.Condition()
+        # Being worked on, or about to be: a newer job takes the place of one that waits only.
+        self._current: Job | None = None
         self._waiting: Job | None = None
-        self._is_busy = False
         self._is_closing = False
         # A daemon, because a job deep in a library cannot be interrupted at the end of a process.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -34,7 +35,7 @@ class LatestOnlyWorker(Generic[Job]):
     def load(self) -> int:
         """Jobs at hand: 0 idle, 1 working, 2 working with one waiting."""
         with self._condition:
-            return int(self._is_busy) + int(self._waiting is not None)
+            return int(self._current is not None) + int(self._waiting is not None)
 
     @property
     def is_closing(self) -> bool:
@@ -50,9 +51,12 @@ class LatestOnlyWorker(Generic[Job]):
         with self._condition:
             if self._is_closing:
                 return False
+            if self._current is None:
+                self._current = job
+                self._condition.notify()
+                return False
             has_replaced = self._waiting is not None
             self._waiting = job
-            self._condition.notify()
         return has_replaced
 
     def forget(self) -> bool:
@@ -71,16 +75,20 @@ class LatestOnlyWorker(Generic[Job]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while True:
-            with self._condition:
-                self._is_busy = False
-                while self._waiting is None and not self._is_closing:
-                    self._condition.wait()
-                if self._is_closing or self._waiting is None:
-                    return
-                job, self._waiting = self._waiting, None
-                self._is_busy = True
+        while (job := self._next_job()) is not None:
             try:
                 self._work(job)
             except Exception:  # noqa: BLE001 - one bad job must not end the thread
                 _LOG.exception("a job failed in thread %s", self._thread.name)
+            finally:
+                with self._condition:
+                    self._current, self._waiting = self._waiting, None
+
+    def _next_job(self) -> Job | None:
+        """Waits for a job; None at the end."""
+        with self._condition:
+            while self._current is None and not self._is_closing:
+                self._condition.wait()
+            if self._is_closing:
+                self._current = None
+            return self._current

@@ -1,14 +1,17 @@
-"""From a stream of sweeps to a stream of flows: buffer, worker, estimator. No ROS in it."""
+"""From a stream of sweeps to a stream of flows: buffer, two workers, estimator. No ROS in it."""
 
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import PreparingEstimator, SceneFlowEstimator
 from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.methods import check_method, make_method
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
@@ -48,6 +51,7 @@ class TripletJob:
 
     triplet: SweepTriplet
     arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
+    num_resets: int = 0  # of the pipeline, until then
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +62,40 @@ class _Plan:
     num_resets: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class _PreparedJob:
+    """A triplet on its way from the one worker to the other; never changed.
+
+    Attributes:
+        job: The triplet.
+        estimator: Whose preparation it is.
+        prepared: What the estimator made of the triplet; None if it prepares nothing.
+        error: Why there is no flow for it.
+    """
+
+    job: TripletJob
+    estimator: SceneFlowEstimator
+    prepared: Any = None
+    error: Exception | None = None
+
+
 class OnlinePipeline:
     """Takes sweeps as they come and hands out flows as they get ready.
 
-    `add_sweep`, `change_settings` and `reset` belong to one thread (the executor's). The two
-    callbacks run in the worker thread. An error in `on_estimate` counts as a failed estimate; one
-    in `on_failure` is logged and counted.
+    Two workers: one prepares the sweeps of each triplet, where the method has that (see
+    `PreparingEstimator`), the other one estimates. So the next sweep is made ready while the last
+    estimate is under way. In front of each worker one triplet waits, and a newer one takes its
+    place: a triplet that is dropped in front of the estimate has cost its preparation, and no more.
+
+    Who owns what:
+
+    * The caller's thread (the executor's): the buffer and the plan. `add_sweep`, `change_settings`
+      and `reset` are for this one only.
+    * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
+    * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares.
+
+    An error in `on_estimate` counts as a failed estimate; one in `on_failure` is logged and
+    counted.
     """
 
     def __init__(
@@ -72,7 +104,7 @@ class OnlinePipeline:
         on_estimate: Callable[[TripletJob, FlowEstimate], None],
         on_failure: Callable[[TripletJob, Exception], None],
     ) -> None:
-        """Starts the worker thread. After a failure the next triplet is tried all the same.
+        """Starts both workers. After a failure the next triplet is tried all the same.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there.
@@ -84,12 +116,15 @@ class OnlinePipeline:
         self._buffer = SweepBuffer()
         self._estimator = make_method(settings.method.name, settings)
         self._estimator_plan = self._plan
-        self._worker: LatestOnlyWorker[TripletJob] = LatestOnlyWorker(self._estimate, "estimator")
+        self._preparation = threading.Lock()
+        self._estimating = LatestOnlyWorker(self._estimate, "estimator")
+        self._preparing = LatestOnlyWorker(self._prepare, "preparation")
 
     @property
     def load(self) -> int:
-        """Triplets at hand: 0 idle, 1 estimating, 2 estimating with one waiting."""
-        return self._worker.load
+        """Triplets at hand: up to two in each worker, one of which waits."""
+        # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
+        return self._preparing.load + self._estimating.load
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next estimate on.
@@ -109,8 +144,9 @@ class OnlinePipeline:
         """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
         self._buffer.clear()
         self._plan = _Plan(self._plan.settings, self._plan.num_resets + 1)
-        if self._worker.forget():
-            self.statistics.count(TRIPLETS_ABANDONED)
+        for worker in (self._preparing, self._estimating):
+            if worker.forget():
+                self.statistics.count(TRIPLETS_ABANDONED)
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
         """Takes the newest sweep and says what became of it. Returns at once.
@@ -127,31 +163,45 @@ class OnlinePipeline:
             self.statistics.count(TRIPLETS_FORMED)
             if not is_watched:
                 self.statistics.count(TRIPLETS_UNWATCHED)
-            elif self._worker.submit(TripletJob(triplet, arrived_ns)):
+            elif self._preparing.submit(TripletJob(triplet, arrived_ns, self._plan.num_resets)):
                 self.statistics.count(TRIPLETS_DROPPED)
         return arrival
 
     def close(self, timeout_s: float) -> bool:
-        """Abandons the estimate under way and ends the worker thread.
+        """Abandons the estimate under way and ends both workers.
 
-        Returns False if that is still inside a library call that cannot be interrupted. It will
+        Returns False if one is still inside a library call that cannot be interrupted. It will
         hand out nothing any more.
         """
-        return self._worker.close(timeout_s)
+        deadline_s = time.monotonic() + timeout_s
+        # From now on nothing is handed to it any more.
+        self._estimating.close(0.0)
+        workers = (self._preparing, self._estimating)
+        return all(worker.close(max(0.0, deadline_s - time.monotonic())) for worker in workers)
 
-    def _estimate(self, job: TripletJob) -> None:
-        plan, started_s = self._plan, time.monotonic()
+    def _prepare(self, job: TripletJob) -> None:
+        """Runs in the worker that prepares."""
+        with self._preparation:
+            prepared = _prepared(job, self._estimator)
+        if self._estimating.submit(prepared):
+            self.statistics.count(TRIPLETS_DROPPED)
+
+    def _estimate(self, prepared: _PreparedJob) -> None:
+        """Runs in the worker that estimates."""
+        plan, started_s, job = self._plan, time.monotonic(), prepared.job
 
         def is_abandoned() -> bool:
             is_long = time.monotonic() - started_s > _ABANDONED_AFTER_S
             is_outdated = self._plan is not plan and is_long
-            is_reset = self._plan.num_resets != plan.num_resets
-            return self._worker.is_closing or is_outdated or is_reset
+            is_reset = self._plan.num_resets != job.num_resets
+            return self._estimating.is_closing or is_outdated or is_reset
 
         try:
-            self._adapt(plan)
-            estimate = self._estimator.estimate(job.triplet, is_abandoned)
-            if self._worker.is_closing:
+            if is_abandoned():
+                raise CancelledError("the triplet was abandoned")
+            prepared = self._adapted(plan, prepared)
+            estimate = _estimate(prepared, is_abandoned)
+            if self._estimating.is_closing:
                 return
             self._on_estimate(job, estimate)
         except CancelledError:
@@ -165,6 +215,15 @@ class OnlinePipeline:
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
 
+    def _adapted(self, plan: _Plan, prepared: _PreparedJob) -> _PreparedJob:
+        """Returns the job prepared by an estimator that does what the plan says."""
+        if plan is self._estimator_plan and prepared.estimator is self._estimator:
+            return prepared
+        with self._preparation:
+            self._adapt(plan)
+            # Under the same lock: the worker that prepares goes on with the triplet after this one.
+            return _prepared(prepared.job, self._estimator)
+
     def _adapt(self, plan: _Plan) -> None:
         old, settings = self._estimator_plan, plan.settings
         is_reset = plan.num_resets != old.num_resets
@@ -175,7 +234,7 @@ class OnlinePipeline:
         self._estimator_plan = plan
 
     def _fail(self, job: TripletJob, error: Exception) -> None:
-        if self._worker.is_closing:
+        if self._estimating.is_closing:
             return
         self.statistics.count(ESTIMATES_FAILED)
         kind = "" if isinstance(error, MnsfError) else f"{type(error).__name__}: "
@@ -185,3 +244,21 @@ class OnlinePipeline:
         except Exception:  # noqa: BLE001 - the next triplet is tried all the same
             self.statistics.count(CALLBACK_ERRORS)
             _LOG.exception("the callback for failed estimates raised an error")
+
+
+def _prepared(job: TripletJob, estimator: SceneFlowEstimator) -> _PreparedJob:
+    if not isinstance(estimator, PreparingEstimator):
+        return _PreparedJob(job, estimator)
+    try:
+        return _PreparedJob(job, estimator, estimator.prepare(job.triplet))
+    except Exception as error:  # noqa: BLE001 - it is told when it is the triplet's turn
+        return _PreparedJob(job, estimator, error=error)
+
+
+def _estimate(prepared: _PreparedJob, is_abandoned: Callable[[], bool]) -> FlowEstimate:
+    estimator, triplet = prepared.estimator, prepared.job.triplet
+    if prepared.error is not None:
+        raise prepared.error
+    if isinstance(estimator, PreparingEstimator):
+        return estimator.estimate(triplet, is_abandoned, prepared.prepared)
+    return estimator.estimate(triplet, is_abandoned)

@@ -55,6 +55,25 @@ def test_newer_job_replaces_the_waiting_one_and_says_so(worker, work, wait_until
     assert work.finished == ["first", "fourth"]
 
 
+def test_job_that_an_idle_worker_has_not_begun_yet_is_not_replaced(work):
+    """Of two jobs at once, the first one is on its way, and the second one waits."""
+    threads_wait = threading.Lock()
+
+    class Reluctant(LatestOnlyWorker):
+        def _next_job(self):
+            with threads_wait:
+                return super()._next_job()
+
+    with threads_wait:
+        worker = Reluctant(work, "not scheduled yet")
+        assert worker.submit("first") is False
+        assert worker.submit("second") is False
+        assert worker.submit("third") is True
+        assert worker.load == 2
+    work.open_gate()
+    assert worker.close(PATIENCE_S)
+
+
 def test_load_is_idle_working_and_working_with_one_waiting(worker, work, wait_until):
     assert worker.load == 0
     worker.submit("first")

@@ -136,7 +136,8 @@ def test_sweeps_faster_than_the_estimate_are_dropped_and_the_newest_wins(
     assert recorder.is_held.wait(PATIENCE_S)
     for index in range(3, 20):
         pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert pipeline.load == 2
+        assert 2 <= pipeline.load <= 4
+    wait_until(lambda: pipeline.load == 2)
     recorder.let_go()
     wait_until(lambda: pipeline.load == 0)
     assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(18).stamp_ns]

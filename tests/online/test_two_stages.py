@@ -1,0 +1,403 @@
+"""Sweeps are prepared while the last estimate is under way, which changes no flow."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, PreparingEstimator, never
+from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.methods import make_method
+from mnsf_ros.online import online_pipeline
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
+from mnsf_ros.sweeps.sweep import SweepTriplet
+
+PATIENCE_S = 60.0
+
+
+class Gate:
+    """Open unless it is held; tells whether somebody waits at it."""
+
+    def __init__(self):
+        self._open = threading.Event()
+        self._open.set()
+        self.is_reached = threading.Event()
+
+    def hold(self):
+        self.is_reached.clear()
+        self._open.clear()
+
+    def let_go(self):
+        self._open.set()
+
+    def go_through(self, cancelled=never):
+        self.is_reached.set()
+        while not self._open.wait(0.001):
+            if cancelled():
+                raise CancelledError("abandoned at the gate")
+
+
+class Script:
+    """What the estimators of a test do, and what they did."""
+
+    def __init__(self):
+        self.at_prepare, self.at_estimate = Gate(), Gate()
+        self.prepared, self.estimated, self.made = [], [], []
+        self.bad_stamps = ()
+
+    def make(self, _name, settings):
+        return ScriptedEstimator(self, settings)
+
+
+class ScriptedEstimator:
+    """Flow is zero. Each of its two parts may be used by one thread at a time only."""
+
+    traits = MethodTraits(num_sweeps=3, carries_state=True)
+
+    def __init__(self, script, settings):
+        self.settings = settings
+        self._script = script
+        self._in_prepare, self._in_estimate = threading.Lock(), threading.Lock()
+        script.made.append(self)
+
+    def with_settings(self, settings):
+        assert not self._in_prepare.locked()
+        assert not self._in_estimate.locked()
+        return ScriptedEstimator(self._script, settings)
+
+    def prepare(self, triplet):
+        assert self._in_prepare.acquire(blocking=False), "prepares twice at once"
+        try:
+            self._script.at_prepare.go_through()
+            stamp_ns = triplet.next.stamp_ns
+            self._script.prepared.append(stamp_ns)
+            if stamp_ns in self._script.bad_stamps:
+                raise SweepError(f"sweep {stamp_ns}: bad")
+            return self, stamp_ns
+        finally:
+            self._in_prepare.release()
+
+    def estimate(self, triplet, cancelled=never, prepared=None):
+        assert self._in_estimate.acquire(blocking=False), "estimates twice at once"
+        try:
+            assert prepared == (self, triplet.next.stamp_ns)
+            self._script.at_estimate.go_through(cancelled)
+            self._script.estimated.append(triplet.next.stamp_ns)
+            points = triplet.current.xyz
+            return FlowEstimate(np.zeros_like(points), np.ones(len(points), bool))
+        finally:
+            self._in_estimate.release()
+
+
+@pytest.fixture
+def script():
+    return Script()
+
+
+@pytest.fixture
+def flows():
+    """What was handed out: stamp of the current sweep and flow."""
+    return []
+
+
+@pytest.fixture
+def failures():
+    return []
+
+
+@pytest.fixture
+def make_pipeline(flows, failures):
+    pipelines = []
+
+    def make(settings):
+        pipelines.append(
+            OnlinePipeline(
+                settings,
+                lambda job, estimate: flows.append((job.triplet.current.stamp_ns, estimate)),
+                lambda job, error: failures.append((job.triplet.next.stamp_ns, str(error))),
+            )
+        )
+        return pipelines[-1]
+
+    yield make
+    for pipeline in pipelines:
+        assert pipeline.close(PATIENCE_S)
+
+
+@pytest.fixture
+def pipeline(script, make_pipeline, monkeypatch, quick_settings):
+    """A pipeline of scripted estimators."""
+    monkeypatch.setattr(online_pipeline, "make_method", script.make)
+    yield make_pipeline(quick_settings)
+    script.at_prepare.let_go()
+    script.at_estimate.let_go()
+
+
+@pytest.fixture
+def add(make_sweep):
+    def add_sweeps(pipeline, *indices):
+        for index in indices:
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+
+    return add_sweeps
+
+
+def stamp_ns(index):
+    return 10**9 + index * 10**8
+
+
+def stamps(*indices):
+    return [stamp_ns(index) for index in indices]
+
+
+def counts_of(pipeline):
+    return pipeline.statistics.snapshot().counts
+
+
+def assert_balanced(pipeline):
+    counts = counts_of(pipeline)
+    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in TRIPLET_ENDS)
+
+
+def test_a_sweep_is_prepared_while_the_last_estimate_is_under_way(
+    pipeline, script, add, wait_until
+):
+    script.at_estimate.hold()
+    add(pipeline, 0, 1, 2)
+    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    add(pipeline, 3)
+    wait_until(lambda: script.prepared == stamps(2, 3))
+    assert script.estimated == []
+    script.at_estimate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.estimated == stamps(2, 3)
+
+
+def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, wait_until):
+    script.at_estimate.hold()
+    add(pipeline, 0, 1, 2)
+    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    for index in range(3, 9):
+        add(pipeline, index)
+        wait_until(lambda: script.prepared[-1] == stamp_ns(index))  # noqa: B023 - called at once
+    wait_until(lambda: pipeline.load == 2)
+    script.at_estimate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.prepared == stamps(2, 3, 4, 5, 6, 7, 8)
+    assert script.estimated == stamps(2, 8)
+    assert counts_of(pipeline)["triplets_dropped"] == 5
+    assert_balanced(pipeline)
+
+
+def test_sweeps_faster_than_their_preparation_are_dropped_before_it(
+    pipeline, script, add, wait_until
+):
+    script.at_prepare.hold()
+    add(pipeline, 0, 1, 2)
+    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    add(pipeline, *range(3, 20))
+    assert pipeline.load == 2
+    assert counts_of(pipeline)["triplets_dropped"] == 16
+    script.at_prepare.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.prepared == stamps(2, 19)
+    assert script.estimated[-1] == stamp_ns(19)
+    assert_balanced(pipeline)
+
+
+def test_an_error_of_preparation_costs_its_triplet_only(
+    pipeline, script, add, failures, wait_until
+):
+    script.bad_stamps = stamps(3)
+    for index in range(6):
+        add(pipeline, index)
+        wait_until(lambda: pipeline.load == 0)
+    assert script.estimated == stamps(2, 4, 5)
+    assert failures == [(stamp_ns(3), f"sweep {stamp_ns(3)}: bad")]
+    snapshot = pipeline.statistics.snapshot()
+    assert snapshot.counts["estimates_failed"] == 1
+    assert snapshot.last_failure == f"sweep {stamp_ns(3)}: bad"
+    assert_balanced(pipeline)
+
+
+def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_ones(
+    pipeline, script, add, quick_settings, wait_until
+):
+    script.at_estimate.hold()
+    add(pipeline, 0, 1, 2)
+    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    add(pipeline, 3)
+    wait_until(lambda: script.prepared == stamps(2, 3))
+    pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.4}))
+    script.at_estimate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.prepared == stamps(2, 3, 3)
+    assert [made.settings.objects.cell_size_m for made in script.made][1:] == [0.4]
+    add(pipeline, 4)
+    wait_until(lambda: pipeline.load == 0)
+    assert script.prepared == stamps(2, 3, 3, 4)
+
+
+def test_settings_change_nothing_under_a_sweep_that_is_being_prepared(
+    pipeline, script, add, quick_settings, wait_until
+):
+    """Each estimator asserts that it is at rest when another one takes its place."""
+    add(pipeline, 0, 1, 2)
+    wait_until(lambda: pipeline.load == 0)
+    for index, cell_size_m in enumerate((0.2, 0.3, 0.4, 0.5) * 25, start=3):
+        pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": cell_size_m}))
+        add(pipeline, index)
+    wait_until(lambda: pipeline.load == 0)
+    assert "estimates_failed" not in counts_of(pipeline)
+    assert_balanced(pipeline)
+
+
+class TestReset:
+    def test_abandons_a_triplet_that_is_being_prepared_and_the_one_that_waits(
+        self, pipeline, script, add, wait_until
+    ):
+        script.at_prepare.hold()
+        add(pipeline, 0, 1, 2)
+        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        add(pipeline, 3)
+        pipeline.reset()
+        script.at_prepare.let_go()
+        wait_until(lambda: pipeline.load == 0)
+        assert script.estimated == []
+        assert counts_of(pipeline)["triplets_abandoned"] == 2
+        assert_balanced(pipeline)
+
+    def test_abandons_all_that_is_under_way(self, pipeline, script, add, wait_until):
+        script.at_estimate.hold()
+        add(pipeline, 0, 1, 2)
+        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+        add(pipeline, 3)
+        wait_until(lambda: script.prepared == stamps(2, 3))
+        script.at_prepare.hold()
+        add(pipeline, 4)
+        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        add(pipeline, 5)
+        pipeline.reset()
+        script.at_prepare.let_go()
+        wait_until(lambda: pipeline.load == 0)
+        assert script.estimated == []
+        assert counts_of(pipeline)["triplets_abandoned"] == 4
+        script.at_estimate.let_go()
+        add(pipeline, 6, 7, 8)
+        wait_until(lambda: pipeline.load == 0)
+        assert script.estimated == stamps(8)
+        assert len(script.made) == 2
+        assert_balanced(pipeline)
+
+
+class TestClose:
+    def test_while_a_sweep_is_prepared_hands_out_nothing_any_more(
+        self, pipeline, script, add, flows
+    ):
+        script.at_prepare.hold()
+        add(pipeline, 0, 1, 2)
+        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        assert pipeline.close(0.0) is False
+        script.at_prepare.let_go()
+        assert pipeline.close(PATIENCE_S) is True
+        assert script.estimated == flows == []
+
+    def test_ends_both_workers(self, pipeline, script, add, flows):
+        script.at_estimate.hold()
+        add(pipeline, 0, 1, 2)
+        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+        add(pipeline, 3)
+        assert pipeline.close(PATIENCE_S) is True
+        assert pipeline.load == 0
+        assert script.estimated == flows == []
+
+
+class TestFlowOfTheOnlineMethod:
+    """The pipeline gives what a plain loop gives, bit for bit."""
+
+    @pytest.fixture
+    def offline(self, quick_settings, make_sweep):
+        def flows_of(*last_indices, prepared_only=()):
+            estimator = make_method("online", quick_settings)
+            sweeps = [make_sweep(index) for index in range(max(last_indices) + 1)]
+            for last in range(2, len(sweeps)):
+                triplet = SweepTriplet(*sweeps[last - 2 : last + 1])
+                if last in prepared_only:
+                    estimator.prepare(triplet)
+                if last in last_indices:
+                    yield estimator.estimate(triplet)
+
+        return flows_of
+
+    @staticmethod
+    def assert_same(flows, expected):
+        for (_, flow), other in zip(flows, expected, strict=True):
+            np.testing.assert_array_equal(flow.flow, other.flow)
+            np.testing.assert_array_equal(flow.over_ground.dynamic, other.over_ground.dynamic)
+            np.testing.assert_array_equal(flow.over_ground.confidence, other.over_ground.confidence)
+            np.testing.assert_array_equal(flow.over_ground.track_ids, other.over_ground.track_ids)
+            assert flow.start is other.start
+
+    def test_is_prepared_ahead(self, quick_settings):
+        assert isinstance(make_method("online", quick_settings), PreparingEstimator)
+
+    def test_without_drops(self, make_pipeline, quick_settings, add, flows, offline, wait_until):
+        pipeline = make_pipeline(quick_settings)
+        for index in range(12):
+            add(pipeline, index)
+            wait_until(lambda: pipeline.load == 0)
+        self.assert_same(flows, offline(*range(2, 12)))
+
+    @pytest.fixture
+    def gated(self, script, make_pipeline, monkeypatch, quick_settings):
+        """A pipeline whose estimates begin behind the gate of the script."""
+
+        def make(name, settings):
+            estimator = make_method(name, settings)
+            prepare, estimate = estimator.prepare, estimator.estimate
+
+            def prepare_and_tell(triplet):
+                prepared = prepare(triplet)
+                script.prepared.append(triplet.next.stamp_ns)
+                return prepared
+
+            def estimate_behind_gate(*arguments):
+                script.at_estimate.go_through()
+                return estimate(*arguments)
+
+            estimator.prepare, estimator.estimate = prepare_and_tell, estimate_behind_gate
+            return estimator
+
+        monkeypatch.setattr(online_pipeline, "make_method", make)
+        yield make_pipeline(quick_settings)
+        script.at_estimate.let_go()
+
+    def test_prepared_ahead_of_its_estimate(self, gated, script, add, flows, offline, wait_until):
+        """Each second estimate begins only when the sweep after it is ready, too."""
+        add(gated, 0, 1)
+        for index in range(2, 10, 2):
+            script.at_estimate.hold()
+            add(gated, index)
+            assert script.at_estimate.is_reached.wait(PATIENCE_S)
+            add(gated, index + 1)
+            wait_until(lambda: len(script.prepared) == index)  # noqa: B023 - called at once
+            script.at_estimate.let_go()
+            wait_until(lambda: gated.load == 0)
+        self.assert_same(flows, offline(*range(2, 10)))
+
+    def test_after_dropped_triplets(self, gated, script, add, flows, offline, wait_until):
+        """A dropped triplet leaves no gap in ego motion and older sweeps."""
+        script.at_estimate.hold()
+        add(gated, 0, 1, 2)
+        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+        for index in range(3, 8):
+            add(gated, index)
+            wait_until(lambda: script.prepared[-1] == stamp_ns(index))  # noqa: B023 - as above
+        script.at_estimate.let_go()
+        wait_until(lambda: gated.load == 0)
+        assert [stamp for stamp, _ in flows] == stamps(1, 6)
+        self.assert_same(flows, offline(2, 7, prepared_only=range(3, 7)))
