@@ -462,6 +462,18 @@ class ComputeSettings:
 
 
 @dataclass(frozen=True)
+class OutputSettings:
+    """What the clouds of the node are made of."""
+
+    layout: str = _setting(
+        "full",
+        "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic "
+        "and confidence; compact: x, y, z, flow and dynamic only, for slow links",
+        choices=("full", "compact"),
+    )
+
+
+@dataclass(frozen=True)
 class NodeSettings:
     """Only for the ROS node."""
 
@@ -526,6 +538,7 @@ class Settings:
     fusion: FusionSettings = FusionSettings()
     warm_start: WarmStartSettings = WarmStartSettings()
     compute: ComputeSettings = ComputeSettings()
+    output: OutputSettings = OutputSettings()
     node: NodeSettings = NodeSettings()
     explicit: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 

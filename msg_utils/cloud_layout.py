@@ -104,33 +104,6 @@ class EncodedCloud(CloudLayout):
 
     data: npt.NDArray[np.uint8]
 
-    @classmethod
-    def allocate(
-        cls,
-        height: int,
-        width: int,
-        fields: tuple[FieldLayout, ...],
-        point_step: int,
-        *,
-        is_bigendian: bool,
-    ) -> EncodedCloud:
-        """Makes a cloud of zeros.
-
-        Raises:
-            MessageError: There are points but no fields, or more bytes than a message can state.
-        """
-        if height * width > 0 and not fields:
-            raise MessageError(f"no fields, expected at least one for {height * width} points")
-        checked_integer(point_step, "encoded point_step", POINT_STEP_MAX)
-        row_step = checked_integer(width * point_step, "encoded row_step")
-        data = np.zeros(height * row_step, np.uint8)
-        return cls(height, width, fields, is_bigendian, point_step, row_step, data)
-
-    def write_column(self, field: FieldLayout, column: npt.NDArray[Any]) -> None:
-        """Fills one field of one element, with (height * width,) values in row order."""
-        scalar = field.scalar.newbyteorder(">" if self.is_bigendian else "<")
-        self.view(self.data, scalar, field.offset)[...] = column.reshape(self.height, self.width)
-
 
 def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[np.uint8]:
     """Views the data of a cloud as read-only bytes, without a copy.

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from msg_utils.cloud_encoding import CloudEncoding, Columns, KeptBytes
 from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike, read_only_bytes
 from msg_utils.errors import MessageError, checked_integer, describe
 from msg_utils.point_fields import FieldLayout, datatype_of, fields_end, point_dtype
 
 __all__ = [
+    "CloudEncoding",
+    "Columns",
     "EncodedCloud",
     "FieldLayout",
     "MessageError",
@@ -22,12 +25,11 @@ __all__ = [
     "decode_xyz",
     "encode_columns",
     "encode_with_columns",
+    "encoding_of_columns",
+    "encoding_with_columns",
 ]
 
 _XYZ: Final = ("x", "y", "z")
-
-# Name -> (height * width,) values in row order, of a type that a field can have.
-Columns: TypeAlias = Mapping[str, npt.NDArray[Any]]
 
 
 def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
@@ -79,7 +81,19 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
 def encode_with_columns(
     cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
 ) -> EncodedCloud:
-    """Copies a cloud and gives every point further fields.
+    """Copies a cloud and gives every point further fields, see `encoding_with_columns`."""
+    return encoding_with_columns(cloud, columns, clash_prefix=clash_prefix).encoded()
+
+
+def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
+    """Builds a cloud of the given columns, see `encoding_of_columns`."""
+    return encoding_of_columns(columns, height, width).encoded()
+
+
+def encoding_with_columns(
+    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
+) -> CloudEncoding:
+    """Returns how to copy a cloud and give every point further fields.
 
     All fields of the cloud keep name, offset, datatype, count and the exact bytes of their values,
     also where they overlap or repeat a name; points keep their order, the cloud its byte order. New
@@ -98,36 +112,25 @@ def encode_with_columns(
     added = _column_fields(columns, layout.num_points, kept_size, aligned=True)
     # Fields stay at multiples of their size from point to point, too.
     largest = max((field.scalar.itemsize for field in added), default=1)
-    encoded = EncodedCloud.allocate(
-        layout.height,
-        layout.width,
+    return CloudEncoding.of(
+        (layout.height, layout.width),
         kept + added,
         _round_up(fields_end(kept + added), largest),
+        columns,
         is_bigendian=layout.is_bigendian,
+        kept=KeptBytes(layout, buffer, kept_size),
     )
-    if kept:
-        # One opaque element per point: the fastest copy, and no value is interpreted.
-        kept_bytes = np.dtype((np.void, kept_size))
-        encoded.view(encoded.data, kept_bytes)[...] = layout.view(buffer, kept_bytes)
-    for field in added:
-        encoded.write_column(field, columns[field.name])
-    return encoded
 
 
-def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
-    """Builds a little-endian cloud of the given columns, in their order and without gaps.
+def encoding_of_columns(columns: Columns, height: int, width: int) -> CloudEncoding:
+    """Returns how to build a little-endian cloud of columns, in their order and without gaps.
 
     Raises:
         MessageError: A column does not fit, or there are points but no columns.
     """
     rows, points_per_row = checked_integer(height, "height"), checked_integer(width, "width")
     fields = _column_fields(columns, rows * points_per_row, 0, aligned=False)
-    encoded = EncodedCloud.allocate(
-        rows, points_per_row, fields, fields_end(fields), is_bigendian=False
-    )
-    for field in fields:
-        encoded.write_column(field, columns[field.name])
-    return encoded
+    return CloudEncoding.of((rows, points_per_row), fields, fields_end(fields), columns)
 
 
 def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> dict[str, str]:

@@ -75,6 +75,7 @@ FLOW_COLUMNS: Final = (
     FlowColumn("confidence", np.float32, np.nan, "", _CONFIDENCE_TEXT, _confidence),
 )
 FLOW_NAMES: Final = tuple(column.name for column in FLOW_COLUMNS[:3])
+_COMPACT_NAMES: Final = (*FLOW_NAMES, "dynamic")
 
 
 def flow_columns(
@@ -91,17 +92,38 @@ def flow_columns(
         (M,) each, with the missing value where a point is not in the sweep.
     """
     return {
-        column.name: _in_rows_of_cloud(column, column.values(estimate, interval_s), measured)
+        column.name: _in_rows(
+            column.dtype, column.missing, column.values(estimate, interval_s), measured
+        )
         for column in FLOW_COLUMNS
     }
 
 
-def _in_rows_of_cloud(
-    column: FlowColumn, values: NDArray[Any] | None, measured: NDArray[np.bool_]
+def compact_columns(
+    xyz: NDArray[np.float32], estimate: FlowEstimate, measured: NDArray[np.bool_]
+) -> dict[str, NDArray[Any]]:
+    """Returns x, y, z, flow and `dynamic`, by name: what slow links have room for.
+
+    The arguments are those of `flow_columns`, and the points (N, 3) of the sweep in metres.
+    """
+    columns = {
+        name: _in_rows(np.float32, np.nan, xyz[:, axis], measured)
+        for axis, name in enumerate("xyz")
+    }
+    return columns | {
+        column.name: _in_rows(column.dtype, column.missing, column.values(estimate, 0.0), measured)
+        for column in FLOW_COLUMNS
+        if column.name in _COMPACT_NAMES
+    }
+
+
+def _in_rows(
+    dtype: DTypeLike, missing: float, values: NDArray[Any] | None, measured: NDArray[np.bool_]
 ) -> NDArray[Any]:
-    if values is not None and measured.all():
-        return np.ascontiguousarray(values, dtype=column.dtype)
-    result = np.full(len(measured), column.missing, dtype=column.dtype)
+    """Returns values (N,) of the sweep in the rows (M,) of the cloud."""
+    if values is not None and len(values) == len(measured):
+        return np.asarray(values, dtype=dtype)
+    result = np.full(len(measured), missing, dtype=dtype)
     if values is not None:
         result[measured] = values
     return result

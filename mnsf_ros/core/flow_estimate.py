@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -109,6 +109,16 @@ class OverGround:
     objects: tuple[TrackedObject, ...] = ()
     track_ids: NDArray[np.int32] | None = None
 
+    def part(self, rows: NDArray[np.int64]) -> OverGround:
+        """Returns what is said of some points, by their numbers (M,), and all that is said else."""
+        return replace(
+            self,
+            motion=self.motion[rows],
+            dynamic=self.dynamic[rows],
+            confidence=self.confidence[rows],
+            track_ids=None if self.track_ids is None else self.track_ids[rows],
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class FlowEstimate:
@@ -141,6 +151,17 @@ class FlowEstimate:
     over_ground: OverGround | None = None
     num_left_out: int = 0
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None
+
+    def part(self, rows: NDArray[np.int64]) -> FlowEstimate:
+        """Returns the estimate of some points, by their numbers (M,)."""
+        known = self.over_ground
+        return replace(
+            self,
+            flow=self.flow[rows],
+            kept=self.kept[rows],
+            over_ground=None if known is None else known.part(rows),
+            reason_of=None,
+        )
 
     @property
     def time_ms(self) -> float:

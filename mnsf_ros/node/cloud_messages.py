@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
+from mnsf_ros.core.flow_columns import FLOW_COLUMNS, compact_columns, flow_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
+from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import CloudLayout
 from msg_utils.point_cloud2 import (
     EncodedCloud,
     clash_names,
     decode_points,
-    encode_with_columns,
+    encoding_of_columns,
+    encoding_with_columns,
 )
 from msg_utils.point_times import PointTimes
 
@@ -49,31 +51,45 @@ def sweep_from_message(message: PointCloud2, settings: TimeSettings, now_ns: int
     return replace(cloud.sweep, source=CloudSource(message, cloud.finite, cloud.times))
 
 
-def flow_message(sweep: Sweep, estimate: FlowEstimate, interval_s: float) -> PointCloud2:
-    """Returns the cloud that a sweep came from, with the columns of its flow.
+def flow_cloud(
+    sweep: Sweep, estimate: FlowEstimate, interval_s: float, *, is_compact: bool
+) -> bytes:
+    """Returns the cloud that a sweep came from with the columns of its flow, serialized.
 
-    It has the same header, height, width, order and fields, and the fields of FLOW_COLUMNS. A field
-    of the cloud that has the name of one of these is kept as `sensor_...`.
+    It has the same header, height, width and order, the fields of the cloud, and those of
+    FLOW_COLUMNS. A field of the cloud that has the name of one of these is kept as `sensor_...`.
+    A compact one has the fields of `compact_columns` only.
     """
     source: CloudSource = sweep.source
-    columns = flow_columns(estimate, interval_s, source.finite)
-    encoded = encode_with_columns(source.message, columns, clash_prefix=_CLASH_PREFIX)
-    return encoded_message(source.message.header, encoded, is_dense=bool(source.finite.all()))
+    message, measured = source.message, source.finite
+    if is_compact:
+        columns = compact_columns(sweep.xyz, estimate, measured)
+        encoding = encoding_of_columns(columns, message.height, message.width)
+    else:
+        columns = flow_columns(estimate, interval_s, measured)
+        encoding = encoding_with_columns(message, columns, clash_prefix=_CLASH_PREFIX)
+    return serialized_cloud(message.header, encoding, is_dense=bool(measured.all()))
 
 
 def renamed_fields(message: PointCloud2) -> dict[str, str]:
-    """Returns old name -> new name of fields of a cloud that `flow_message` renames."""
+    """Returns old name -> new name of fields of a cloud that `flow_cloud` renames."""
     names = [field.name for field in message.fields]
     return clash_names(names, [column.name for column in FLOW_COLUMNS], _CLASH_PREFIX)
 
 
-def part_message(sweep: Sweep, flow_message: PointCloud2, wanted: NDArray[np.bool_]) -> PointCloud2:
-    """Returns the wanted points (N,) of a sweep's flow cloud, as a cloud of one row."""
+def part_of(
+    sweep: Sweep, estimate: FlowEstimate, wanted: NDArray[np.bool_]
+) -> tuple[Sweep, FlowEstimate]:
+    """Returns the wanted points (N,) of a sweep, with a cloud of one row, and their estimate."""
     source: CloudSource = sweep.source
-    points = decode_points(flow_message).reshape(-1)[np.flatnonzero(source.finite)[wanted]]
-    layout = CloudLayout.from_cloud(flow_message)
-    part = replace(layout, height=1, width=len(points), row_step=layout.point_step * len(points))
-    return _message(flow_message.header, part, points.tobytes(), is_dense=True)
+    chosen = np.flatnonzero(wanted)
+    rows = np.flatnonzero(source.finite)[chosen]
+    points = np.take(decode_points(source.message).reshape(-1), rows)
+    layout = CloudLayout.from_cloud(source.message)
+    part = replace(layout, height=1, width=len(rows), row_step=layout.point_step * len(rows))
+    message = _message(source.message.header, part, points.tobytes(), is_dense=True)
+    own_source = CloudSource(message, np.ones(len(rows), np.bool_), source.times)
+    return replace(sweep.part(chosen), source=own_source), estimate.part(chosen)
 
 
 def encoded_message(header: Header, encoded: EncodedCloud, *, is_dense: bool) -> PointCloud2:

@@ -19,7 +19,7 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.node.cloud_messages import flow_message, part_message
+from mnsf_ros.node.cloud_messages import flow_cloud, part_of
 from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
 from mnsf_ros.node.planner_messages import planner_messages
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -62,25 +62,28 @@ class FlowOutputs:
         objects = (output for output, _ in self._objects)
         return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
 
-    def publish(self, triplet: SweepTriplet, estimate: FlowEstimate) -> None:
-        """Publishes the flow of the triplet's current sweep."""
-        sweep, interval_s = triplet.current, triplet.interval_s
-        message = flow_message(sweep, estimate, interval_s)
-        self._flow.publish(message)
-        known = estimate.over_ground
+    def publish(
+        self, triplet: SweepTriplet, estimate: FlowEstimate, *, is_compact: bool = False
+    ) -> None:
+        """Publishes the flow of the triplet's current sweep, as far as anybody subscribes to it."""
+        sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
+        if self._flow.get_subscription_count() > 0:
+            self._flow.publish(flow_cloud(sweep, estimate, interval_s, is_compact=is_compact))
         if known is None:
             return
         for output, wanted in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
             if output.get_subscription_count() > 0:
-                output.publish(part_message(sweep, message, wanted))
-        self._ego_motion.publish(
-            ego_motion_message(message.header, self._odom_frame, known, interval_s)
-        )
+                part, its_flow = part_of(sweep, estimate, wanted)
+                output.publish(flow_cloud(part, its_flow, interval_s, is_compact=is_compact))
+        header = sweep.source.message.header
+        if self._ego_motion.get_subscription_count() > 0:
+            message = ego_motion_message(header, self._odom_frame, known, interval_s)
+            self._ego_motion.publish(message)
         if known.source != self._last_source:
             self._last_source = known.source
             self._source.publish(String(data=known.source))
         if known.track_ids is not None:
-            self._publish_objects(message.header, known.objects)
+            self._publish_objects(header, known.objects)
 
     def _publish_objects(self, header: Header, objects: Sequence[TrackedObject]) -> None:
         for output, make in self._objects:

@@ -155,7 +155,8 @@ class SceneFlowNode(Node):
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the worker thread."""
-        self._outputs.publish(job.triplet, estimate)
+        is_compact = self._settings.output.layout == "compact"
+        self._outputs.publish(job.triplet, estimate, is_compact=is_compact)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         if self._has_told_renamed:
             return

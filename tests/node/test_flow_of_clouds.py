@@ -226,3 +226,17 @@ def test_nanoseconds_of_the_stamp_survive(peer, drive):
     ]
     peer.send(*messages)
     assert peer.flow_of(messages[1]).header == messages[1].header
+
+
+def test_the_compact_layout_can_be_asked_for_while_the_node_runs(peer, drive):
+    assert peer.set({"output.layout": "compact"})[0].successful
+    try:
+        sweeps = drive.sweeps(0, 1, 2)
+        peer.send(*sweeps)
+        received = peer.flow_of(sweeps[1])
+    finally:
+        assert peer.set({"output.layout": "full"})[0].successful
+    names = [field.name for field in received.fields]
+    assert names == ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
+    np.testing.assert_array_equal(xyz_columns(received), xyz_columns(sweeps[1]))
+    assert_shows_the_motion(flow_columns(received))

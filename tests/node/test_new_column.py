@@ -6,6 +6,8 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import column, surfaces, xyz_message
 
 from mnsf_ros.core import flow_columns
@@ -37,9 +39,12 @@ def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
         node = Node("columns", context=context)
         outputs = FlowOutputs(node, "odom")
         monkeypatch.setattr(outputs._flow, "publish", published.append)
-        outputs.publish(SweepTriplet(*sweeps), FlowEstimate(flow, np.ones(len(flow), bool)))
+        monkeypatch.setattr(outputs._flow, "get_subscription_count", lambda: 1)
+        estimate = FlowEstimate(flow, np.ones(len(flow), bool))
+        outputs.publish(SweepTriplet(*sweeps), estimate)
         node.destroy_node()
     finally:
         context.try_shutdown()
-    assert [field.name for field in published[0].fields[-2:]] == ["confidence", "flow_length"]
-    np.testing.assert_allclose(column(published[0], "flow_length"), np.sqrt(12), rtol=1e-6)
+    message = deserialize_message(published[0], PointCloud2)
+    assert [field.name for field in message.fields[-2:]] == ["confidence", "flow_length"]
+    np.testing.assert_allclose(column(message, "flow_length"), np.sqrt(12), rtol=1e-6)

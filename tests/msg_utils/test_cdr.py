@@ -1,0 +1,112 @@
+"""Serialized clouds: the bytes that rclpy makes of the same message."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import decode_points, encoding_of_columns, encoding_with_columns
+
+pytest.importorskip("rclpy.serialization")
+
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+RANDOM = np.random.default_rng(0)
+
+
+def header(frame_id="lidar"):
+    made = Header(frame_id=frame_id)
+    made.stamp.sec, made.stamp.nanosec = 1_700_000_000, 999_999_999
+    return made
+
+
+def message_of(made, encoding, *, is_dense):
+    """The same message, made by hand."""
+    layout = encoding.layout
+    message = PointCloud2(
+        header=made,
+        height=layout.height,
+        width=layout.width,
+        fields=[PointField(**asdict(field)) for field in layout.fields],
+        is_bigendian=layout.is_bigendian,
+        point_step=layout.point_step,
+        row_step=layout.row_step,
+        is_dense=is_dense,
+    )
+    message.data = array("B", encoding.encoded().data.tobytes())
+    return message
+
+
+def columns(number, *names):
+    return {name: RANDOM.normal(size=number).astype(np.float32) for name in names}
+
+
+def assert_same(encoding, *, made=None, is_dense=True):
+    made = made or header()
+    message = message_of(made, encoding, is_dense=is_dense)
+    ours = serialized_cloud(made, encoding, is_dense=is_dense)
+    theirs = np.frombuffer(serialize_message(message), np.uint8)
+    assert len(ours) == len(theirs)
+    # Fast CDR leaves the bytes between values as they were; here they are 0.
+    num_before = len(ours) - encoding.layout.num_bytes - 1
+    differs = np.frombuffer(ours, np.uint8) != theirs
+    assert not differs[num_before:].any()
+    assert not np.frombuffer(ours, np.uint8)[differs].any()
+    assert np.count_nonzero(differs) <= 3 * (len(encoding.layout.fields) * 2 + 2)
+    found = deserialize_message(ours, PointCloud2)
+    message.header.frame_id = message.header.frame_id.partition("\0")[0]
+    assert found == message
+    return found
+
+
+@pytest.mark.parametrize("frame_id", ["", "a", "ab", "abc", "abcd", "base/lidär", "x" * 300])
+def test_a_name_of_any_length_moves_what_follows_as_rclpy_does(frame_id):
+    encoding = encoding_of_columns(columns(7, "x", "y", "z"), 1, 7)
+    assert assert_same(encoding, made=header(frame_id)).header.frame_id == frame_id
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (1, 0), (1, 1), (3, 5), (1, 10_000), (64, 200)])
+@pytest.mark.parametrize("is_dense", [True, False])
+def test_clouds_of_any_shape(shape, is_dense):
+    number = shape[0] * shape[1]
+    encoding = encoding_of_columns(columns(number, "x", "longer_name"), *shape)
+    message = assert_same(encoding, is_dense=is_dense)
+    assert message.is_dense is is_dense
+    assert decode_points(message).shape == shape
+
+
+def test_a_cloud_with_further_columns():
+    source = deserialize_message(
+        serialized_cloud(
+            header(), encoding_of_columns(columns(9_000, "x", "y", "z"), 3, 3_000), is_dense=True
+        ),
+        PointCloud2,
+    )
+    added = columns(9_000, "flow_x") | {"dynamic": RANDOM.integers(0, 2, 9_000).astype(np.uint8)}
+    message = assert_same(encoding_with_columns(source, added))
+    points = decode_points(message).ravel()
+    np.testing.assert_array_equal(points["flow_x"], added["flow_x"])
+    np.testing.assert_array_equal(points["dynamic"], added["dynamic"])
+    np.testing.assert_array_equal(points["y"], decode_points(source).ravel()["y"])
+
+
+def test_a_cloud_of_many_rows_with_padding():
+    """Rows of fewer points than are written at once, and wider ones."""
+    for height, width in ((200, 37), (3, 5_000)):
+        values = RANDOM.normal(size=(height, width + 1)).astype("<f4")
+        source = PointCloud2(height=height, width=width, point_step=4, row_step=4 * width + 4)
+        source.fields = [PointField(name="x", offset=0, datatype=7, count=1)]
+        source.data = array("B", values.tobytes())
+        message = assert_same(encoding_with_columns(source, columns(height * width, "a")))
+        np.testing.assert_array_equal(decode_points(message)["x"], values[:, :-1])
+
+
+def test_a_name_ends_at_a_zero_as_in_rclpy():
+    encoding = encoding_of_columns(columns(2, "x"), 1, 2)
+    assert assert_same(encoding, made=header("lidar\0hidden")).header.frame_id == "lidar"

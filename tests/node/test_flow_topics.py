@@ -1,0 +1,178 @@
+"""The clouds with flow: built for those that subscribe to them, and for nobody else."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import PointCloud2
+from synthetic_clouds import column, surfaces, xyz_columns, xyz_message
+from waiting import PATIENCE_S
+
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
+from mnsf_ros.node import flow_outputs
+from mnsf_ros.node.cloud_messages import sweep_from_message
+from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import SweepTriplet
+from msg_utils.point_cloud2 import decode_points
+
+NUM_POINTS = 600
+FULL, MOVING, STANDING = "/clouds/flow", "/clouds/flow/moving", "/clouds/flow/standing"
+COMPACT_NAMES = ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
+
+
+class Outputs:
+    """The outputs under test, and subscriptions of the same node."""
+
+    def __init__(self, node):
+        self._node = node
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+        self._subscriptions = {}
+        self.outputs = FlowOutputs(node, "odom")
+        self.heard = {}
+
+    def close(self):
+        self._executor.shutdown()
+
+    def hear(self, topic):
+        self.heard[topic] = []
+        self._subscriptions[topic] = self._node.create_subscription(
+            PointCloud2, topic, self.heard[topic].append, 10
+        )
+        self._spin_until(lambda: self._node.count_subscribers(topic) == 1)
+        self._spin_until(lambda: self.outputs.are_watched)
+
+    def leave(self, topic):
+        self._node.destroy_subscription(self._subscriptions.pop(topic))
+        self._spin_until(lambda: self._node.count_subscribers(topic) == 0)
+
+    def publish(self, *topics, **how):
+        """Publishes an estimate; the messages that came on these topics."""
+        before = {topic: len(self.heard[topic]) for topic in topics}
+        self.outputs.publish(triplet(), estimate(), **how)
+        self._spin_until(lambda: all(len(self.heard[key]) > before[key] for key in topics))
+        return [self.heard[topic][-1] for topic in topics]
+
+    def _spin_until(self, condition):
+        give_up = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up
+            self._executor.spin_once(timeout_sec=0.02)
+
+
+@pytest.fixture
+def clouds(ros):
+    node = rclpy.create_node("clouds")
+    clouds = Outputs(node)
+    yield clouds
+    clouds.close()
+    node.destroy_node()
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """How many points each cloud had that was built."""
+    numbers, build = [], flow_outputs.flow_cloud
+
+    def counting(sweep, *arguments, **how):
+        numbers.append(len(sweep))
+        return build(sweep, *arguments, **how)
+
+    monkeypatch.setattr(flow_outputs, "flow_cloud", counting)
+    return numbers
+
+
+def triplet():
+    """Three sweeps; the fifth point of their clouds is not finite."""
+    messages = []
+    for index in range(3):
+        xyz = surfaces(index, NUM_POINTS)
+        xyz[4] = np.nan
+        messages.append(xyz_message(xyz, stamp_ns=10**9 + index * 10**8))
+    return SweepTriplet(*(sweep_from_message(message, Settings().time, 0) for message in messages))
+
+
+def estimate():
+    number = NUM_POINTS - 1
+    over_ground = OverGround(
+        motion=np.arange(3 * number, dtype=np.float32).reshape(-1, 3),
+        dynamic=np.arange(number) % 10 == 0,
+        confidence=np.linspace(0, 1, number, dtype=np.float32),
+        world_from_sensor=np.eye(4),
+        next_from_current=np.eye(4),
+        source="registration",
+    )
+    flow = np.arange(3 * number, dtype=np.float32).reshape(-1, 3) / 7
+    return FlowEstimate(flow, np.ones(number, bool), over_ground=over_ground)
+
+
+def assert_is_part(part, whole, is_dynamic):
+    """Every byte of the points of a part is that of the same points in the whole cloud."""
+    points, finite = decode_points(whole).ravel(), np.arange(NUM_POINTS) != 4
+    wanted = points[finite & (points["dynamic"] == is_dynamic)]
+    assert (part.height, part.width, part.is_dense) == (1, len(wanted), True)
+    assert part.fields == whole.fields
+    assert part.header == whole.header
+    for name in points.dtype.names:
+        np.testing.assert_array_equal(decode_points(part).ravel()[name], wanted[name])
+
+
+@pytest.mark.parametrize("is_compact", [False, True])
+def test_parts_are_what_the_whole_cloud_has(clouds, is_compact):
+    for topic in (FULL, MOVING, STANDING):
+        clouds.hear(topic)
+    full, moving, standing = clouds.publish(FULL, MOVING, STANDING, is_compact=is_compact)
+    assert not full.is_dense
+    assert_is_part(moving, full, 1)
+    assert_is_part(standing, full, 0)
+
+
+def test_nobody_pays_for_a_cloud_that_nobody_hears(clouds, built):
+    clouds.publish()
+    assert built == []
+    clouds.hear(MOVING)
+    clouds.publish(MOVING)
+    assert built == [np.count_nonzero(estimate().over_ground.dynamic)]
+
+
+def test_subscribers_come_and_go(clouds, built):
+    clouds.hear(FULL)
+    clouds.publish(FULL)
+    clouds.hear(MOVING)
+    clouds.publish(FULL, MOVING)
+    clouds.leave(FULL)
+    clouds.publish(MOVING)
+    clouds.leave(MOVING)
+    clouds.publish()
+    clouds.hear(FULL)
+    clouds.publish(FULL)
+    whole, part = NUM_POINTS - 1, np.count_nonzero(estimate().over_ground.dynamic)
+    assert built == [whole, whole, part, part, whole]
+
+
+def test_the_compact_layout(clouds):
+    clouds.hear(FULL)
+    (compact,) = clouds.publish(FULL, is_compact=True)
+    (full,) = clouds.publish(FULL)
+    assert [field.name for field in compact.fields] == COMPACT_NAMES
+    assert compact.point_step == 25
+    assert (compact.height, compact.width) == (full.height, full.width)
+    assert compact.header == full.header
+    for name in COMPACT_NAMES:
+        np.testing.assert_array_equal(column(compact, name), column(full, name))
+    assert np.isnan(xyz_columns(compact)[4]).all()
+
+
+def test_flow_without_anything_over_ground(clouds):
+    """As of methods that do not know the ego motion."""
+    clouds.hear(FULL)
+    clouds.outputs.publish(triplet(), replace(estimate(), over_ground=None), is_compact=True)
+    clouds._spin_until(lambda: clouds.heard[FULL])
+    assert not column(clouds.heard[FULL][0], "dynamic").any()
+    assert np.isfinite(column(clouds.heard[FULL][0], "flow_x")).sum() == NUM_POINTS - 1
