@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.voting_grid import VotingGrid
@@ -15,8 +16,6 @@ from mnsf_ros.objects.voting_grid import VotingGrid
 _POINTS_PER_OBJECT: Final = 24
 # Of shifts that fit an object equally well, the shorter is more likely: votes per metre.
 _COST_PER_M: Final = 0.02
-# Points times shifts tried at once, 13 bytes each: after a long interval there are many shifts.
-_MAX_TRIES: Final = 4_000_000
 
 
 def voted_motions(
@@ -47,27 +46,70 @@ def voted_motions(
     grid = VotingGrid(objects.positions, margin_m=(max_motion_m + base_m) * farthest)
     shifts = _shifts(int(max_motion_m / grid.cell_m))
     cost = np.float32(_COST_PER_M * grid.cell_m) * np.hypot(*shifts.T).astype(np.float32)
-    shifted = [
-        (target, grid.occupied(target), grid.steps(np.rint(shifts * target.steps).astype(np.int64)))
+    cells = [
+        grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
         for target in targets
     ]
-    best = np.tile(base, (number, 1, 1))
-    group_size = max(1, _MAX_TRIES // (_POINTS_PER_OBJECT * len(shifts)))
-    groups = np.arange(len(objects)) // group_size
-    for group in range(-(-len(objects) // group_size)):
-        is_own = groups == group
-        some, own_base = objects.only(is_own), base[is_own]
-        hits = np.zeros((len(some.owners), len(shifts)), np.float32)
-        for target, occupied, steps in shifted:
-            moved = some.positions + np.float32(target.steps) * own_base[some.owners]
-            hits += occupied[grid.cells_of(moved)[:, None] + steps[None]]
-        votes = some.sums(hits) / some.counts[:, None].astype(np.float32) - cost
+    steps = [grid.steps(np.rint(shifts * target.steps).astype(np.int64)) for target in targets]
+    chosen = _most_voted(
+        np.stack(cells),
+        objects.counts,
+        np.stack(steps),
+        grid.occupied(targets),
+        cost,
+        shifts,
+        number,
+    )
+    motions = np.tile(base, (number, 1, 1))
+    motions[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
+    return list(motions)
+
+
+@compiled(
+    "int64[:, ::1](int64[:, ::1], int64[::1], int64[:, ::1], boolean[:, ::1], float32[::1],"
+    " int64[:, ::1], int64)"
+)
+def _most_voted(
+    cells: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    steps: NDArray[np.int64],
+    occupied: NDArray[np.bool_],
+    cost: NDArray[np.float32],
+    shifts: NDArray[np.int64],
+    number: int,
+) -> NDArray[np.int64]:
+    """Returns (number, K) the rows of the shifts that most of each object's points agree on.
+
+    Args:
+        cells: (T, P) cells of the points, as they are compared with each target.
+        counts: (K,) number of points of each object.
+        steps: (T, S) what shifts add to a cell.
+        occupied: (T, C) what each target occupies.
+        cost: (S,) votes to take off.
+        shifts: (S, 2) in cells.
+        number: How many shifts are wanted; none is a neighbour of an earlier one.
+    """
+    chosen = np.zeros((number, len(counts)), np.int64)
+    first = 0
+    for owner in range(len(counts)):
+        hits = np.zeros(len(shifts), np.float32)
+        for target in range(len(cells)):
+            for row in range(first, first + counts[owner]):
+                for shift in range(len(shifts)):
+                    cell = cells[target, row] + steps[target, shift]
+                    if 0 <= cell < occupied.shape[1] and occupied[target, cell]:
+                        hits[shift] += 1
+        first += counts[owner]
+        votes = hits / np.float32(counts[owner]) - cost
         for rank in range(number):
-            chosen = shifts[votes.argmax(axis=1)]
-            best[rank, is_own, :2] += (chosen * grid.cell_m).astype(np.float32)
-            # The next one is no neighbour of this.
-            votes[(np.abs(shifts[None] - chosen[:, None]) <= 1).all(axis=2)] = -np.inf
-    return list(best)
+            best = votes.argmax()
+            chosen[rank, owner] = best
+            for shift in range(len(shifts)):
+                across = abs(shifts[shift, 0] - shifts[best, 0])
+                along = abs(shifts[shift, 1] - shifts[best, 1])
+                if across <= 1 and along <= 1:
+                    votes[shift] = -np.inf
+    return chosen
 
 
 def _shifts(radius: int) -> NDArray[np.int64]:

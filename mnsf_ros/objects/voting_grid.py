@@ -1,12 +1,14 @@
-"""Cells around points, with room for shifts: which of them another sweep occupies."""
+"""Cells around points, with room for shifts: which of them other sweeps occupy."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.target import Target
 
 _CELL_M: Final = 0.4
@@ -46,29 +48,34 @@ class VotingGrid:
 
     def cells_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
         """(P,) the cells of points (P, 3); those above and below count to the last level."""
-        cells = self._cells(points)
-        cells[:, 2] = np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
-        return self._numbers(cells)
+        cells = np.floor((points - self._low) / np.float32(self.cell_m)).astype(np.int64)
+        levels: NDArray[np.int64] = np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
+        return self.steps(cells[:, :2]) + levels
 
-    def occupied(self, target: Target) -> NDArray[np.bool_]:
-        """(cells,) whether the target has a point in a cell, or right above or below it."""
-        # Cells are three thinned points wide: every other point is plenty.
-        cells = self._cells(target.points(step=2))
-        limits = (*self._shape[:2], _NUM_LEVELS - 1)
-        inside = (cells[:, 2] >= 1) & (cells[:, 2] < limits[2])
-        for axis in (0, 1):
-            inside &= (cells[:, axis] >= 0) & (cells[:, axis] < limits[axis])
-        numbers = self._numbers(cells[inside])
-        occupied = np.zeros(int(np.prod(self._shape)), dtype=bool)
-        for level in (-1, 0, 1):
-            occupied[numbers + level] = True
+    def occupied(self, targets: Sequence[Target]) -> NDArray[np.bool_]:
+        """(T, cells) whether targets have a point in a cell, or right above or below it."""
+        occupied = np.zeros((len(targets), int(np.prod(self._shape))), dtype=bool)
+        for target, row in zip(targets, occupied, strict=True):
+            # Cells are three thinned points wide: every other point is plenty.
+            _mark(row, target.points(step=2), self._low, np.float32(self.cell_m), *self._shape)
         return occupied
 
-    def _cells(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
-        cells: NDArray[np.int64] = np.floor((points - self._low) / np.float32(self.cell_m)).astype(
-            np.int64
-        )
-        return cells
 
-    def _numbers(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        return self.steps(cells[:, :2]) + cells[:, 2]
+@compiled("void(boolean[::1], float32[:, ::1], float32[::1], float32, int64, int64, int64)")
+def _mark(
+    occupied: NDArray[np.bool_],
+    points: NDArray[np.float32],
+    low: NDArray[np.float32],
+    cell_m: np.float32,
+    num_rows: int,
+    num_columns: int,
+    num_levels: int,
+) -> None:
+    """Marks the cells of points that are inside, and those above and below."""
+    for index in range(len(points)):
+        row = np.floor((points[index, 0] - low[0]) / cell_m)
+        column = np.floor((points[index, 1] - low[1]) / cell_m)
+        level = np.floor((points[index, 2] - low[2]) / cell_m)
+        if 0 <= row < num_rows and 0 <= column < num_columns and 1 <= level < num_levels - 1:
+            cell = (int(row) * num_columns + int(column)) * num_levels + int(level)
+            occupied[cell - 1 : cell + 2] = True

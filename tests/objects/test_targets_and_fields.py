@@ -12,6 +12,7 @@ from small_scenes import objects_of, prepared, rows, surface, target
 from mnsf_ros.objects.motion_field import MotionField, fit_motion_field
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, best_of, fuse_motions, judge
 from mnsf_ros.objects.motion_votes import voted_motions
+from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.voting_grid import VotingGrid
 
 BOX_AT = (10.0, 2.0, 0.0)
@@ -91,7 +92,7 @@ class TestVotingGrid:
     def test_memory_is_bounded_whatever_the_extent(self, extent_m, current):
         points = rows((0, 0, 0), (extent_m, extent_m, 50))
         grid = VotingGrid(points, margin_m=5.0)
-        occupied = grid.occupied(target(current, current))
+        (occupied,) = grid.occupied([target(current, current)])
         assert occupied.nbytes < 50e6
         assert grid.cells_of(points).max() < len(occupied)
         assert grid.cell_m >= extent_m / 1024
@@ -99,7 +100,7 @@ class TestVotingGrid:
     def test_a_cell_above_and_below_a_point_counts_and_beside_it_does_not(self, current):
         single = prepared(np.repeat(rows((5, 0, 0)), 20, axis=0))
         grid = VotingGrid(rows((5, 0, 0), (8, 3, 1)), margin_m=2.0)
-        occupied = grid.occupied(target(single, single))
+        (occupied,) = grid.occupied([target(single, single)])
         assert occupied.sum() == 3
         asked = rows((5, 0, 0), (5, 0, 0.3), (5, 0, -0.3), (5, 0, 0.7), (5.4, 0, 0))
         assert occupied[grid.cells_of(asked)].tolist() == [True, True, True, False, False]
@@ -148,11 +149,35 @@ class TestVotes:
         assert np.linalg.norm(first - MOTION, axis=1) < 0.35
         assert np.abs(second - first).max() > 0.7
 
-    def test_do_not_depend_on_how_many_objects_are_tried_at_once(self, near, current, monkeypatch):
+    def test_are_those_of_all_shifts_tried_one_by_one(self, near, current):
         many = objects_of(prepared(*(surface((10.0, y, 0)) for y in range(-40, 41, 8))))
-        at_once = best_vote(many, near)
-        monkeypatch.setattr("mnsf_ros.objects.motion_votes._MAX_TRIES", 1)
-        np.testing.assert_array_equal(best_vote(many, near), at_once)
+        found = best_vote(many, near)
+        some = many.thinner(24)
+        grid = VotingGrid(some.positions, margin_m=3.6)
+        radius = int(3.6 / grid.cell_m)
+        side = range(-radius, radius + 1)
+        shifts = [(x, y) for x in side for y in side if x * x + y * y <= radius * radius]
+        votes = []
+        for shift in shifts:
+            met = np.zeros(len(some.owners))
+            for each, sign in zip(grid.occupied(near), (1, -1), strict=True):
+                met += each[grid.cells_of(some.positions) + grid.steps(np.array([shift]) * sign)]
+            # Of equal ones the shorter; of equally long ones any.
+            votes.append(some.sums(met) / some.counts - 0.02 * grid.cell_m * np.hypot(*shift))
+        rows_found = [
+            shifts.index(tuple(np.rint(motion[:2] / grid.cell_m).astype(int))) for motion in found
+        ]
+        best = np.max(votes, axis=0)
+        np.testing.assert_allclose(np.array(votes)[rows_found, np.arange(len(many))], best)
+
+    @pytest.mark.parametrize("far_m", [1e6, 1e20])
+    def test_of_huge_coordinates_are_no_motion(self, near, far_m):
+        places = np.concatenate([moved_box(0)[:20], moved_box(0)[:20] + np.float32(far_m)])
+        owners, spacing = np.repeat([0, 1], 20), np.full(40, 0.1, np.float32)
+        both = ObjectPoints(np.array([1, 2]), places, owners, spacing)
+        voted = best_vote(both, near)
+        assert np.isfinite(voted).all()
+        assert not voted[1].any()
 
 
 class TestMotionField:
