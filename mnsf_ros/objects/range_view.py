@@ -7,11 +7,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
+
 # Cells span a few beams of common sensors. Empty cells, as with few beams, are not free.
 _AZIMUTH_DEG: Final = 0.5
 _ELEVATION_DEG: Final = 1.0
 _NUM_AZIMUTHS: Final = round(360 / _AZIMUTH_DEG)
 _NUM_ELEVATIONS: Final = round(180 / _ELEVATION_DEG)
+_AZIMUTHS_PER_RAD: Final = np.float32(180 / np.pi / _AZIMUTH_DEG)
+_ELEVATIONS_PER_RAD: Final = np.float32(180 / np.pi / _ELEVATION_DEG)
+# Of the odd polynomial that is nearest to the arctangent from 0 to 1, highest power first.
+_ARCTAN: Final = tuple(
+    map(np.float32, (-0.011719, 0.052647, -0.116426, 0.19354, -0.332623, 0.999977))
+)
 # A place is free only if it is nearer than the surface by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
@@ -22,12 +30,7 @@ class RangeView:
 
     def __init__(self, xyz: NDArray[np.float32]) -> None:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
-        cells, ranges = _directions(xyz)
-        self._nearest = np.full(_NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
-        # Points come in the order of the beams: first the nearest of each run in one cell.
-        starts = np.flatnonzero(np.diff(cells, prepend=-1))
-        if len(starts):
-            np.minimum.at(self._nearest, cells[starts], np.minimum.reduceat(ranges, starts))
+        self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
 
     def is_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) whether places (P, 3), in metres in the frame of the sweep, are free.
@@ -46,25 +49,49 @@ class RangeView:
 
     def _compared(self, positions: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
         """Returns (P,) nearest return in the direction of each place, its range, and a margin."""
-        cells, ranges = _directions(positions)
+        cells, ranges = _directions(np.ascontiguousarray(positions))
         margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
         return self._nearest[cells], ranges, margin
 
 
+@compiled("float32(float32, float32)")
+def _angle(rise: np.float32, run: np.float32) -> np.float32:
+    """Returns arctan2(rise, run) in radians, to 2e-6: twice as fast as the exact one."""
+    steep, flat = abs(rise), abs(run)
+    longer = max(steep, flat)
+    ratio = min(steep, flat) / longer if longer > 0 else np.float32(0.0)
+    square = ratio * ratio
+    angle = np.float32(0.0)
+    for factor in _ARCTAN:
+        angle = angle * square + factor
+    angle *= ratio
+    angle = np.float32(np.pi / 2) - angle if steep > flat else angle
+    angle = np.float32(np.pi) - angle if run < 0 else angle
+    return -angle if rise < 0 else angle
+
+
+@compiled("Tuple((int32[::1], float32[::1]))(float32[:, ::1])")
 def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Returns (N,) cell and range of points (N, 3)."""
-    x, y, z = (np.ascontiguousarray(xyz[:, axis]) for axis in range(3))
-    with np.errstate(over="ignore"):  # overflow to infinity is far away, too
+    cells = np.empty(len(xyz), np.int32)
+    ranges = np.empty(len(xyz), np.float32)
+    for row in range(len(xyz)):
+        x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
         flat = np.sqrt(x * x + y * y)
-        ranges = np.sqrt(flat * flat + z * z)
-    columns = _cells(np.arctan2(y, x), np.pi, _AZIMUTH_DEG, _NUM_AZIMUTHS)
-    rows = _cells(np.arctan2(z, flat), np.pi / 2, _ELEVATION_DEG, _NUM_ELEVATIONS)
-    return rows * _NUM_AZIMUTHS + columns, ranges
+        ranges[row] = np.sqrt(flat * flat + z * z)
+        azimuth = (_angle(y, x) + np.float32(np.pi)) * _AZIMUTHS_PER_RAD
+        elevation = (_angle(z, flat) + np.float32(np.pi / 2)) * _ELEVATIONS_PER_RAD
+        # What is not a number is in the last cell, too.
+        across = int(azimuth) if 0 <= azimuth < _NUM_AZIMUTHS else _NUM_AZIMUTHS - 1
+        up = int(elevation) if 0 <= elevation < _NUM_ELEVATIONS else _NUM_ELEVATIONS - 1
+        cells[row] = up * _NUM_AZIMUTHS + across
+    return cells, ranges
 
 
-def _cells(
-    angles: NDArray[np.float32], half: float, size_deg: float, number: int
-) -> NDArray[np.int32]:
-    """Returns (N,) cells of angles (N,) from -`half` to `half` in radians."""
-    scaled = (angles + np.float32(half)) * np.float32(180 / np.pi / size_deg)
-    return np.minimum(scaled.astype(np.int32), number - 1)
+@compiled("float32[::1](int32[::1], float32[::1])")
+def _nearest(cells: NDArray[np.int32], ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (all cells,) the shortest of the ranges (N,) in each cell; infinity without one."""
+    nearest = np.full(_NUM_AZIMUTHS * _NUM_ELEVATIONS, np.inf, np.float32)
+    for row in range(len(cells)):
+        nearest[cells[row]] = min(nearest[cells[row]], ranges[row])
+    return nearest

@@ -43,6 +43,34 @@ class TestRangeView:
         far = rows(np.multiply(place, 2))
         assert RangeView(far).is_free(rows(place)).all()
 
+    def test_the_range_of_a_direction_is_that_of_its_nearest_return(self):
+        rng = np.random.default_rng(0)
+        directions = rng.normal(size=(2000, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        # Not beside the edge of a cell, where rounding decides.
+        azimuths = np.degrees(np.arctan2(directions[:, 1], directions[:, 0])) % 0.5
+        elevations = np.degrees(np.arcsin(directions[:, 2])) % 1.0
+        inside = (np.abs(azimuths - 0.25) < 0.24) & (np.abs(elevations - 0.5) < 0.49)
+        directions = directions[inside]
+        ranges = rng.uniform(5, 50, len(directions))
+        view = RangeView((directions * ranges[:, None]).astype(np.float32))
+        cells = np.floor(np.degrees(np.arctan2(directions[:, 1], directions[:, 0])) / 0.5) * 1000
+        cells += np.floor(np.degrees(np.arcsin(directions[:, 2])))
+        nearest = np.array([ranges[cells == cell].min() for cell in cells])
+        margin = 0.2 + 0.01 * nearest
+        for off, is_free, is_hidden in ((-1.2, True, False), (0, False, False), (1.2, False, True)):
+            places = (directions * (nearest + off * margin)[:, None]).astype(np.float32)
+            assert (view.is_free(places) == is_free).all()
+            assert (view.is_hidden(places) == is_hidden).all()
+
+    @pytest.mark.parametrize("far", [1e20, 3e38, np.inf, np.nan])
+    def test_huge_coordinates_are_far_away(self, far):
+        places = rows((far, 0, 0), (far, -far, far), (0, 0, -far), (20.0, 0, 0))
+        view = RangeView(np.concatenate([wall(20.0), places]))
+        assert not view.is_free(places).any()
+        assert view.is_free(rows((10, 0, 0))).all()
+        assert RangeView(rows()).is_free(rows((1, 0, 0))).tolist() == [False]
+
 
 class TestSeenThrough:
     """A box before a wall: at (8, 0) now."""
