@@ -50,14 +50,13 @@ def first_guesses(
     voted = voted_motions(some, targets.near, reach_m, no_motion, _NUM_VOTED)
     by_near = judge(some, near, no_motion)
     standing = with_past(some, targets, by_near)
-    nearly = best_of([by_near, *(judge(some, near, each) for each in voted)])
-    candidates = [standing, with_past(some, targets, nearly)]
+    nearly = best_of(some, near, by_near, voted)
+    best = standing.better(with_past(some, targets, nearly, standing.limit()))
     if suspects.expected.is_known.any():
-        candidates.append(judge(some, targets, suspects.expected.motions))
-    best = best_of(candidates)
+        best = best_of(some, targets, best, [suspects.expected.motions])
     if targets.past:
         over_time = _motions_over_time(some, targets.past, interval_s, best)
-        best = best_of([best, *(judge(some, targets, each) for each in over_time)])
+        best = best_of(some, targets, best, over_time)
     is_worth = suspects.expected.is_known | (best.total < _MAX_LEFT * standing.total)
     if not targets.past:
         is_worth[:] = True

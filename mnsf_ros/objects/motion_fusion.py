@@ -58,6 +58,10 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
+    def limit(self, share: float = 1.0) -> NDArray[np.float64]:
+        """Returns (K,) metres; motions with less than this are better, see `better`."""
+        return share * self.total - _MIN_BETTER_M
+
     def better(self, other: JudgedMotions, share: float = 1.0) -> JudgedMotions:
         """Returns for each object its own motion, or the other one if that is clearly better.
 
@@ -65,7 +69,7 @@ class JudgedMotions:
             other: Other motions.
             share: They must leave less than this share of the residual.
         """
-        wins = other.total < share * self.total - _MIN_BETTER_M
+        wins = other.total < self.limit(share)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -92,31 +96,63 @@ def judge(
     targets: Targets,
     motions: NDArray[np.float32],
     disagreement: NDArray[np.float32] | None = None,
+    limit: NDArray[np.float64] | None = None,
 ) -> JudgedMotions:
-    """Returns motions (K, 3) with their residuals on all targets."""
+    """Returns motions (K, 3) with their residuals on all targets.
+
+    Args:
+        objects: K objects.
+        targets: The other sweeps.
+        motions: (K, 3) metres, to the next sweep.
+        disagreement: (K,) metres, 0 if not given.
+        limit: (K,) metres; motions whose total is above need no exact residuals.
+    """
     if disagreement is None:
         disagreement = np.zeros(len(objects), np.float32)
-    near, past = (
-        np.stack([target.unexplained(objects, motions) for target in group], axis=1)
-        if group
-        else np.zeros((len(objects), 0))
-        for group in (targets.near, targets.past)
-    )
-    return JudgedMotions(motions, near, past, disagreement)
+    left = np.full(len(objects), np.inf) if limit is None else limit
+    parts = []
+    for group in (targets.near, targets.past):
+        residuals = np.zeros((len(objects), len(group)))
+        for column, target in enumerate(group):
+            residuals[:, column] = target.unexplained(objects, motions, left * len(group))
+            left = left - residuals[:, column] / len(group)
+        parts.append(residuals)
+    return JudgedMotions(motions, parts[0], parts[1], disagreement)
 
 
-def with_past(objects: ObjectPoints, targets: Targets, judged: JudgedMotions) -> JudgedMotions:
+def with_past(
+    objects: ObjectPoints,
+    targets: Targets,
+    judged: JudgedMotions,
+    limit: NDArray[np.float64] | None = None,
+) -> JudgedMotions:
     """Returns motions that were judged by the neighbouring sweeps, with residuals in older ones."""
-    past = judge(objects, Targets((), targets.past), judged.motions).past
+    left = None if limit is None else limit - judged.cost
+    past = judge(objects, Targets((), targets.past), judged.motions, limit=left).past
     return replace(judged, past=past)
 
 
-def best_of(candidates: Iterable[JudgedMotions]) -> JudgedMotions:
-    """Returns for each object the best of several motions, the first if in doubt."""
-    first, *others = candidates
-    for other in others:
-        first = first.better(other)
-    return first
+def best_of(
+    objects: ObjectPoints,
+    targets: Targets,
+    first: JudgedMotions,
+    others: Iterable[NDArray[np.float32]],
+    share: float = 1.0,
+) -> JudgedMotions:
+    """Returns for each object the best of several motions, the first if in doubt.
+
+    Args:
+        objects: K objects.
+        targets: What motions are measured on.
+        first: Motions that were judged.
+        others: (K, 3) metres each, further candidates.
+        share: They must leave less than this share of the residual.
+    """
+    best = first
+    for motions in others:
+        judged = judge(objects, targets, motions, first.disagreement, best.limit(share))
+        best = best.better(judged, share)
+    return best
 
 
 def fuse_motions(
@@ -143,10 +179,6 @@ def fuse_motions(
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
     near = Targets(targets.near, past=())
-    best = best_of(
-        judge(some, near, motions, disagreement) for motions in (mean, forward.flows, inverted)
-    )
-    best = with_past(some, targets, best)
-    for motions in others:
-        best = best.better(judge(some, targets, motions, disagreement), _MAX_SHARE)
+    best = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
+    best = best_of(some, targets, with_past(some, targets, best), others, _MAX_SHARE)
     return judge(objects, targets, best.motions, disagreement)

@@ -161,7 +161,7 @@ class ObjectFlowEstimator:
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("fusion"):
-                return best_of(judge(objects, targets, each) for each in (forward.flows, *others))
+                return best_of(objects, targets, judge(objects, targets, forward.flows), others)
         with clock.stage("backward"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward.flows / np.float32(previous[0].steps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -90,20 +91,20 @@ class ObjectPoints:
             self.spacing[is_chosen],
         )
 
-    @property
+    @cached_property
     def counts(self) -> NDArray[np.int64]:
         """(K,) the number of points of each object."""
         counts: NDArray[np.int64] = np.bincount(self.owners, minlength=len(self))
         return counts
 
-    @property
+    @cached_property
     def starts(self) -> NDArray[np.int64]:
         """(K,) the first point of each object."""
         counts = self.counts
         starts: NDArray[np.int64] = np.cumsum(counts) - counts
         return starts
 
-    @property
+    @cached_property
     def centers(self) -> NDArray[np.float32]:
         """(K, 3) metres, the middle of each object's points."""
         sums: NDArray[np.float32] = self.sums(self.positions)

@@ -35,6 +35,7 @@ class PointGrid:
         transform: NDArray[np.float64],
         within_m: NDArray[np.float32],
         reach_m: float,
+        limits_m: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Compares the points of objects with those of the grid.
 
@@ -45,11 +46,15 @@ class PointGrid:
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
             reach_m: Points farther off do not count, at most `MAX_REACH_M`.
+            limits_m: (K,) metres; points are left out once the sum of distances is above. None: all
+                points count.
 
         Returns:
             Sums over each object's points: (K,) distances beyond `within_m`, at most `reach_m`;
             (K, 3) vectors to points of the grid in reach, in its frame; (K,) how many have one.
         """
+        if limits_m is None:
+            limits_m = np.full(len(motions), np.inf)
         return _compared(
             positions,
             owners,
@@ -57,6 +62,7 @@ class PointGrid:
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
             np.float32(reach_m),
+            limits_m,
             self._starts,
             self._points,
         )
@@ -129,7 +135,7 @@ def _nearest(
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], int64[::1]))"
     "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32,"
-    " int32[::1], float32[:, ::1])"
+    " float64[::1], int32[::1], float32[:, ::1])"
 )
 def _compared(
     positions: NDArray[np.float32],
@@ -138,6 +144,7 @@ def _compared(
     transform: NDArray[np.float32],
     within_m: NDArray[np.float32],
     reach_m: np.float32,
+    limits_m: NDArray[np.float64],
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
@@ -147,6 +154,8 @@ def _compared(
     here = np.zeros(3, np.float32)
     for row in range(len(positions)):
         owner = owners[row]
+        if distances[owner] > limits_m[owner]:
+            continue
         x = positions[row, 0] + motions[owner, 0]
         y = positions[row, 1] + motions[owner, 1]
         z = positions[row, 2] + motions[owner, 2]

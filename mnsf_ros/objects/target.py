@@ -105,17 +105,24 @@ class Target:
         return shares
 
     def unexplained(
-        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
+        self,
+        objects: ObjectPoints,
+        motions: NDArray[np.float32] | None = None,
+        limits_m: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """How far objects are from the target, beyond the spacing of its points.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep; none if not given.
+            limits_m: (K,) metres; what is farther off is only known to be so.
 
         Returns:
-            (K,) metres, mean over each object's points, truncated.
+            (K,) metres, mean over each object's points, truncated; infinite above the limit.
         """
+        if limits_m is None:
+            limits_m = np.full(len(objects), np.inf)
+        most = limits_m * objects.counts
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
@@ -123,9 +130,9 @@ class Target:
             self.from_current,
             objects.spacing,
             _TRUNCATION_M,
+            most,
         )
-        means: NDArray[np.float64] = sums / objects.counts
-        return means
+        return np.where(sums > most, np.inf, sums / objects.counts)
 
     def _shifts(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None

@@ -232,8 +232,30 @@ class TestFusion:
 
     def test_in_doubt_the_first_wins(self):
         first = judged(rows((1, 0, 0)), 0.1)
-        assert best_of([first, judged(rows((2, 0, 0)), 0.098)]).motions[0, 0] == 1
-        assert best_of([first, judged(rows((2, 0, 0)), 0.097)]).motions[0, 0] == 2
+        assert first.better(judged(rows((2, 0, 0)), 0.098)).motions[0, 0] == 1
+        assert first.better(judged(rows((2, 0, 0)), 0.097)).motions[0, 0] == 2
+
+    def test_a_limit_changes_only_what_is_above(self, objects, near):
+        targets = Targets(near, near)
+        motions = rows(MOTION * 0.8)
+        exact = judge(objects, targets, motions)
+        above = judge(objects, targets, motions, limit=exact.total * 1.001)
+        np.testing.assert_array_equal(above.near, exact.near)
+        np.testing.assert_array_equal(above.past, exact.past)
+        for share in (0.999, 0.6, 0.1, 0.0, -1.0):
+            assert judge(objects, targets, motions, limit=exact.total * share).total == [np.inf]
+
+    def test_best_is_that_of_all_judged_in_full(self, objects, near):
+        targets = Targets(near, near[:1])
+        rng = np.random.default_rng(0)
+        candidates = [rows(MOTION * factor) for factor in rng.uniform(0, 2, 8)]
+        expected = first = judge(objects, targets, rows((0, 0, 0)))
+        for each in candidates:
+            expected = expected.better(judge(objects, targets, each))
+        found = best_of(objects, targets, first, candidates)
+        np.testing.assert_array_equal(found.motions, expected.motions)
+        np.testing.assert_array_equal(found.near, expected.near)
+        np.testing.assert_array_equal(found.past, expected.past)
 
     def test_cost_is_the_mean_of_both_neighbors(self, objects, near):
         standing = judge(objects, Targets(near, near[:1]), rows((0, 0, 0)))
