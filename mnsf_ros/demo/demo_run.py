@@ -27,6 +27,7 @@ from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.tables import errors_table
 from mnsf_ros.evaluation.text_table import TextTable, format_number
 from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.online.busy_watch import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
@@ -182,14 +183,8 @@ def drop_hint(log: ReplayLog) -> str | None:
     """Returns what to do about dropped sweeps; None if there are none."""
     if not log.num_dropped:
         return None
-    num_sweeps = log.num_dropped + len(log.arrived_s)
-    cores = os.cpu_count() or 1
-    return (
-        f"Flow for {len(log.arrived_s)} of {num_sweeps} sweeps: this machine was too slow or busy "
-        f"(load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}), so that the "
-        f"node dropped {log.num_dropped} to stay up to date. Close other programs, or lower "
-        "crop.max_range_m; see docs/performance.md."
-    )
+    text = busy_text(len(log.arrived_s), log.num_dropped, log.estimate_ms, log.interval_ms)
+    return f"{text} See docs/performance.md."
 
 
 def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -34,12 +36,20 @@ class ReplayLog:
         arrived_s: Stamp of a sweep to `time.monotonic()` of the arrival of its flow.
         counts: Event to how often it happened, as the node counted on /diagnostics.
         last_failure: Text of the last estimate that failed, as the node says.
+        estimate_ms: Median of what an estimate took, as the node says; NaN if it does not.
     """
 
     published_s: dict[int, float] = field(default_factory=dict)
     arrived_s: dict[int, float] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
     last_failure: str = "unknown"
+    estimate_ms: float = math.nan
+
+    @property
+    def interval_ms(self) -> float:
+        """Median of the time between two sweeps by their stamps; NaN if there are less than two."""
+        intervals_ns = [after - before for before, after in pairwise(self.published_s)]
+        return statistics.median(intervals_ns) / 1e6 if intervals_ns else math.nan
 
     @property
     def latencies_ms(self) -> list[float]:
@@ -77,9 +87,6 @@ class ReplayLog:
             and num_done >= counts.get("triplets_formed", 0)
             and len(self.arrived_s) >= counts.get("flows_out", 0)
         )
-
-
-# What can become of a triplet.
 
 
 def _num_received(counts: Mapping[str, int]) -> int:
@@ -126,6 +133,7 @@ def replay(
         _wait_for_last_flow(link, node, log)
         progress(len(log.published_s), len(log.arrived_s))
         log.last_failure = link.flow_values.get("last failure", log.last_failure)
+        log.estimate_ms = float(link.flow_values.get("estimate median [ms]", math.nan))
     return log
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.online.busy_watch import BusyWatch
 from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, FlowWatch
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
     SWEEPS_RECEIVED,
-    TRIPLETS_DROPPED,
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
@@ -43,6 +43,7 @@ class Diagnostics:
         self._node_name = node_name
         self._last_counts: Mapping[str, int] = {}
         self._flow_watch = FlowWatch()
+        self._busy_watch = BusyWatch()
 
     def statuses(
         self, snapshot: StatisticsSnapshot, state: InputState, load: int, settings: Settings
@@ -95,7 +96,7 @@ class Diagnostics:
         error = _failures(snapshot.failures_in_a_row, limits.max_failures) or complaint
         if error:
             level, message = DiagnosticStatus.ERROR, error
-        elif warning := self._flow_warning(snapshot, limits.max_latency_ms):
+        elif warning := self._flow_warning(snapshot, limits.max_latency_ms, now_s):
             level, message = DiagnosticStatus.WARN, warning
         else:
             is_active = load > 0 or idle_s <= limits.stale_after_s
@@ -126,11 +127,13 @@ class Diagnostics:
         }
         return self._status("ego motion", level, message, values)
 
-    def _flow_warning(self, snapshot: StatisticsSnapshot, max_latency_ms: float) -> str:
+    def _flow_warning(
+        self, snapshot: StatisticsSnapshot, max_latency_ms: float, now_s: float
+    ) -> str:
         if snapshot.failures_in_a_row:
             return "the last estimate failed"
-        if self._new(snapshot, TRIPLETS_DROPPED):
-            return "slower than the sensor: dropping triplets"
+        if busy := self._busy_watch.warning(snapshot, now_s):
+            return busy
         if max_latency_ms and snapshot.latency_ms(95) > max_latency_ms:
             return f"latency above {max_latency_ms:g} ms (node.max_latency_ms)"
         return ""
@@ -179,6 +182,7 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
         "start": newest.start,
         "cold starts, recent": sum(item.start != "warm" for item in snapshot.recent),
     }
+    values["estimate median [ms]"] = _number(snapshot.estimate_ms)
     for stage in newest.times_ms:
         times = [item.times_ms[stage] for item in snapshot.recent if stage in item.times_ms]
         values[f"{stage} median [ms]"] = _number(float(np.median(times)))

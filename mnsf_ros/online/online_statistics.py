@@ -29,6 +29,11 @@ class RecentEstimate:
     distance_kind: str
     ego_source: str
 
+    @property
+    def time_ms(self) -> float:
+        """What the estimate took, with the preparation of its newest sweep."""
+        return sum(self.times_ms.values())
+
 
 @dataclass(frozen=True)
 class StatisticsSnapshot:
@@ -44,6 +49,12 @@ class StatisticsSnapshot:
         """Percentile of the recent latencies; NaN if there are none."""
         latencies = [item.latency_ms for item in self.recent]
         return float(np.percentile(latencies, percentile)) if latencies else float("nan")
+
+    @property
+    def estimate_ms(self) -> float:
+        """Median of what the recent estimates took; NaN if there are none."""
+        times_ms = [item.time_ms for item in self.recent]
+        return float(np.median(times_ms)) if times_ms else float("nan")
 
     def flow_rate_hz(self, now_s: float) -> float:
         """Flows published per second, recently."""

@@ -113,9 +113,12 @@ def test_failed_estimates_are_told(monkeypatch):
 
 def test_drops_are_explained():
     arrived_s = dict.fromkeys(range(18), 0.0)
-    log = ReplayLog(arrived_s=arrived_s, counts={"triplets_dropped": 42})
-    assert "18 of 60 sweeps" in drop_hint(log)
-    assert "load" in drop_hint(log)
+    published_s = dict.fromkeys(range(0, 6_200_000_000, 100_000_000), 0.0)
+    log = ReplayLog(published_s, arrived_s, {"triplets_dropped": 42}, estimate_ms=170.0)
+    hint = drop_hint(log)
+    assert hint.startswith(
+        "CPU busy: 18 of 60 flows (an estimate takes 170 ms, sweeps come every 100 ms, load "
+    )
     assert drop_hint(ReplayLog(arrived_s=arrived_s)) is None
 
 

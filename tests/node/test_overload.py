@@ -31,10 +31,9 @@ class TestWhileAnEstimateNeverEnds:
         # One is estimated, one waits.
         assert peer.count("triplets_dropped") == 19
         assert peer.values("flow")["queue"] == "1"
-        assert {item["flow"].message for item in peer.diagnostics} >= {
-            "estimating",
-            "slower than the sensor: dropping triplets",
-        }
+        messages = {item["flow"].message for item in peer.diagnostics}
+        assert "estimating" in messages
+        assert any(message.startswith("CPU busy: 0 of ") for message in messages)
         assert not peer.flows
 
     def test_parameters_can_be_read_and_changed(self, peer):
