@@ -8,20 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.visibility import Visibility
 
 # Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
-# motion leaves, free space up to 0.5, all free space, logarithm of the number of points, metres to
-# the next sweep, agreement with a track, and with what score of that, gain in the past per metre.
-_WITH_PAST: Final = (-3.69, -0.99, 4.03, 0.67, 0.0, -1.27, 1.13, 0.36, 7.98)
-_WITHOUT_PAST: Final = (-7.3, -1.72, 7.88, 0.0, 1.5, -2.38, 1.13, 0.36)
+# motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
+# track, and with what score of that, logarithm of the number of points and of the thickness; with
+# older sweeps: gain in metres there if the motion is slow, gain where the object would be visible,
+# logarithm of the share that the motion leaves.
+_WITH_PAST: Final = (-2.34, -1.31, 0.79, 0.09, 1.54, 0.45, -0.04, 1.49, 19.4, 6.40, -0.43)
+_WITHOUT_PAST: Final = (-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07)
 # What the sweeps before say of an object does not count for more than this.
 _MAX_SCORE: Final = 6.0
-# Below this, residuals are noise.
+# Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
 _NOISE_M: Final = 0.01
-_MUCH_FREE: Final = 0.5
+_PAST_NOISE_M: Final = 0.02
 _LONG_M: Final = 1.0
+# The longest motion that is slow, to the next sweep.
+_SLOW_M: Final = 0.3
+# By noise alone surfaces are thicker than this.
+_THIN_M: Final = 0.03
 # A motion is that of the track if it differs by less than this plus this share.
 _SAME_MOTION_M: Final = 0.05
 _SAME_MOTION_SHARE: Final = 0.2
@@ -34,30 +42,54 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip(scores, -_MAX_SCORE, _MAX_SCORE)
 
 
-def evidence(
-    suspects: Suspects, moving: JudgedMotions, free: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Returns (K, F) what speaks for the motions of K objects.
+def evidence(suspects: Suspects, moving: JudgedMotions, seen: Visibility) -> NDArray[np.float64]:
+    """Returns (K, F) what speaks for the motions of K objects, and against.
 
     Args:
         suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
-        free: (K,) evidence of motion from free space, see `seen_through`.
+        seen: What the other sweeps could see of them.
     """
-    standing, expected = suspects.standing, suspects.expected
+    objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
     apart = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
     is_same = expected.is_known & (apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths)
     columns = [
         np.ones(len(suspects)),
-        np.log((moving.cost + _NOISE_M) / (standing.cost + _NOISE_M)),
-        np.minimum(free, _MUCH_FREE),
-        free,
-        np.log(suspects.objects.counts),
+        _log_share(moving.cost, standing.cost, _NOISE_M),
+        np.log1p(np.maximum(seen.free, 0.0) * objects.counts),
         np.minimum(lengths, _LONG_M),
         is_same,
         is_same * np.maximum(expected.scores, 0.0),
+        np.log(objects.counts),
+        np.log(_thicknesses(objects) + _THIN_M),
     ]
     if standing.past.shape[1]:
-        columns.append((standing.past - moving.past).mean(axis=1))
+        gains = standing.past - moving.past
+        columns += [
+            gains.mean(axis=1) * np.maximum(1 - lengths / _SLOW_M, 0.0),
+            (gains * seen.visible_past).mean(axis=1),
+            _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1), _PAST_NOISE_M),
+        ]
     return np.stack(columns, axis=1).astype(np.float64)
+
+
+def _log_share(
+    part: NDArray[np.float64], whole: NDArray[np.float64], noise_m: float
+) -> NDArray[np.float64]:
+    shares: NDArray[np.float64] = np.log((part + noise_m) / (whole + noise_m))
+    return shares
+
+
+def _thicknesses(objects: ObjectPoints) -> NDArray[np.float64]:
+    """Returns (K,) metres, the height of objects, or their width if that is smaller.
+
+    Strips of walls and single rings on crowns of trees and tables are thin: what is seen of them
+    changes from sweep to sweep as if they moved.
+    """
+    x, y, z = (objects.positions - objects.centers[objects.owners]).T.astype(np.float64)
+    xx, yy, xy, zz = (objects.sums(each) / objects.counts for each in (x * x, y * y, x * y, z * z))
+    across = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+    # The variance of points spread evenly is a twelfth of the squared width.
+    thicknesses: NDArray[np.float64] = np.sqrt(12 * np.maximum(np.minimum(across, zz), 0.0))
+    return thicknesses

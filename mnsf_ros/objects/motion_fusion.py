@@ -18,6 +18,8 @@ _MIN_BETTER_M: Final = 0.0025
 # So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
 # evenly.
 _MAX_SHARE: Final = 0.8
+# Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
+_LEVEL_M: Final = 0.05
 # To choose among candidates, a third of the points is enough.
 _POINTS_TO_CHOOSE: Final = 16
 
@@ -173,6 +175,7 @@ def fuse_motions(
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
     """
+    forward, inverted = replace(forward, flows=_levelled(forward.flows)), _levelled(inverted)
     weight = forward.num_matched / np.maximum(forward.num_matched + backward.num_matched, 1)
     weight = weight[:, None].astype(np.float32)
     mean = weight * forward.flows + (1 - weight) * inverted
@@ -182,3 +185,10 @@ def fuse_motions(
     best = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
     best = best_of(some, targets, with_past(some, targets, best), others, _MAX_SHARE)
     return judge(objects, targets, best.motions, disagreement)
+
+
+def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns motions (K, 3) in metres without as much of their vertical part as may be noise."""
+    level = motions.copy()
+    level[:, 2] -= np.clip(motions[:, 2], -_LEVEL_M, _LEVEL_M)
+    return level

@@ -21,8 +21,9 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.static_gate import moves, seen_through
+from mnsf_ros.objects.static_gate import moves
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -108,8 +109,8 @@ class ObjectFlowEstimator:
             candidates = searched.only(is_worth)
         moving = self._moved(candidates, scene, start[is_worth], clock)
         with clock.stage("gate"):
-            free = seen_through(candidates.objects, scene.targets, moving.motions)
-            scores = moving_scores(evidence(candidates, moving, free))
+            seen = Visibility.of(candidates.objects, scene.targets, moving.motions)
+            scores = moving_scores(evidence(candidates, moving, seen))
             may_move, is_moving = moves(candidates.standing, moving, scores, self.settings.objects)
         with clock.stage("tracks"):
             tracks, ids = self._memory.follow(
@@ -123,7 +124,7 @@ class ObjectFlowEstimator:
             ids = ids[is_moving[may_move]]
             # Objects beyond the limits of the work are as uncertain as suspects.
             doubtful = suspects.only(~np.isin(suspects.rows, candidates.rows[is_moving]))
-            known = (suspects, searched, start, candidates, moving, free, scores, is_moving)
+            known = (suspects, searched, start, candidates, moving, seen, scores, is_moving)
             reasons = Reasons(scene.current, self.settings.objects, *known)
             movers, moving = candidates.objects.only(is_moving), moving.only(is_moving)
         with clock.stage("output"):

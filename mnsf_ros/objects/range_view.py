@@ -32,26 +32,21 @@ class RangeView:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
 
-    def is_free(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) whether places (P, 3), in metres in the frame of the sweep, are free.
+    def free_and_hidden(
+        self, positions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Returns (P,) masks of the places (P, 3), in metres in the frame, by what is there.
 
-        Places behind a surface, and directions without a return, are not known to be free.
+        Places behind a surface are hidden. Directions without a return say nothing.
+
+        Returns:
+            Which are known to be free, and which are hidden.
         """
-        nearest, ranges, margin = self._compared(positions)
-        is_free: NDArray[np.bool_] = np.isfinite(nearest) & (nearest > ranges + margin)
-        return is_free
-
-    def is_hidden(self, positions: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Returns (P,) whether places (P, 3), in metres in the frame, are behind a surface."""
-        nearest, ranges, margin = self._compared(positions)
-        is_hidden: NDArray[np.bool_] = nearest < ranges - margin
-        return is_hidden
-
-    def _compared(self, positions: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
-        """Returns (P,) nearest return in the direction of each place, its range, and a margin."""
         cells, ranges = _directions(np.ascontiguousarray(positions))
+        nearest = self._nearest[cells]
         margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
-        return self._nearest[cells], ranges, margin
+        is_free: NDArray[np.bool_] = np.isfinite(nearest) & (nearest > ranges + margin)
+        return is_free, nearest < ranges - margin
 
 
 @compiled("float32(float32, float32)")

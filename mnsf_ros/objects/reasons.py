@@ -11,6 +11,7 @@ from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import ObjectSettings
 
 
@@ -26,7 +27,7 @@ class Reasons:
         start: (K, 3) where the fits of their motions started.
         fitted: The F of these that a motion may explain better.
         moving: The motions that were found.
-        free: (F,) evidence from free space.
+        seen: What the other sweeps could see of them.
         scores: (F,) logarithm of the odds that they move.
         is_moving: (F,) what the gate said.
     """
@@ -38,7 +39,7 @@ class Reasons:
     start: NDArray[np.float32]
     fitted: Suspects
     moving: JudgedMotions
-    free: NDArray[np.float64]
+    seen: Visibility
     scores: NDArray[np.float64]
     is_moving: NDArray[np.bool_]
 
@@ -70,7 +71,7 @@ class Reasons:
             moving_m=_residuals(self.moving, row),
             motion=self.moving.motions[row].astype(np.float64),
             evidence={
-                "free space": float(self.free[row]),
+                "free space": float(self.seen.free[row]),
                 "probability": float(1 / (1 + np.exp(-self.scores[row]))),
             },
         )

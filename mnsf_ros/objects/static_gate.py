@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
-from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.settings import ObjectSettings
 
 # A motion is accepted if it is long enough,
@@ -19,21 +18,6 @@ _MAX_COST_M: Final = 0.25
 _MAX_CLIMB_M: Final = 0.25
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
-
-
-def seen_through(
-    objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
-) -> NDArray[np.float64]:
-    """Returns (K,) evidence of motion: the part of each object in free space of other sweeps.
-
-    This is the share of its points there if it is static, summed over the sweeps, less the same
-    if it moves by `motions` (K, 3), in metres to the next sweep. The place of a static object may
-    have been hidden, but is never free.
-    """
-    shares = np.zeros(len(objects))
-    for target in (*targets.near, *targets.past):
-        shares += target.seen_through(objects) - target.seen_through(objects, motions)
-    return shares
 
 
 def moves(

@@ -90,19 +90,21 @@ class Target:
         means = vectors / np.maximum(counts, 1)[:, None]
         return turned(means, self.from_current[:3, :3].T), counts
 
-    def seen_through(
+    def seen(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float64]:
-        """Returns (K,) share of each object's points that are in free space of the sweep.
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Returns (K,) shares of each object's points in free space of the sweep, and hidden in it.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep; none if not given.
         """
         moved = objects.positions + self._shifts(objects, motions)[objects.owners]
-        is_free = self.sweep.view.is_free(transformed(moved, self.from_current))
-        shares: NDArray[np.float64] = objects.sums(is_free.astype(np.int64)) / objects.counts
-        return shares
+        free, hidden = (
+            objects.sums(mask.astype(np.int64)) / objects.counts
+            for mask in self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
+        )
+        return free, hidden
 
     def unexplained(
         self,

@@ -107,7 +107,8 @@ def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: O
     """Returns whether something is in front of the points (P, 3) where a track is expected."""
     if tracks.num_seen[row] < _MIN_SEEN or len(points) == 0:
         return False
-    return bool(current.view.is_hidden(points).mean() > _MIN_HIDDEN)
+    _, is_hidden = current.view.free_and_hidden(points)
+    return bool(is_hidden.mean() > _MIN_HIDDEN)
 
 
 def _boxes(

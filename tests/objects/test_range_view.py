@@ -8,7 +8,7 @@ from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.motion_fusion import Targets
 from mnsf_ros.objects.range_view import RangeView
-from mnsf_ros.objects.static_gate import seen_through
+from mnsf_ros.objects.visibility import Visibility
 
 
 def wall(x_m, width_m=8.0):
@@ -21,27 +21,27 @@ class TestRangeView:
     def test_what_is_before_a_wall_is_free_and_what_is_on_it_or_behind_is_not(self):
         view = RangeView(wall(20.0))
         places = rows((10, 0, 0), (19.0, 0, 0), (19.8, 0, 0), (20, 0, 0), (20.3, 0, 0), (30, 0, 0))
-        assert view.is_free(places).tolist() == [True, True, False, False, False, False]
+        assert view.free_and_hidden(places)[0].tolist() == [True, True, False, False, False, False]
 
     def test_where_no_return_came_from_nothing_is_known(self):
         places = rows((-10, 0, 0), (10, 0, 9), (0, 0, 5))
-        assert not RangeView(wall(20.0)).is_free(places).any()
+        assert not RangeView(wall(20.0)).free_and_hidden(places)[0].any()
 
     def test_what_is_behind_the_wall_is_hidden(self):
         view = RangeView(wall(20.0))
         places = rows((10, 0, 0), (20, 0, 0), (20.3, 0, 0), (20.5, 0, 0), (-30, 0, 0))
-        assert view.is_hidden(places).tolist() == [False, False, False, True, False]
+        assert view.free_and_hidden(places)[1].tolist() == [False, False, False, True, False]
 
     def test_the_nearest_return_of_a_direction_counts(self):
         pole = rows(*((8.0, 0.0, height) for height in np.arange(-0.7, 0.7, 0.02)))
         view = RangeView(np.concatenate([wall(20.0), pole]))
-        assert not view.is_free(rows((10.0, 0.01, 0.0))).any()
-        assert view.is_free(rows((10.0, 1.0, 0.0))).all()
+        assert not view.free_and_hidden(rows((10.0, 0.01, 0.0)))[0].any()
+        assert view.free_and_hidden(rows((10.0, 1.0, 0.0)))[0].all()
 
     @pytest.mark.parametrize("place", [(-5.0, 0.0, 0.0), (-5.0, -0.0, 0.0), (0, 0, 5), (0, 0, -5)])
     def test_the_seam_behind_and_the_poles_above_and_below(self, place):
         far = rows(np.multiply(place, 2))
-        assert RangeView(far).is_free(rows(place)).all()
+        assert RangeView(far).free_and_hidden(rows(place))[0].all()
 
     def test_the_range_of_a_direction_is_that_of_its_nearest_return(self):
         rng = np.random.default_rng(0)
@@ -60,19 +60,20 @@ class TestRangeView:
         margin = 0.2 + 0.01 * nearest
         for off, is_free, is_hidden in ((-1.2, True, False), (0, False, False), (1.2, False, True)):
             places = (directions * (nearest + off * margin)[:, None]).astype(np.float32)
-            assert (view.is_free(places) == is_free).all()
-            assert (view.is_hidden(places) == is_hidden).all()
+            found = view.free_and_hidden(places)
+            assert [mask.all() for mask in found] == [is_free, is_hidden]
+            assert [mask.any() for mask in found] == [is_free, is_hidden]
 
     @pytest.mark.parametrize("far", [1e20, 3e38, np.inf, np.nan])
     def test_huge_coordinates_are_far_away(self, far):
         places = rows((far, 0, 0), (far, -far, far), (0, 0, -far), (20.0, 0, 0))
         view = RangeView(np.concatenate([wall(20.0), places]))
-        assert not view.is_free(places).any()
-        assert view.is_free(rows((10, 0, 0))).all()
-        assert RangeView(rows()).is_free(rows((1, 0, 0))).tolist() == [False]
+        assert not view.free_and_hidden(places)[0].any()
+        assert view.free_and_hidden(rows((10, 0, 0)))[0].all()
+        assert not RangeView(rows()).free_and_hidden(rows((1, 0, 0)))[0].any()
 
 
-class TestSeenThrough:
+class TestVisibility:
     """A box before a wall: at (8, 0) now."""
 
     BOX = surface((8.0, 0.0, 0.0), size=(0.6, 0.6, 1.2))
@@ -87,7 +88,7 @@ class TestSeenThrough:
             target(prepared(wall(20.0), part), current, steps)
             for part, steps in ((next_, 1.0), (previous, -1.0))
         ]
-        return seen_through(objects, Targets(near, []), rows(motion))
+        return Visibility.of(objects, Targets(near, []), rows(motion)).free
 
     def test_what_moves_stands_where_others_saw_nothing(self):
         assert self.free(self.LEFT, self.RIGHT, (0, 1.5, 0)) == pytest.approx(2.0, abs=0.1)
@@ -101,6 +102,17 @@ class TestSeenThrough:
     def test_what_was_hidden_was_not_seen_through(self):
         assert self.free(self.FRONT, self.FRONT, (0, 0.3, 0)) == pytest.approx(0.0, abs=0.01)
 
+    SCREEN = surface((4.0, 0.0, 0.0), size=(0.6, 2.0, 2.0), num_points=20_000)
+
+    @pytest.mark.parametrize(("past", "visible"), [(LEFT, 1.0), (SCREEN, 0.0)])
+    def test_what_was_behind_something_was_not_visible_in_the_past(self, past, visible):
+        current = prepared(wall(20.0), self.BOX)
+        older = target(prepared(wall(20.0), past), current, -3.0)
+        seen = Visibility.of(objects_of(current), Targets([], [older]), rows((0, 0, 0)))
+        assert seen.visible_past == pytest.approx(np.full((1, 1), visible), abs=0.05)
+
     def test_none_at_all(self):
         current = prepared(wall(20.0))
-        assert seen_through(objects_of(current), Targets([], []), rows()).shape == (0,)
+        seen = Visibility.of(objects_of(current), Targets([], []), rows())
+        assert seen.free.shape == (0,)
+        assert seen.visible_past.shape == (0, 0)

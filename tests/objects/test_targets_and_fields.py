@@ -267,3 +267,12 @@ class TestFusion:
 def judged(motions, cost):
     near = np.full((len(motions), 2), cost)
     return JudgedMotions(motions, near, near[:, :0], np.zeros(len(motions), np.float32))
+
+
+@pytest.mark.parametrize(("climb_m", "expected_m"), [(0.04, 0.0), (-0.04, 0.0), (0.2, 0.15)])
+def test_of_a_vertical_motion_what_may_be_noise_is_left_out(current, climb_m, expected_m):
+    motion = rows((0.5, 0.0, climb_m))
+    near = [target(prepared(surface(np.add(BOX_AT, motion[0]))), current)]
+    field = MotionField(motion, np.array([48]))
+    fused = fuse_motions(objects_of(current), Targets(near, ()), field, field, motion)
+    np.testing.assert_allclose(fused.motions, rows((0.5, 0.0, expected_m)), atol=1e-6)

@@ -1,0 +1,70 @@
+"""How likely objects move: what speaks for it, and what does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import objects_of, prepared, rows, surface
+
+from mnsf_ros.objects.evidence import evidence, moving_scores
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.visibility import Visibility
+
+PERSON = (0.4, 0.4, 1.7)
+
+
+def judged(motion, near, past):
+    nothing = np.zeros(1, np.float32)
+    return JudgedMotions(rows(motion), np.array([near]), np.array([past]), nothing)
+
+
+def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0)):
+    """Logarithm of the odds that one object without a track moves.
+
+    `standing` and `moving` are residuals in the neighbouring and in the older sweeps.
+    """
+    objects = objects_of(prepared(surface((10.0, 0.0, 0.0), size=size)))
+    unknown = Expectation(rows((0, 0, 0)), np.zeros(1))
+    still = judged((0, 0, 0), *standing)
+    suspects = Suspects(np.zeros(1, np.int64), objects, still, unknown)
+    seen = Visibility(np.array([free]), np.array([visible]))
+    return moving_scores(evidence(suspects, judged(motion, *moving), seen))[0]
+
+
+class TestSlowWalker:
+    """0.6 m/s: noise in the neighbouring sweeps, clear in the older ones."""
+
+    STANDING, MOVING = ((0.005, 0.005), (0.1, 0.3)), ((0.004, 0.005), (0.005, 0.01))
+
+    def test_moves_by_the_older_sweeps_alone(self):
+        assert score(PERSON, (0.06, 0, 0), self.STANDING, self.MOVING) > 0.5
+
+    def test_is_less_likely_where_it_may_have_been_hidden(self):
+        open_, hidden = (
+            score(PERSON, (0.06, 0, 0), self.STANDING, self.MOVING, visible=visible)
+            for visible in ((1.0, 1.0), (0.0, 0.0))
+        )
+        assert hidden < open_ - 1
+
+    @pytest.mark.parametrize("size", [(0.5, 0.01, 2.0), (0.5, 0.6, 0.01)], ids=["wall", "crown"])
+    def test_is_no_strip_of_a_wall_and_no_single_ring(self, size):
+        assert score(size, (0.06, 0, 0), self.STANDING, self.MOVING) < 0
+
+
+def test_part_of_a_wall_that_came_into_view_does_not_move():
+    """It fits a long motion in all sweeps, but nobody saw through its place."""
+    standing, moving = ((0.01, 0.35), (0.4, 0.4)), ((0.01, 0.02), (0.02, 0.02))
+    strip = score((0.7, 0.04, 1.4), (0.8, 0, 0), standing, moving, visible=(0.2, 0.2))
+    assert strip < 0
+    assert score(PERSON, (0.8, 0, 0), standing, moving, free=2.0) > 2
+
+
+def test_none_at_all():
+    objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
+    nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.float32))
+    unknown = Expectation(rows(), np.zeros(0))
+    suspects = Suspects(np.zeros(0, np.int64), objects, nothing, unknown)
+    seen = Visibility(np.zeros(0), np.zeros((0, 2)))
+    assert moving_scores(evidence(suspects, nothing, seen)).shape == (0,)
