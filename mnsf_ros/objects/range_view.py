@@ -46,7 +46,7 @@ class RangeView:
         nearest = self._nearest[cells]
         margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
         is_free: NDArray[np.bool_] = np.isfinite(nearest) & (nearest > ranges + margin)
-        return is_free, nearest < ranges - margin
+        return is_free, nearest + margin < ranges
 
 
 @compiled("float32(float32, float32)")
