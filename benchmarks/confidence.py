@@ -25,12 +25,12 @@ from scipy.optimize import minimize
 
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.evaluation.metrics import end_point_errors
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.objects import confidence, scene
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CLOSE_M: Final = 0.1

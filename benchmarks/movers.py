@@ -26,11 +26,11 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW, MoverSummary
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import confidence_table, losses_table, movers_table, objects_table
-from mnsf_ros.evaluation.text_table import TextTable, format_number
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.report.tables import confidence_table, losses_table, movers_table, objects_table
+from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.simulation.settings import SCENARIOS
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import SweepTriplet

@@ -13,9 +13,9 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.ego_motion.ego_motion import EgoMotion
 from mnsf_ros.evaluation.metrics import FlowErrors, by_motion, mean_of
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

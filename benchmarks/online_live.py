@@ -17,10 +17,10 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
 from mnsf_ros.demo.node_process import node_process
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.node.cloud_messages import encoded_message
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 

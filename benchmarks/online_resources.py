@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from online_recordings import real_sweeps, simulated_sweeps, to_and_fro
 
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 _NUM_SWEEPS: Final = 10_000

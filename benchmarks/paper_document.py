@@ -14,8 +14,8 @@ from paper_figures import Measured, measured_of
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
-from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.text_table import TextTable, format_number
+from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.text_table import TextTable, format_number
 
 _TABLES: Mapping[str, str] = {
     "Methods": "zero ego ego-estimated nsfp nsfp-linear fnsf fnsf-linear fnsf-joint fnsf-time"

@@ -33,7 +33,8 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file, to_json
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.evaluation.task import warm_up

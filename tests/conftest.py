@@ -62,3 +62,12 @@ def build_scene(motion=(0.5, 0.2, 0.0), seed=0, points_per_box=60):
 def make_scene():
     """`build_scene`: synthetic sweeps with known flow."""
     return build_scene
+
+
+@pytest.fixture
+def without_drawing(monkeypatch):
+    """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
+    for name in ("report.page.band_chart", "report.page.stage_bars"):
+        monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_: "")
+    for name in ("drawing.example_pictures.png_bytes", "drawing.study_charts.png_bytes"):
+        monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

@@ -52,7 +52,7 @@ OFFENDERS = {
     "mnsf_ros.evaluation.offender": "from mnsf_ros import node",
     "mnsf_ros.evaluation.offender_upward": "import mnsf_ros.report",
     "mnsf_ros.report.offender": "from mnsf_ros.studies import ablation",
-    "mnsf_ros.studies.offender": "import mnsf_ros.report",
+    "mnsf_ros.studies.offender": "import mnsf_ros.demo",
     "mnsf_ros.node.offender": "from mnsf_ros.recording import bag_reader",
     "mnsf_ros.cli.offender": "import rclpy",
     "mnsf_ros.helpers.offender": "",
@@ -204,9 +204,10 @@ def import_without(modules, blocked):
             ["rosbags", "msg_utils", *ROS_NAMES],
         ),
         (
-            ["mnsf_ros.evaluation", "mnsf_ros.report", "mnsf_ros.studies", "mnsf_ros.datasets"],
-            ROS_NAMES,
+            ["mnsf_ros.cli", "mnsf_ros.evaluation", "mnsf_ros.report", "mnsf_ros.datasets"],
+            ["torch", *ROS_NAMES],
         ),
+        (["mnsf_ros.studies"], ROS_NAMES),
     ],
     ids=lambda names: names[0],
 )

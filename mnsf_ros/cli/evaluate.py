@@ -141,6 +141,7 @@ def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.evaluation.run_folder import WritingError
 
     console = Console()
+    options.methods = options.methods or [DEFAULT_METHODS]
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")

@@ -3,40 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
-from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
 from mnsf_ros.cli.console import Console
-from mnsf_ros.cli.evaluate import DEFAULT_METHODS
+from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
 from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
-from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import (
-    MAX_SWEEPS,
-    EvaluationOptions,
-    EvaluationTask,
-    TaskKey,
-    evaluated_methods,
-)
+from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import (
     EvaluatedRecording,
     choose_topics,
@@ -44,22 +22,13 @@ from mnsf_ros.evaluation.recordings import (
     recording_names,
     short_name,
 )
-from mnsf_ros.evaluation.results import ResultRow, mean
-from mnsf_ros.evaluation.results_files import RunResults, read_results, write_results
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
-from mnsf_ros.evaluation.runner import (
-    Executor,
-    TaskEvent,
-    TaskFailed,
-    TaskRestarted,
-    plan_runs,
-    run_evaluation,
-    run_serially,
-)
-from mnsf_ros.evaluation.tables import main_tables, work_table
-from mnsf_ros.methods.command_estimator import COMMAND_PREFIX
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_results import RunResults, read_results
+from mnsf_ros.evaluation.runner import Executor, plan_runs, run_evaluation, run_serially
+from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.report.results_files import write_results
+from mnsf_ros.report.tables import main_tables, work_table
 
 _PAIR: Final = 2
 _PICTURES_LIMIT_S: Final = 60.0
@@ -76,22 +45,19 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
     check_folder(options.out, resume=options.resume)
-    names = _split(options.methods or [DEFAULT_METHODS])
+    folder = RunFolder(options.out)
+    names = _split(options.methods)
     methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
     num_sweeps = max(evaluation.num_sweeps, *(method.traits.num_sweeps for method in methods))
     num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
     evaluation = replace(evaluation, num_sweeps=num_sweeps)
     execute = _executor(options, evaluation)
-    recordings, unreadable = _inspected(options, console)
-    folder = start_or_resume(
-        options.out, recordings, methods, evaluation, resume=options.resume, arguments=sys.argv
-    )
+    recordings, unreadable = _inspected(options, folder.known_recordings(), console)
+    folder.start(recordings, methods, evaluation, resume=options.resume, arguments=sys.argv)
     runs = plan_runs(recordings, methods, evaluation, folder)
     try:
         with EvaluationProgress(console, runs, evaluation.every) as progress:
-            outcome = run_evaluation(
-                runs, evaluation, folder, execute=execute, watch=progress.watch
-            )
+            failed = run_evaluation(runs, evaluation, folder, execute=execute, watch=progress.watch)
     except BaseException:
         # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
         _conclude(folder, recordings, options.pictures, console, estimate_again=False)
@@ -100,7 +66,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     is_complete = _conclude(
         folder, recordings, options.pictures, console, estimate_again=options.ray is None
     )
-    given_up = [f"gave up {_title(key)}: {why}" for key, why in outcome.failed.items()]
+    given_up = [f"gave up {task_title(key)}: {why}" for key, why in failed.items()]
     for text in (*given_up, *unreadable):
         console.warn(text)
     return is_complete and not given_up and not unreadable
@@ -146,14 +112,14 @@ def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Exe
 
 
 def _inspected(
-    options: argparse.Namespace, console: Console
+    options: argparse.Namespace, known: Sequence[EvaluatedRecording], console: Console
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """The recordings that can be used, and why others cannot."""
     paths: Sequence[Path] = options.bags
-    names = recording_names(paths, known_recordings(options.out))
+    names = recording_names(paths, known)
     found, unreadable = [], []
     for path, name in zip(paths, names, strict=True):
-        with _checking_progress(console, name) as watch:
+        with checking_progress(console, name) as watch:
             try:
                 inspection = inspect_recording(path, watch)
             except RecordingError as error:
@@ -165,85 +131,6 @@ def _inspected(
     if not found:
         raise RecordingError("; ".join(unreadable))
     return found, unreadable
-
-
-class _SweepRateColumn(ProgressColumn):
-    """Sweeps per second, recently; a dash before there is any."""
-
-    def render(self, task: Task) -> str:
-        """Returns the text."""
-        return f"{'-' if task.speed is None else f'{task.speed:.2f}'} sweeps/s"
-
-
-class EvaluationProgress(Progress):
-    """One bar for all tasks, counted in sweeps; elsewhere than on a terminal, a line for each."""
-
-    def __init__(self, console: Console, runs: Sequence[EvaluationTask], every: int) -> None:
-        """Starts at what is there already; only one of so many sweeps counts."""
-        super().__init__(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            _SweepRateColumn(),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._lines = console
-        self._every = every
-        self._num_left = len(runs)
-        self._times_ms: dict[TaskKey, dict[int, float]] = {run.key: {} for run in runs}
-        self._done = Counter({run.key: len(run.skipped) for run in runs})
-        total = sum(self._num_sweeps(run) for run in runs)
-        self._bar = self.add_task(self._text(), total=total, completed=self._done.total())
-
-    def watch(self, task: EvaluationTask, event: TaskEvent) -> None:
-        """Takes notice of an event."""
-        if isinstance(event, ResultRow):
-            self._done[task.key] += 1
-            # A task that was lost on the way may give a row again.
-            self._times_ms[task.key][event.number] = event.time_ms
-        elif isinstance(event, TaskRestarted):
-            self._lines.say(f"{_title(task.key)}: {event.reason}, again")
-        elif isinstance(event, (Findings, TaskFailed)):
-            if not self._lines.is_terminal:
-                self._say_finished(task, is_done=isinstance(event, Findings))
-            # The first and the last sweep of a recording make no example.
-            self._done[task.key] = self._num_sweeps(task)
-            self._num_left -= 1
-        self.update(self._bar, completed=self._done.total(), description=self._text())
-
-    def _num_sweeps(self, task: EvaluationTask) -> int:
-        return -(-task.recording.num_sweeps // self._every)
-
-    def _say_finished(self, task: EvaluationTask, *, is_done: bool) -> None:
-        times_ms = self._times_ms[task.key]
-        time_ms = mean(list(times_ms.values()))
-        text = f"{_title(task.key)}: {'done' if is_done else 'gave up'}"
-        text += f", new examples: {len(times_ms)}"
-        text += "" if math.isnan(time_ms) else f", {time_ms:.0f} ms each"
-        self._lines.say(text, soft_wrap=True)
-
-    def _text(self) -> str:
-        return f"evaluating, tasks left: {self._num_left}" if self._num_left else "evaluated"
-
-
-def _title(key: TaskKey) -> str:
-    return " on ".join(key[::-1])
-
-
-@contextmanager
-def _checking_progress(console: Console, name: str) -> Iterator[Callable[[int, int], None]]:
-    """Shows how much of a recording is read, and nothing when it is done."""
-    columns = (
-        TextColumn("checking {task.description}"),
-        BarColumn(),
-        DownloadColumn(),
-        TimeRemainingColumn(),
-    )
-    is_shown = console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=not is_shown) as progress:
-        bar = progress.add_task(escape(name), total=None)
-        yield lambda done, total: progress.update(bar, completed=done, total=total)
 
 
 def _conclude(

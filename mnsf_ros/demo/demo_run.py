@@ -24,13 +24,13 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
 from mnsf_ros.evaluation.results import ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.text_table import TextTable, format_number
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.online.busy_watch import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings

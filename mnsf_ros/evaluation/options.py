@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -82,6 +82,16 @@ class EvaluationOptions:
             is_node = rate is not None
             values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
         object.__setattr__(self, "settings", self.settings.changed(values))
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """Name to value of all that rows depend on; flow may be written or not."""
+        others = [one.name for one in fields(self) if one.name not in ("settings", "flow_folder")]
+        return {
+            **self.settings.to_mapping(),
+            "explicit": sorted(self.settings.explicit),
+            **{name: getattr(self, name) for name in others},
+        }
 
     def is_scored(self, place: int) -> bool:
         """Whether an example, by its place among those of its recording, is to be scored."""

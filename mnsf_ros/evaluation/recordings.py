@@ -56,6 +56,13 @@ class EvaluatedRecording:
     fingerprint: dict[str, SettingValue] | None = None
     inspection: Inspection | None = None
 
+    @property
+    def identity(self) -> dict[str, object]:
+        """Name to value of all that must not change while a run lasts; it may move."""
+        told = {name: getattr(self, name) for name in ("points", "truth", "odometry", "num_sweeps")}
+        content = self.fingerprint or {}
+        return told | {f"fingerprint: {name}": value for name, value in content.items()}
+
     @contextmanager
     def open(self) -> Iterator[BagReader]:
         """Opens the recording; one of an earlier run is inspected first.
@@ -136,7 +143,7 @@ def _known_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording]) -> 
     # Read once: that is up to some megabytes of each file.
     contents = {path: _content(path) for path in paths if known}
     # Copies may lie side by side, and another recording where one was before it moved. One that
-    # is like none, but lies or is called as one, is for `start_or_resume` to compare.
+    # is like none, but lies or is called as one, is for the record of the run to compare.
     for key_of_path, key_of_record in (
         (
             lambda path: (_files(path), contents[path]),

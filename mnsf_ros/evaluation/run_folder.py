@@ -3,50 +3,29 @@
 `run.json` says what was run. `rows.jsonl` has one row per line, in the order in which they got
 ready; `tasks.jsonl` one line per finished task, with what was noticed. Both only ever grow while
 a run lasts, so that an interruption costs nothing but the line being written.
-
-A number that is not finite is `null`, so that any program can read the files.
 """
 
 from __future__ import annotations
 
 import fcntl
-import json
-import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
-
-import cattrs
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
-from cattrs.v import format_exception
+from typing import Final
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.options import EvaluationOptions, TaskKey
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions, TaskKey
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
-from mnsf_ros.evaluation.results import DROPPED, FailureKind, FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.settings import Settings, SettingValue, declared_settings
+from mnsf_ros.evaluation.results import FinishedTask, ResultRow
+from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
 TASKS_FILE: Final = "tasks.jsonl"
 _LOCK_FILE: Final = ".lock"
-
-Kind = TypeVar("Kind")
-
-_MAX_SHOWN: Final = 80
-_NAMES: Final = {
-    ResultRow: "a result row",
-    FinishedTask: "a finished task",
-    RunRecord: "the record of a run",
-}
-# Reference rows of runs that do not say so themselves.
-_OLD_REFERENCES: Final = ("zero", "ego")
 
 
 class WritingError(EvaluationError):
@@ -54,7 +33,7 @@ class WritingError(EvaluationError):
 
 
 class RunFolder:
-    """Reads and writes the files of a run; `start_or_resume` opens one for writing.
+    """Reads and writes the files of a run; `start` makes or resumes one.
 
     Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
     a WritingError if that fails.
@@ -63,19 +42,64 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
+    def known_recordings(self) -> list[EvaluatedRecording]:
+        """Returns the recordings of the run that is there; none if there is nothing yet."""
+        return self.read_record().recordings if _holds_something(self.path) else []
+
+    def start(
+        self,
+        recordings: Sequence[EvaluatedRecording],
+        methods: Sequence[EvaluatedMethod],
+        options: EvaluationOptions,
+        *,
+        resume: bool,
+        arguments: Sequence[str] = (),
+    ) -> RunFolder:
+        """Makes the folder, or takes the run that is there if its rows fit; returns itself.
+
+        A resumed run may have more recordings and methods. The command line is remembered.
+
+        Raises:
+            EvaluationError: The folder holds something and `resume` is not set; or it holds a run
+                with other settings or another recording of the same name, which `resume` must not
+                mix with this one; or another process is at it.
+            WritingError: The record of the run cannot be written.
+        """
+        check_folder(self.path, resume=resume)
+        is_there = _holds_something(self.path)
+        sessions = [SessionRecord.now(arguments)]
+        record = RunRecord(options, list(methods), list(recordings), sessions)
+        if is_there:
+            record = record.resuming(self.read_record(), self.path)
+        self.path.mkdir(parents=True, exist_ok=True)
+        # Not while another process adds rows: they would be lost.
+        with self.locked():
+            if is_there:
+                self._cut_off_unfinished_lines()
+            try:
+                replace_file(self.path / RUN_FILE, [to_json(record, indent=2), "\n"])
+            except WritingError:
+                if not is_there:
+                    self.remove_if_unused()
+                raise
+        return self
+
     def read_record(self) -> RunRecord:
         """Returns what was run."""
         if not (self.path / RUN_FILE).exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
         return read_json(self.path / RUN_FILE, RunRecord)
 
-    def write_record(self, record: RunRecord) -> None:
-        """Writes what is run."""
-        replace_file(self.path / RUN_FILE, [to_json(record, indent=2), "\n"])
-
     def rows(self) -> Iterator[ResultRow]:
         """Yields all rows, in the order in which they got ready."""
         return _parsed(self.path / ROWS_FILE, ResultRow)
+
+    def numbers(self) -> dict[TaskKey, set[int]]:
+        """Returns the numbers of the sweeps of all rows, by recording and method."""
+        numbers: dict[TaskKey, set[int]] = {}
+        for row in self.rows():
+            numbers.setdefault((row.recording, row.method), set()).add(row.number)
+        return numbers
 
     def read_finished(self) -> dict[TaskKey, FinishedTask]:
         """Returns recording and method of each finished task, and what was noticed."""
@@ -98,7 +122,7 @@ class RunFolder:
         rows = (row for row in self.rows() if (row.recording, row.method) not in dropped)
         replace_file(self.path / ROWS_FILE, (f"{to_json(row)}\n" for row in rows))
 
-    def cut_off_unfinished_lines(self) -> None:
+    def _cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed."""
         for name in (ROWS_FILE, TASKS_FILE):
             replace_file(self.path / name, (f"{line}\n" for line in _lines(self.path / name)))
@@ -121,6 +145,22 @@ class RunFolder:
             except OSError as error:
                 raise EvaluationError(f"{self.path}: another process is writing to it") from error
             yield
+
+
+def check_folder(out: Path, *, resume: bool) -> None:
+    """Makes sure that nothing would be overwritten.
+
+    Raises:
+        EvaluationError: The folder holds something and `resume` is not set, or is none.
+    """
+    if out.exists() and not out.is_dir():
+        raise EvaluationError(f"{out}: is not a folder")
+    if _holds_something(out) and not resume:
+        raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
+
+
+def _holds_something(out: Path) -> bool:
+    return out.is_dir() and any(out.iterdir())
 
 
 def read_json(file: Path, kind: type[Kind]) -> Kind:
@@ -195,135 +235,3 @@ def _writing(file: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
-
-
-def to_json(value: object, *, indent: int | None = None) -> str:
-    """Returns a typed object as JSON, without a newline at its end."""
-    return json.dumps(plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
-
-
-def from_json(text: str, kind: type[Kind]) -> Kind:
-    """Returns the typed object that a text holds.
-
-    Raises:
-        EvaluationError: It is not one; says in one line what is wrong.
-    """
-    try:
-        values = json.loads(text)
-    except ValueError as error:
-        raise _not_one(kind, str(error), text) from error
-    return structured(values, kind)
-
-
-def plain(value: object) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Returns a typed object as dictionaries, lists and values of JSON."""
-    return _CONVERTER.unstructure(value)
-
-
-def structured(values: Any, kind: type[Kind]) -> Kind:  # noqa: ANN401 - whatever JSON can hold
-    """Returns the typed object of dictionaries and lists; the counterpart of `plain`.
-
-    Raises:
-        EvaluationError: A key is unknown or missing, or a value has another type.
-    """
-    try:
-        if not isinstance(values, dict):
-            raise TypeError("expected an object with named values")
-        return _CONVERTER.structure(_of_this_version(values, kind), kind)
-    except Exception as error:  # cattrs raises groups of whatever its hooks raise
-        reason = cattrs.transform_error(error, path="", format_exception=_reason)[0]
-        raise _not_one(kind, reason, json.dumps(values, ensure_ascii=False)) from error
-
-
-def _not_one(kind: type, reason: str, text: str) -> EvaluationError:
-    return EvaluationError(
-        f"is not {_NAMES.get(kind, kind.__name__)} ({reason}): {text[:_MAX_SHOWN]!r}"
-    )
-
-
-def _of_this_version(values: dict[str, Any], kind: type) -> dict[str, Any]:
-    """What an earlier version has written, in the layout of this one."""
-    if kind is ResultRow and isinstance(reason := values.get("failure"), str):
-        failure = DROPPED.kind if reason == DROPPED.text else FailureKind.FAILED
-        return values | {"failure": {"kind": failure.value, "text": reason} if reason else None}
-    if kind is RunRecord and "identity" in values:
-        values = {"format": 1, **values}
-        values["options"] = _old_options(values.pop("identity"))
-        values["methods"] = [_old_method(method) for method in values["methods"]]
-    return values
-
-
-def _old_options(identity: dict[str, Any]) -> dict[str, Any]:
-    """The options of a run: `settings` was what methods got, `crop_and_ground` chose points."""
-    options = dict(identity)
-    told = {**options.pop("settings"), **options.pop("crop_and_ground")}
-    explicit = options.pop("explicit", None) or []
-    known = {one.name: told[one.name] for one in declared_settings() if one.name in told}
-    presets = [preset(name).to_mapping() for name in PRESET_NAMES]
-    nearest = max(presets, key=lambda values: sum(values[k] == x for k, x in known.items()))
-    num_points = None if options["num_points"] == "all" else options["num_points"]
-    settings = {"values": {**nearest, **known}, "explicit": explicit}
-    return options | {"settings": settings, "num_points": num_points}
-
-
-def _old_method(method: str | dict[str, Any]) -> dict[str, Any]:
-    """A method that was its name, or a name with what is a trait now."""
-    if isinstance(method, str):
-        return {"name": method, "traits": {"is_reference": method in _OLD_REFERENCES}}
-    traits = {key: value for key, value in method.items() if key != "name"}
-    return {"name": method["name"], "traits": traits}
-
-
-def _converter() -> cattrs.Converter:
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    for kind in (float, int, str, bool):
-        converter.register_structure_hook(kind, _checked)
-    converter.register_structure_hook_func(lambda kind: kind == SettingValue, _checked)
-    converter.register_unstructure_hook(float, lambda x: x if math.isfinite(x) else None)
-    converter.register_structure_hook(Settings, lambda values, _: _settings(**values))
-    converter.register_unstructure_hook(
-        Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
-    )
-    # A resumed run may write flow or not, as it likes; what is in recordings may be read again.
-    for owner, name in ((EvaluationOptions, "flow_folder"), (EvaluatedRecording, "inspection")):
-        left_out: dict[str, Any] = {name: override(omit=True)}
-        structure = make_dict_structure_fn(
-            owner, converter, _cattrs_forbid_extra_keys=True, **left_out
-        )
-        converter.register_structure_hook(owner, structure)
-        unstructure = make_dict_unstructure_fn(owner, converter, **left_out)
-        converter.register_unstructure_hook(owner, unstructure)
-    return converter
-
-
-def _settings(values: dict[str, object], explicit: list[str]) -> Settings:
-    return replace(Settings().changed(values), explicit=frozenset(explicit))
-
-
-def _reason(error: BaseException, kind: type | None) -> str:
-    """What one of our hooks found, or cattrs itself."""
-    is_ours = isinstance(error, (TypeError, ValueError)) and bool(error.args)
-    return str(error) if is_ours else format_exception(error, kind)
-
-
-# Type of a value to the types that JSON may have for it, and what an error calls it.
-_KINDS: Final[dict[Any, tuple[Any, str]]] = {
-    float: ((float, int), "a number"),
-    int: ((int,), "a whole number"),
-    str: ((str,), "text"),
-    bool: ((bool,), "true or false"),
-    SettingValue: ((bool, int, float, str), "the value of a setting"),
-}
-
-
-def _checked(value: Any, kind: Any) -> Any:  # noqa: ANN401 - a type or a union of some
-    """The value if it has the type; a null is no number."""
-    if value is None and kind is float:
-        return math.nan
-    kinds, expected = _KINDS[kind]
-    if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
-        raise TypeError(f"got {value!r}, expected {expected}")
-    return float(value) if kind is float else value
-
-
-_CONVERTER: Final = _converter()

@@ -7,15 +7,14 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-import torch
-
 from mnsf_ros import __version__
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 
@@ -23,11 +22,16 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
+# Another preset changes dozens of settings; a few of them say as much.
+_MAX_TOLD: Final = 5
 
 
 @dataclass(frozen=True)
 class MachineRecord:
-    """A machine: names in the network, of system and processor; no GPU is None."""
+    """A machine: names in the network, of system and processor, and of the GPU or None.
+
+    It is None, too, if nothing on it has loaded PyTorch.
+    """
 
     name: str
     system: str
@@ -43,7 +47,7 @@ class MachineRecord:
             system=platform.platform(),
             processor=_processor(),
             cores=os.cpu_count(),
-            gpu=torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+            gpu=_gpu(),
         )
 
     def __str__(self) -> str:
@@ -131,6 +135,48 @@ class RunRecord:
         """Names of the methods that are rows to compare with, no rivals of the others."""
         return frozenset(method.name for method in self.methods if method.traits.is_reference)
 
+    def resuming(self, before: RunRecord, folder: Path) -> RunRecord:
+        """Returns the record of a run that goes on in its folder, maybe with more to do.
+
+        Raises:
+            EvaluationError: It must not: its rows do not fit those of before.
+        """
+        if not before.is_of_this_version:
+            raise EvaluationError(
+                f"{folder}: holds a run of another version of mnsf_ros, which cannot be resumed; "
+                "name another folder (`mnsf report` still reads this one)"
+            )
+        differences = list(_differences(before.options.identity, self.options.identity))
+        if differences:
+            more = len(differences) - _MAX_TOLD
+            listed = [*differences[:_MAX_TOLD], *([f"and {more} more"] if more > 0 else [])]
+            raise EvaluationError(f"{folder}: holds a run with other settings: {'; '.join(listed)}")
+        recordings = {recording.name: recording for recording in before.recordings}
+        for new in self.recordings:
+            old = recordings.get(new.name, new)
+            if differences := list(_differences(old.identity, new.identity)):
+                raise EvaluationError(
+                    f"{folder}: holds another recording {new.name!r}: {'; '.join(differences)}"
+                )
+            # Where it lies now, and what of it could not be read, now or then.
+            recordings[new.name] = replace(
+                new,
+                damages=list(dict.fromkeys([*old.damages, *new.damages])),
+                has_checksums=old.has_checksums and new.has_checksums,
+            )
+        return RunRecord(
+            options=before.options,
+            methods=list({one.name: one for one in (*before.methods, *self.methods)}.values()),
+            recordings=list(recordings.values()),
+            sessions=[*before.sessions, *self.sessions],
+        )
+
+
+def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> Iterator[str]:
+    for name in sorted({*before, *now}):
+        if before.get(name) != now.get(name):
+            yield f"{name} was {before.get(name)}, is {now.get(name)}"
+
 
 def git_commit() -> str | None:
     """Returns the commit of this package's checkout, with `+changes` if there are any.
@@ -170,6 +216,12 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
+
+
+def _gpu() -> str | None:
+    """Name of the GPU; methods that use it have loaded PyTorch, which takes seconds."""
+    torch = sys.modules.get("torch")
+    return torch.cuda.get_device_name() if torch and torch.cuda.is_available() else None
 
 
 def _processor() -> str:

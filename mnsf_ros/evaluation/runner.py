@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 from mnsf_ros.errors import MnsfError
@@ -126,21 +126,6 @@ def dispatched(
 EventWatcher = Callable[[EvaluationTask, TaskEvent], None]
 
 
-@dataclass
-class RunOutcome:
-    """How a run went.
-
-    Attributes:
-        failed: Recording and method of each task that gave up, and why.
-        restarted: Recording and method of each task that began anew, and why.
-        num_new_rows: Rows that were written.
-    """
-
-    failed: dict[TaskKey, str] = field(default_factory=dict)
-    restarted: dict[TaskKey, str] = field(default_factory=dict)
-    num_new_rows: int = 0
-
-
 def plan_runs(
     recordings: Sequence[EvaluatedRecording],
     methods: Sequence[EvaluatedMethod],
@@ -156,9 +141,7 @@ def plan_runs(
         EvaluationError: The files of the run are damaged.
     """
     finished = folder.read_finished()
-    numbers: dict[TaskKey, set[int]] = {}
-    for row in folder.rows():
-        numbers.setdefault((row.recording, row.method), set()).add(row.number)
+    numbers = folder.numbers()
     tasks = [EvaluationTask(recording, method) for recording in recordings for method in methods]
     left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
     anew = [
@@ -184,22 +167,27 @@ def run_evaluation(
     *,
     execute: Executor = run_serially,
     watch: EventWatcher = lambda task, event: None,
-) -> RunOutcome:
+) -> dict[TaskKey, str]:
     """Runs tasks and writes each row as soon as it is there.
 
     `watch` gets every event, after it was written down.
+
+    Returns:
+        Recording and method of each task that gave up, and why.
 
     Raises:
         EvaluationError: Another process is writing to the same folder.
         OSError: Writing fails.
     """
-    outcome = RunOutcome()
+    failed: dict[TaskKey, str] = {}
     done = {task.key: set(task.skipped) for task in tasks}
     with folder.locked():
         for task, event in execute(tasks, options):
-            _write(task, event, options, folder, done[task.key], outcome)
+            _write(task, event, options, folder, done[task.key])
+            if isinstance(event, TaskFailed):
+                failed[task.key] = event.reason
             watch(task, event)
-    return outcome
+    return failed
 
 
 def _write(
@@ -208,20 +196,14 @@ def _write(
     options: EvaluationOptions,
     folder: RunFolder,
     done: set[int],
-    outcome: RunOutcome,
 ) -> None:
     if isinstance(event, ResultRow):
         # A second attempt may give a row again that the first one got ready before it was lost.
         if event.number not in done:
             folder.append_row(event)
             done.add(event.number)
-            outcome.num_new_rows += 1
     elif isinstance(event, Findings):
         folder.append_finished(task.key, event, len(done))
-    elif isinstance(event, TaskRestarted):
-        outcome.restarted[task.key] = event.reason
-        if options.is_indivisible(task.method) and done:
-            folder.drop_rows_of([task.key])
-            done.clear()
-    elif isinstance(event, TaskFailed):
-        outcome.failed[task.key] = event.reason
+    elif isinstance(event, TaskRestarted) and options.is_indivisible(task.method) and done:
+        folder.drop_rows_of([task.key])
+        done.clear()

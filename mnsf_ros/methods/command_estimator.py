@@ -29,8 +29,6 @@ from mnsf_ros.errors import MethodError, SettingsError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
-COMMAND_PREFIX = "command:"
-
 _TIMEOUT_S = 600.0
 _TIME_LINE = re.compile(r"^time_ms: ([0-9.eE+]+)\s*$", re.MULTILINE)
 _MAX_MESSAGE = 300

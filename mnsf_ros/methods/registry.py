@@ -29,6 +29,7 @@ from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings, SettingValue
 
 GROUP: Final = "mnsf_ros.methods"
+COMMAND_PREFIX: Final = "command:"
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
@@ -97,7 +98,7 @@ _METHODS: Final[dict[str, MethodMaker]] = {
 
 # What follows the prefix says which files or programs they are.
 _PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
-    "command:": _later("command_estimator:CommandEstimator.from_text"),
+    COMMAND_PREFIX: _later("command_estimator:CommandEstimator.from_text"),
     FILE_PREFIX: PredictionFiles,
 }
 

@@ -16,10 +16,10 @@ from mnsf_ros.drawing.charts import band_chart, stage_bars, time_text
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
-from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_folder import replace_file
-from mnsf_ros.evaluation.tables import consistency_table, further_tables, main_tables
-from mnsf_ros.evaluation.text_table import NO_VALUE, TextTable, format_percent
+from mnsf_ros.evaluation.run_results import RunResults
+from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
+from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
 from mnsf_ros.report.worst import (
     MissedMover,
     focus_method,

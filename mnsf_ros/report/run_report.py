@@ -10,8 +10,8 @@ from typing import NamedTuple, TypedDict
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.results_files import RunResults
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.run_results import RunResults
 from mnsf_ros.report.page import REPORT_FILE, write_report
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
 from mnsf_ros.report.worst import MissedMover, focus_method, missed_movers, worst_rows
@@ -58,24 +58,19 @@ def report_run(
             f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
         )
     focus = focus or focus_method(results)
-    worst, missed = worst_rows(rows, focus), missed_movers(rows, focus)
     methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
     path = folder / REPORT_FILE
-    wanted = _Wanted(worst[:num_pictured], missed[:num_pictured])
+    everything = _Wanted(worst_rows(rows, focus), missed_movers(rows, focus))
+    wanted = everything.first(num_pictured)
     pictured = recorded_examples(folder, wanted.rows, methods)
     write_report(results, path, **wanted.found(pictured), focus=focus)
     if pictured or not estimate_again:
         return path
     if math.isfinite(limit_s):
-        worst = [row for row in worst if row.number < _NEAR_SWEEPS] or worst
-        missed = [one for one in missed if one.row.number < _NEAR_SWEEPS] or missed
+        wanted = everything.within_reach(record).first(num_pictured)
         # Other programs may take long, or do more than one expects of a picture.
         external = {method.name for method in record.methods if method.traits.is_external}
         methods = [method for method in methods if method not in external]
-        known = [one.name for one in record.recordings if one.inspection is not None]
-        worst = [row for row in worst if row.recording in known] if known else worst
-        missed = [one for one in missed if one.row.recording in known] if known else missed
-    wanted = _Wanted(worst[:num_pictured], missed[:num_pictured])
     if methods and wanted.rows:
         times_s = {summary.method: summary.time_ms / 1e3 for summary in results.summaries}
         budget = TimeBudget(limit_s, times_s)
@@ -90,6 +85,20 @@ class _Wanted(NamedTuple):
 
     worst: list[ResultRow]
     missed: list[MissedMover]
+
+    def first(self, number: int) -> _Wanted:
+        """So many of each."""
+        return _Wanted(self.worst[:number], self.missed[:number])
+
+    def within_reach(self, record: RunRecord) -> _Wanted:
+        """Those that are soon found: near the beginning, in recordings that are inspected."""
+        worst = [row for row in self.worst if row.number < _NEAR_SWEEPS] or self.worst
+        missed = [one for one in self.missed if one.row.number < _NEAR_SWEEPS] or self.missed
+        known = {one.name for one in record.recordings if one.inspection is not None}
+        if known:
+            worst = [row for row in worst if row.recording in known]
+            missed = [one for one in missed if one.row.recording in known]
+        return _Wanted(worst, missed)
 
     @property
     def rows(self) -> list[ResultRow]:

@@ -12,8 +12,8 @@ import numpy as np
 from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.results_files import RunResults
-from mnsf_ros.evaluation.text_table import NO_VALUE, TextTable, format_number, format_percent
+from mnsf_ros.evaluation.run_results import RunResults
+from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_number, format_percent
 
 _NUM_LISTED: Final = 10
 _NANOSECONDS: Final = 1e9

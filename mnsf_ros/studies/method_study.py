@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
 from itertools import count
@@ -22,9 +21,8 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
-from mnsf_ros.evaluation.results_files import read_results, write_results
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_start import check_folder, start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_results import read_results
 from mnsf_ros.evaluation.runner import (
     Executor,
     TaskEvent,
@@ -33,7 +31,8 @@ from mnsf_ros.evaluation.runner import (
     run_serially,
     task_events,
 )
-from mnsf_ros.evaluation.tables import errors_table
+from mnsf_ros.report.results_files import write_results
+from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
 _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
@@ -112,13 +111,8 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     recordings = study_recordings(options, study.num_sweeps)
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
-    folder = start_or_resume(
-        options.out / "evaluation",
-        recordings,
-        methods,
-        evaluation,
-        resume=options.resume,
-        arguments=options.command,
+    folder = RunFolder(options.out / "evaluation").start(
+        recordings, methods, evaluation, resume=options.resume, arguments=options.command
     )
     runs = plan_runs(recordings, methods, evaluation, folder)
     max_examples = {
@@ -154,10 +148,10 @@ def _kept_notes(
     study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], folder: RunFolder
 ) -> Iterator[str]:
     """Notes on recordings that were finished before, with fewer examples than are wanted now."""
-    num_rows = Counter((row.recording, row.method) for row in folder.rows())
+    numbers = folder.numbers()
     for name, wanted in max_examples.items():
         keys = [(name, method) for method in study.variants.values()]
-        kept = [num_rows[key] for key in keys if key not in left]
+        kept = [len(numbers.get(key, ())) for key in keys if key not in left]
         if kept and min(kept) < wanted:
             yield (
                 f"{name}: was finished before with {min(kept)} of up to {wanted} examples and is "

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.results_files import session_lines
 from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.studies.landscape_study import run_landscape_study
 from mnsf_ros.studies.method_study import METHOD_STUDIES, run_method_study
 from mnsf_ros.studies.stability_study import run_stability_study, stability_settings

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.text_table import TextTable
+from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.text_table import TextTable
 
 ERRORS = FlowErrors(0.0754, 0.85342, 0.9254, 0.328, 0.2861, 1000)
 FIGURES = ["0.075", "85.3", "92.5", "32.8", "0.286"]

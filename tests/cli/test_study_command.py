@@ -11,6 +11,8 @@ from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
+pytestmark = pytest.mark.usefixtures("without_drawing")
+
 FEW_STEPS = [
     f"--set={setting}"
     for setting in (

@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.run_folder import to_json
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter

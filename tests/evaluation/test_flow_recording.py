@@ -9,7 +9,8 @@ import small_evaluations as small
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path, flow_recorder
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation, run_serially
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.recording.bag_reader import BagReader
@@ -22,9 +23,13 @@ def bag(tmp_path_factory):
 
 def evaluate(out, bag, options, *, resume=False, execute=run_serially):
     recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
-    folder = start_or_resume(out, recordings, methods, options, resume=resume)
+    folder = RunFolder(out).start(recordings, methods, options, resume=resume)
     runs = plan_runs(recordings, methods, options, folder)
-    return run_evaluation(runs, options, folder, execute=execute), folder
+    events = []
+    run_evaluation(
+        runs, options, folder, execute=execute, watch=lambda _, event: events.append(event)
+    )
+    return events, folder
 
 
 def with_flow(out):
@@ -86,8 +91,8 @@ def test_run_that_was_killed_before_it_could_say_that_a_task_was_done_can_go_on(
     with pytest.raises(KeyboardInterrupt):
         evaluate(out, bag, with_flow(out), execute=killed_before_the_last_word)
     assert flow_path(out / "flow", "drive", "zero").exists()
-    outcome, folder = evaluate(out, bag, with_flow(out), resume=True)
-    assert outcome.failed == {}
+    events, folder = evaluate(out, bag, with_flow(out), resume=True)
+    assert isinstance(events[-1], Findings)
     assert len(list(folder.rows())) == 6
     assert len(list((out / "flow").iterdir())) == 2
 
@@ -95,9 +100,9 @@ def test_run_that_was_killed_before_it_could_say_that_a_task_was_done_can_go_on(
 def test_flow_that_is_asked_for_later_is_made_then(bag, tmp_path):
     out = tmp_path / "out"
     evaluate(out, bag, small.options())
-    outcome, folder = evaluate(out, bag, with_flow(out), resume=True)
-    assert outcome.num_new_rows == 6
+    events, folder = evaluate(out, bag, with_flow(out), resume=True)
+    assert sum(isinstance(event, ResultRow) for event in events) == 6
     assert len(list(folder.rows())) == 6
     assert len(list((out / "flow").iterdir())) == 2
-    outcome, _ = evaluate(out, bag, with_flow(out), resume=True)
-    assert outcome.num_new_rows == 0
+    events, _ = evaluate(out, bag, with_flow(out), resume=True)
+    assert events == []

@@ -11,7 +11,7 @@ import small_evaluations as small
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import registry
@@ -82,7 +82,7 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
             raise KeyboardInterrupt
 
     whole = plain(rows_of(small.task_at(bag, "toy"), options))
-    folder = start_or_resume(tmp_path / "out", recordings, methods, options, resume=False)
+    folder = RunFolder(tmp_path / "out").start(recordings, methods, options, resume=False)
     runs = plan_runs(recordings, methods, options, folder)
     with pytest.raises(KeyboardInterrupt):
         run_evaluation(runs, options, folder, watch=stop_after_three)

@@ -17,17 +17,18 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW, summarize_movers
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow, summarize
-from mnsf_ros.evaluation.results_files import results_csv, results_of
-from mnsf_ros.evaluation.run_folder import from_json, to_json
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_results import results_of
 from mnsf_ros.evaluation.scoring import scored_row
-from mnsf_ros.evaluation.tables import (
+from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
+from mnsf_ros.report.results_files import results_csv
+from mnsf_ros.report.tables import (
     confidence_table,
     further_tables,
     losses_table,
     main_tables,
 )
-from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
 from mnsf_ros.report.worst import missed_table
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -275,8 +276,8 @@ def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
     bag = small.write_recording(tmp_path / "drive", 4)
     options = small.options()
     methods = small.methods_of(["online", "ego"], options)
-    folder = start_or_resume(
-        tmp_path / "out", [small.recording_at(bag)], methods, options, resume=False
+    folder = RunFolder(tmp_path / "out").start(
+        [small.recording_at(bag)], methods, options, resume=False
     )
     one, flow = example()
     rows = [

@@ -25,18 +25,13 @@ from mnsf_ros.evaluation.results import (
     mean,
     summarize,
 )
-from mnsf_ros.evaluation.results_files import (
-    read_results,
-    results_csv,
-    results_markdown,
-    write_results,
-)
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import git_commit
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_results import read_results
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
-from mnsf_ros.evaluation.tables import consistency_table, further_tables, main_tables
 from mnsf_ros.presets import preset
+from mnsf_ros.report.results_files import results_csv, results_markdown, write_results
+from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 
 NAN = math.nan
 
@@ -211,7 +206,7 @@ def results(tmp_path_factory):
     recording = small.recording_at(small.write_recording(place / "drive", 5))
     options = small.options({"crop.max_range_m": 35.0}, num_points=20)
     methods = small.methods_of(["zero", "ego", "mnsf"], options)
-    folder = start_or_resume(place / "out", [recording], methods, options, resume=False)
+    folder = RunFolder(place / "out").start([recording], methods, options, resume=False)
     run_evaluation(plan_runs([recording], methods, options, folder), options, folder)
     found = read_results(folder)
     write_results(folder, found)

@@ -15,9 +15,9 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.notes import NoteKind
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
-from mnsf_ros.evaluation.run_start import check_folder, known_recordings, start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, check_folder, replace_file
+from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_results import read_results
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
@@ -171,7 +171,7 @@ def recording(tmp_path):
 
 def start(out, recording, options=None, *, resume=False, methods=("ego",)):
     options, methods = options or small.options(), small.methods_of(methods)
-    return start_or_resume(out, [recording], methods, options, resume=resume, arguments=["mnsf"])
+    return RunFolder(out).start([recording], methods, options, resume=resume, arguments=["mnsf"])
 
 
 def test_run_tells_what_it_was(tmp_path, recording):
@@ -285,7 +285,7 @@ def test_recording_that_has_moved_is_the_same(tmp_path):
     start(tmp_path / "out", small.recording_at(bag))
     moved = bag.rename(tmp_path / "drive")
     start(tmp_path / "out", small.recording_at(moved), resume=True)
-    (known,) = known_recordings(tmp_path / "out")
+    (known,) = RunFolder(tmp_path / "out").known_recordings()
     assert known.path == str(moved)
 
 
@@ -353,16 +353,16 @@ def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
 
     start(tmp_path / "out", damaged("old"))
     start(tmp_path / "out", damaged("new"), resume=True)
-    (known,) = known_recordings(tmp_path / "out")
+    (known,) = RunFolder(tmp_path / "out").known_recordings()
     assert known.damages == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
 
 
 def test_folder_without_a_run_has_no_known_recordings(tmp_path):
-    assert known_recordings(tmp_path / "nowhere") == []
-    assert known_recordings(tmp_path) == []
+    assert RunFolder(tmp_path / "nowhere").known_recordings() == []
+    assert RunFolder(tmp_path).known_recordings() == []
     (tmp_path / "text.txt").touch()
     with pytest.raises(EvaluationError, match="holds no run"):
-        known_recordings(tmp_path)
+        RunFolder(tmp_path).known_recordings()
 
 
 def test_path_that_is_no_text_comes_back(tmp_path, recording):

@@ -11,7 +11,7 @@ import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.recordings import recording_names
-from mnsf_ros.evaluation.run_start import known_recordings, start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
 
 
@@ -113,8 +113,8 @@ def test_recording_that_is_not_there_is_itself(tmp_path):
 
 
 def resume(out, recording):
-    return start_or_resume(
-        out, [recording], small.methods_of(["ego"]), small.options(), resume=True
+    return RunFolder(out).start(
+        [recording], small.methods_of(["ego"]), small.options(), resume=True
     )
 
 
@@ -132,5 +132,5 @@ def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, 
     recording = small.recording_at(bags[0])
     for has_checksums in (before, now):
         resume(tmp_path / "out", replace(recording, has_checksums=has_checksums))
-    (known,) = known_recordings(tmp_path / "out")
+    (known,) = RunFolder(tmp_path / "out").known_recordings()
     assert known.has_checksums == (before and now)

@@ -12,7 +12,7 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics, recording_names
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.runner import (
     TaskFailed,
     TaskRestarted,
@@ -43,14 +43,24 @@ def rows_of(task, options, skipped=frozenset()):
 
 
 def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_serially, watch=None):
-    """Runs what is left to do and returns the outcome and the folder."""
+    """Runs what is left to do; returns the tasks that gave up, the events, and the folder."""
     options = options or small.options()
     recordings, methods = [small.recording_at(bag)], small.methods_of(methods, options)
-    folder = start_or_resume(out, recordings, methods, options, resume=resume)
+    folder = RunFolder(out).start(recordings, methods, options, resume=resume)
     runs = plan_runs(recordings, methods, options, folder)
-    watched = watch or (lambda task, event: None)
-    outcome = run_evaluation(runs, options, folder, execute=execute, watch=watched)
-    return outcome, folder
+    events = []
+
+    def watched(task, event):
+        events.append(event)
+        if watch is not None:
+            watch(task, event)
+
+    failed = run_evaluation(runs, options, folder, execute=execute, watch=watched)
+    return failed, events, folder
+
+
+def num_rows(events):
+    return sum(isinstance(event, ResultRow) for event in events)
 
 
 def test_odometry_is_right_about_all_that_stands_still(bag):
@@ -150,9 +160,9 @@ def test_predictions_of_another_program_are_scored(bag, tmp_path):
 
 
 def test_run_writes_rows_and_tasks(bag, tmp_path):
-    outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"])
-    assert outcome.num_new_rows == 10
-    assert not outcome.failed
+    failed, events, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"])
+    assert num_rows(events) == 10
+    assert not failed
     rows = list(folder.rows())
     assert [(row.method, row.number) for row in rows] == [
         (method, number) for method in ("zero", "ego") for number in range(1, 6)
@@ -163,8 +173,8 @@ def test_run_writes_rows_and_tasks(bag, tmp_path):
 def test_resume_of_a_finished_run_does_nothing(bag, tmp_path):
     evaluate(tmp_path / "out", bag, ["ego"])
     before = (tmp_path / "out" / "rows.jsonl").read_bytes()
-    outcome, _ = evaluate(tmp_path / "out", bag, ["ego"], resume=True)
-    assert outcome.num_new_rows == 0
+    _, events, _ = evaluate(tmp_path / "out", bag, ["ego"], resume=True)
+    assert events == []
     assert (tmp_path / "out" / "rows.jsonl").read_bytes() == before
 
 
@@ -183,18 +193,23 @@ def interrupted_after(num_rows):
     return watch
 
 
-@pytest.mark.parametrize("changes", [{}, WARM], ids=["cold", "warm"])
-@pytest.mark.parametrize("num_rows", [1, 3, 5, 6, 8])
-def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, changes, num_rows):
-    options = small.options(changes)
-    methods = ["mnsf", "fnsf"]
-    _, whole = evaluate(tmp_path / "whole", bag, methods, options)
+@pytest.fixture(scope="module", params=[{}, WARM], ids=["cold", "warm"])
+def whole(request, bag, tmp_path_factory):
+    """Changed settings, and the folder of a run with them that was not interrupted."""
+    out, options = tmp_path_factory.mktemp("runs") / "whole", small.options(request.param)
+    return request.param, evaluate(out, bag, ["mnsf", "fnsf"], options)[-1]
+
+
+@pytest.mark.parametrize("number", [1, 3, 5, 6, 8])
+def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, whole, number):
+    changes, expected = whole
+    options, methods = small.options(changes), ["mnsf", "fnsf"]
     with pytest.raises(Stop):
-        evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(num_rows))
+        evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(number))
     kept = {(r.method, r.number): r.time_ms for r in list(_folder(tmp_path / "out").rows())}
-    assert len(kept) == num_rows - (num_rows > 5)
-    _, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
-    assert by_key(resumed) == by_key(whole)
+    assert len(kept) == number - (number > 5)
+    *_, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
+    assert by_key(resumed) == by_key(expected)
     assert len(list(resumed.rows())) == 10
     if not changes:
         # What was there was not computed again.
@@ -234,8 +249,8 @@ def by_key(folder):
 
 def test_method_added_to_a_run_is_all_that_is_computed(bag, tmp_path):
     evaluate(tmp_path / "out", bag, ["zero"])
-    outcome, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"], resume=True)
-    assert outcome.num_new_rows == 5
+    _, events, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"], resume=True)
+    assert num_rows(events) == 5
     assert len(list(folder.rows())) == 10
 
 
@@ -255,9 +270,8 @@ def row(number, method="ego"):
 
 def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
     events = [row(1), row(2), TaskRestarted("lost"), row(2), row(3), Findings()]
-    outcome, folder = evaluate(tmp_path / "out", bag, ["ego"], execute=scripted(events))
+    *_, folder = evaluate(tmp_path / "out", bag, ["ego"], execute=scripted(events))
     assert [item.number for item in folder.rows()] == [1, 2, 3]
-    assert outcome.restarted == {("drive", "ego"): "lost"}
 
 
 def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(bag, tmp_path):
@@ -265,15 +279,15 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
     events = [row(1, method), row(2, method), TaskRestarted("lost"), row(1, method)]
     execute = scripted([*events, TaskFailed("lost again")])
     options = small.options(WARM)
-    outcome, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
+    failed, _, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
     assert [item.number for item in folder.rows()] == [1]
-    assert outcome.failed == {("drive", method): "lost again"}
+    assert failed == {("drive", method): "lost again"}
     assert folder.read_finished() == {}
 
 
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
-    outcome, folder = evaluate(tmp_path / "out", bag, ["mnfs", "ego"])
-    assert "unknown method 'mnfs'" in outcome.failed["drive", "mnfs"]
+    failed, _, folder = evaluate(tmp_path / "out", bag, ["mnfs", "ego"])
+    assert "unknown method 'mnfs'" in failed["drive", "mnfs"]
     assert len(list(folder.rows())) == 5
 
 

@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 import zlib
+from functools import cache
 
 import lz4.frame
 import pytest
@@ -39,6 +40,7 @@ MEBIBYTE = 2**20
 PEAK_MIB = 400 + 3 * MAX_BYTES // MEBIBYTE
 
 
+@cache
 def zstd_bomb(size=HUGE, *, is_size_known=False):
     """Zeros: a few hundred kilobytes for gigabytes."""
     compressor = zstd.ZstdCompressor()

@@ -7,7 +7,7 @@ import numpy as np
 from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
-from mnsf_ros.evaluation.run_folder import structured
+from mnsf_ros.evaluation.run_json import structured
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import preset
 

@@ -6,9 +6,9 @@ import pytest
 from small_runs import row, rows, run_record
 
 from mnsf_ros.evaluation.results import DROPPED
-from mnsf_ros.evaluation.results_files import results_of
-from mnsf_ros.evaluation.text_table import TextTable
+from mnsf_ros.evaluation.run_results import results_of
 from mnsf_ros.report.page import band_names, best_cells, stage_times_ms
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.report.worst import focus_method, worst_rows
 
 

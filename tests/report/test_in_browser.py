@@ -10,7 +10,7 @@ import subprocess
 import pytest
 from small_runs import pictured, rows, run_record
 
-from mnsf_ros.evaluation.results_files import results_of
+from mnsf_ros.evaluation.run_results import results_of
 from mnsf_ros.report.page import write_report
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -28,9 +28,9 @@ def browse(tmp_path, page, *options):
     )
 
 
-@pytest.fixture
-def page(tmp_path):
-    path = tmp_path / "report.html"
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
     write_report(results_of(run_record(), rows()), path, pictured=[pictured()])
     return path
 
@@ -55,8 +55,9 @@ def test_page_renders_without_complaints_and_requests(tmp_path, page):
 
 def test_a_broken_page_would_be_noticed(tmp_path, page):
     text = page.read_text().replace("</main>", '<img src="http://127.0.0.1:9/x.png"></main>')
-    page.write_text(text)
-    assert "CONSOLE" in browse(tmp_path, page, "--dump-dom").stderr
+    broken = tmp_path / "broken.html"
+    broken.write_text(text)
+    assert "CONSOLE" in browse(tmp_path, broken, "--dump-dom").stderr
 
 
 def test_long_name_does_not_run_off_the_page(tmp_path):

@@ -16,9 +16,9 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.results_files import read_results
-from mnsf_ros.evaluation.run_folder import RunFolder, plain, structured, to_json
-from mnsf_ros.evaluation.run_start import start_or_resume
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_json import plain, structured, to_json
+from mnsf_ros.evaluation.run_results import read_results
 from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -28,6 +28,8 @@ from mnsf_ros.report.run_report import report_run
 from mnsf_ros.report.worst import badness
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
+
+pytestmark = pytest.mark.usefixtures("without_drawing")
 
 METHODS = ["ego", "zero"]
 
@@ -45,7 +47,7 @@ def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
     options = EvaluationOptions(settings, num_points=80, seed=3, flow_folder=folder)
     recording = choose_topics(inspect_recording(street), "street")
     methods = evaluated_methods(methods, options)
-    run_folder = start_or_resume(out, [recording], methods, options, resume=False)
+    run_folder = RunFolder(out).start([recording], methods, options, resume=False)
     run_evaluation(plan_runs([recording], methods, options, run_folder), options, run_folder)
     return out
 

@@ -11,7 +11,7 @@ from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_rec
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.results import Failure, FailureKind
-from mnsf_ros.evaluation.results_files import results_of
+from mnsf_ros.evaluation.run_results import results_of
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.worst import missed_movers
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.results_files import read_results
 from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_results import read_results
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import preset
 from mnsf_ros.report.run_report import report_run

@@ -7,16 +7,17 @@ import dataclasses
 import io
 import math
 from collections.abc import Iterable, Iterator
-from functools import cached_property
 from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
-from mnsf_ros.evaluation.notes import Note, nearest_preset, notes_of, protocol_text
-from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
-from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
+from mnsf_ros.evaluation.notes import nearest_preset
+from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.tables import further_tables, main_tables
+from mnsf_ros.evaluation.run_results import RunResults
+from mnsf_ros.report.tables import further_tables, main_tables
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
@@ -30,58 +31,6 @@ _CSV_MOVERS: Final = (
 _CSV_GROUPS: Final = {"fast": FAST.name, "slow": SLOW.name}
 _CSV_GROUP: Final = ("found", "flicker", "delay_s")
 _CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENCY)
-
-
-@dataclasses.dataclass(frozen=True)
-class RunResults:
-    """All that a run gave.
-
-    Attributes:
-        record: What was run.
-        rows: One for each example and method, by recording and sweep.
-        summaries: One for each method.
-        protocol: Sentences on what the figures are figures of.
-        notes: What makes them less certain.
-    """
-
-    record: RunRecord
-    rows: list[ResultRow]
-    summaries: list[MethodSummary]
-    protocol: list[str]
-    notes: list[Note]
-
-    @property
-    def is_incomplete(self) -> bool:
-        """Whether a recording was not evaluated as a whole."""
-        return any(note.kind.is_incomplete for note in self.notes)
-
-    @cached_property
-    def by_recording(self) -> dict[str, list[MethodSummary]]:
-        """Name of each recording to the summaries of the methods on it alone."""
-        rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in self.record.recordings}
-        for row in self.rows:
-            rows_of.setdefault(row.recording, []).append(row)
-        order = self.record.method_names
-        return {name: summarize(rows, order) for name, rows in rows_of.items()}
-
-
-def read_results(folder: RunFolder) -> RunResults:
-    """Reads what a run has given so far.
-
-    Raises:
-        EvaluationError: There is no run, or its files are damaged.
-    """
-    return results_of(folder.read_record(), folder.rows(), folder.read_finished().values())
-
-
-def results_of(
-    record: RunRecord, rows: Iterable[ResultRow], finished: Iterable[FinishedTask] = ()
-) -> RunResults:
-    """Returns what a run gave, from its rows in any order and what its tasks noticed."""
-    rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
-    summaries = summarize(rows, record.method_names)
-    protocol = protocol_text(record, summaries)
-    return RunResults(record, rows, summaries, protocol, notes_of(record, finished, rows))
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:

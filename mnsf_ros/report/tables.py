@@ -11,13 +11,48 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup
 from mnsf_ros.evaluation.movers import LostBy
 from mnsf_ros.evaluation.results import MethodSummary
-from mnsf_ros.evaluation.text_table import Better, TextTable, format_number, format_percent
+from mnsf_ros.report.text_table import (
+    Better,
+    Column,
+    TextTable,
+    format_number,
+    format_percent,
+    table_of,
+)
 
-_ERROR_COLUMNS: Final = ("EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)")
-_ERROR_BETTER: Final[tuple[Better, ...]] = (min, max, max, min, min)
-_TIME_COLUMN: Final = "time (ms)"
-
-
+_ERRORS: Final = (
+    Column("EPE (m)", lambda one: format_number(one.epe_m, 3), min),
+    Column("Acc5 (%)", lambda one: format_percent(one.acc5), max),
+    Column("Acc10 (%)", lambda one: format_percent(one.acc10), max),
+    Column("Outliers (%)", lambda one: format_percent(one.outliers), min),
+    Column("angle (rad)", lambda one: format_number(one.angle_error_rad, 3), min),
+)
+_MOVERS: Final = (
+    Column("precision (%)", lambda one: format_percent(one.precision), max),
+    Column("recall (%)", lambda one: format_percent(one.recall), max),
+    Column("IoU (%)", lambda one: format_percent(one.iou), max),
+    Column("false movers per sweep", lambda one: format_number(one.ghosts_per_sweep, 2), min),
+    Column("sweeps with one (%)", lambda one: format_percent(one.ghost_sweeps), min),
+    Column("velocity error (m/s)", lambda one: format_number(one.velocity_error_m_s, 2), min),
+    Column("direction error (deg)", lambda one: format_number(one.direction_error_deg, 1), min),
+    Column("after a stop (s)", lambda one: format_number(one.after_stop_s, 1), min),
+)
+_OBJECTS: Final = (
+    Column("found (%)", lambda one: format_percent(one.found)),
+    Column("flicker (%)", lambda one: format_percent(one.flicker)),
+    Column("delay (s)", lambda one: format_number(one.delay_s, 2)),
+    Column("movers", lambda one: f"{one.num_movers:,}"),
+    Column("mover-sweeps", lambda one: f"{one.num_sweeps:,}"),
+)
+_WORK: Final = (
+    Column("flows", lambda one: str(one.num_examples)),
+    Column("failed", lambda one: str(one.num_failed)),
+    Column("dropped", lambda one: str(one.num_dropped)),
+    Column("time (ms)", lambda one: format_number(one.time_ms, 0), min),
+    Column("latency (ms)", lambda one: format_number(one.latency_ms, 0)),
+    Column("warm starts", lambda one: str(one.starts.get("warm", 0))),
+    Column("out of time", lambda one: str(one.stop_reasons.get("time_budget", 0))),
+)
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
@@ -37,24 +72,11 @@ def errors_table(
     `times_ms` has the wall time of one estimate for each row; None leaves the column out, and a row
     that is missing, or NaN, gets a dash.
     """
-    header = [row_title, *_ERROR_COLUMNS]
-    rows = [[name, *_error_cells(row_errors)] for name, row_errors in errors.items()]
-    if times_ms is not None:
-        header.append(_TIME_COLUMN)
-        for row in rows:
-            row.append(format_number(times_ms.get(row[0], math.nan), 0))
-    better = (None, *_ERROR_BETTER, *([] if times_ms is None else [min]))
-    return TextTable(header, rows, title, better)
-
-
-def _error_cells(errors: FlowErrors) -> list[str]:
-    return [
-        format_number(errors.epe_m, 3),
-        format_percent(errors.acc5),
-        format_percent(errors.acc10),
-        format_percent(errors.outliers),
-        format_number(errors.angle_error_rad, 3),
-    ]
+    table = table_of(errors.items(), _ERRORS, title, row_title)
+    if times_ms is None:
+        return table
+    times = (format_number(times_ms.get(name, math.nan), 0) for name in errors)
+    return table.with_column("time (ms)", times, min)
 
 
 def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
@@ -81,31 +103,9 @@ def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
 
 def movers_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     """Returns how right methods are about what moves; None if nothing is known of that."""
-    columns: dict[str, tuple[str, int, float, Better]] = {
-        "precision": ("precision (%)", 1, 100.0, max),
-        "recall": ("recall (%)", 1, 100.0, max),
-        "iou": ("IoU (%)", 1, 100.0, max),
-        "ghosts_per_sweep": ("false movers per sweep", 2, 1.0, min),
-        "ghost_sweeps": ("sweeps with one (%)", 1, 100.0, min),
-        "velocity_error_m_s": ("velocity error (m/s)", 2, 1.0, min),
-        "direction_error_deg": ("direction error (deg)", 1, 1.0, min),
-        "after_stop_s": ("after a stop (s)", 1, 1.0, min),
-    }
-    rows = [
-        [
-            summary.method,
-            *(
-                format_number(factor * getattr(summary.movers, key), decimals)
-                for key, (_, decimals, factor, _) in columns.items()
-            ),
-        ]
-        for summary in summaries
-        if summary.movers is not None
-    ]
-    header = ["method", *(title for title, *_ in columns.values())]
-    better = [None, *(better for *_, better in columns.values())]
+    rows = [(one.method, one.movers) for one in summaries if one.movers is not None]
     title = "Points called dynamic, and tracked objects (median; after a stop: longest time)"
-    return TextTable(header, rows, title, better) if rows else None
+    return table_of(rows, _MOVERS, title) if rows else None
 
 
 def objects_table(
@@ -113,22 +113,14 @@ def objects_table(
 ) -> TextTable | None:
     """Returns how well movers are found and followed; None without object ids in the truth."""
     rows = [
-        [
-            f"{summary.method}: {group.name}",
-            format_percent(known.found),
-            format_percent(known.flicker),
-            format_number(known.delay_s, 2),
-            f"{known.num_movers:,}",
-            f"{known.num_sweeps:,}",
-        ]
+        (f"{summary.method}: {group.name}", known)
         for summary in summaries
         if summary.movers is not None
         for group in groups
         if (known := summary.movers.groups.get(group.name)) is not None
     ]
-    header = ["movers", "found (%)", "flicker (%)", "delay (s)", "movers", "mover-sweeps"]
     title = "Objects that move, of 20 points and more"
-    return TextTable(header, rows, title) if rows else None
+    return table_of(rows, _OBJECTS, title, "movers") if rows else None
 
 
 def losses_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
@@ -200,22 +192,8 @@ def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
 
 def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
     """Returns how many examples there were, what became of them and how long they took."""
-    header = ["method", "flows", "failed", "dropped", "time (ms)", "latency (ms)"]
-    better = [None, None, None, None, min, None, None, None]
-    header += ["warm starts", "out of time"]
-    rows = [
-        [
-            summary.method,
-            *map(str, (summary.num_examples, summary.num_failed, summary.num_dropped)),
-            format_number(summary.time_ms, 0),
-            format_number(summary.latency_ms, 0),
-            str(summary.starts.get("warm", 0)),
-            str(summary.stop_reasons.get("time_budget", 0)),
-        ]
-        for summary in summaries
-    ]
     title = "Examples (out of time: optimizations ended by their time budget)"
-    return TextTable(header, rows, title, better)
+    return table_of(((one.method, one) for one in summaries), _WORK, title)
 
 
 def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.tables import errors_table
-from mnsf_ros.evaluation.text_table import TextTable, format_number, format_percent
+from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.text_table import TextTable, format_number, format_percent
 
 FNSF = FlowErrors(0.0754, 0.85342, 0.9254, 0.328, 0.2861, 1000)
 EMPTY = FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)

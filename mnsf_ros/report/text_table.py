@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -53,6 +53,11 @@ class TextTable:
                     f"row {number} of the table has {len(row)} cells {tuple(row)!r}, "
                     f"expected {len(self.header)}: {tuple(self.header)!r}"
                 )
+
+    def with_column(self, title: str, cells: Iterable[str], better: Better | None) -> TextTable:
+        """Returns the table with one more column at its right end."""
+        rows = [[*row, cell] for row, cell in zip(self.rows, cells, strict=True)]
+        return TextTable([*self.header, title], rows, self.title, [*self.better, better])
 
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""
@@ -118,6 +123,27 @@ class TextTable:
         title = self.header[place]
         title_width = _word_width(title) if title_breaks else cell_len(title)
         return max([title_width, *(cell_len(row[place]) for row in self.rows)])
+
+
+class Column(NamedTuple):
+    """A column of a table: its title, the cell of a row, and what chooses its best value."""
+
+    title: str
+    cell: Callable[[Any], str]
+    better: Better | None = None
+
+
+def table_of(
+    rows: Iterable[tuple[str, Any]],
+    columns: Sequence[Column],
+    title: str = "",
+    row_title: str = "method",
+) -> TextTable:
+    """Returns a table of rows that are given as their names and what they show."""
+    cells = [[name, *(column.cell(row) for column in columns)] for name, row in rows]
+    header = [row_title, *(column.title for column in columns)]
+    better = [None, *(column.better for column in columns)]
+    return TextTable(header, cells, title, better)
 
 
 def format_number(value: float, decimals: int) -> str:
