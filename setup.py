@@ -74,6 +74,8 @@ setup(
         "ray": ["ray>=2.40"],
         "test": ["pytest>=7.4,<9", "import-linter>=2"],
         "lint": ["ruff", "mypy"],
+        # What `make benchmark-online` compares the cost with.
+        "benchmark": ["kiss-icp>=1.2,<2"],
     },
     entry_points={
         "console_scripts": [

@@ -106,7 +106,7 @@ def _played(
     def on_flow(flow: ReceivedFlow) -> None:
         arrived_s[flow.stamp_ns] = flow.arrived_s
 
-    clouds = [_serialized(sweep) for sweep in sweeps]
+    clouds = [serialized(sweep) for sweep in sweeps]
     turns = [*range(len(clouds)), *range(len(clouds) - 2, 0, -1)]
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -121,14 +121,21 @@ def _played(
         for index in range(duration_s * 10):
             link.spin_for(start_s + index * INTERVAL_NS / 1e9 - time.monotonic())
             raw = clouds[turns[index % len(turns)]]
-            struct.pack_into("<iI", raw, _STAMP_AT, *divmod(10**18 + index * INTERVAL_NS, 10**9))
+            stamped = with_stamp(raw, 10**18 + index * INTERVAL_NS)
             now_s = time.monotonic()
-            published_s[link.publish(bytes(raw))] = now_s
+            published_s[link.publish(stamped)] = now_s
         link.spin_for(3.0)
         return published_s, arrived_s, node.memory_mb
 
 
-def _serialized(sweep: Sweep) -> bytearray:
+def with_stamp(raw: bytearray, stamp_ns: int) -> bytes:
+    """Returns a serialized cloud with another stamp."""
+    struct.pack_into("<iI", raw, _STAMP_AT, *divmod(stamp_ns, 10**9))
+    return bytes(raw)
+
+
+def serialized(sweep: Sweep) -> bytearray:
+    """Returns the message of a sweep, with an intensity, as the bytes on the wire."""
     columns = {axis: np.ascontiguousarray(sweep.xyz[:, i]) for i, axis in enumerate("xyz")}
     columns["intensity"] = np.zeros(len(sweep), np.float32)
     encoded = encode_columns(columns, 1, len(sweep))

@@ -1,6 +1,6 @@
 """The online method against its targets: speed, accuracy, memory, reproducibility.
 
-    python benchmarks/online_targets.py [--parts accuracy resources live] [--document FILE]
+    python benchmarks/online_targets.py [--parts accuracy resources cost live] [--document FILE]
 
 Everything is measured in this one run: live latency with the real node over DDS, errors beside the
 project's own faithful FNSF and MNSF (preset `paper`) and beside ego motion alone, on the recordings
@@ -22,11 +22,17 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 from marked_section import replace_section
 from online_accuracy import accuracy_tables
+from online_cost import cost_tables
 from online_live import live_tables
 from online_resources import resource_tables
 from rich.console import Console
 
-PARTS = {"accuracy": accuracy_tables, "resources": resource_tables, "live": live_tables}
+PARTS = {
+    "accuracy": accuracy_tables,
+    "resources": resource_tables,
+    "cost": cost_tables,
+    "live": live_tables,
+}
 
 
 def main() -> None:

@@ -40,10 +40,28 @@ class NodeProcess:
     @property
     def memory_mb(self) -> float:
         """Most memory that the process has had so far; NaN where the system does not tell."""
+        return self._status_mb("VmHWM")
+
+    @property
+    def resident_mb(self) -> float:
+        """Memory that the process has now; NaN where the system does not tell."""
+        return self._status_mb("VmRSS")
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time of all its threads so far; NaN where the system does not tell."""
+        stat = Path(f"/proc/{self._process.pid}/stat")
+        if not stat.exists():
+            return float("nan")
+        # The name before the last bracket may have spaces in it.
+        user, system = stat.read_text().rpartition(")")[2].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+    def _status_mb(self, name: str) -> float:
         status = Path(f"/proc/{self._process.pid}/status")
         lines = status.read_text().splitlines() if status.exists() else []
-        peaks = [float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")]
-        return peaks[0] if peaks else float("nan")
+        values = [float(line.split()[1]) / 1e3 for line in lines if line.startswith(name)]
+        return values[0] if values else float("nan")
 
     def failure(self, what: str) -> NodeProcessError:
         """An error with the last lines that the node said."""

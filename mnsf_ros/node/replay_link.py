@@ -79,8 +79,12 @@ class ReplayLink:
     @property
     def is_connected(self) -> bool:
         """Whether the scene flow node listens and will be heard."""
-        is_heard = self._publisher.get_subscription_count() > 0
-        return bool(is_heard and self._node.count_publishers(self._flow.topic_name) > 0)
+        return self.is_heard and bool(self._node.count_publishers(self._flow.topic_name))
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether the scene flow node listens."""
+        return bool(self._publisher.get_subscription_count() > 0)
 
     def publish(self, raw: bytes) -> int:
         """Publishes a serialized cloud; returns the stamp in its header, nanoseconds.

@@ -1,0 +1,243 @@
+"""What the online method costs: CPU beside KISS-ICP on the same sweeps, memory, and the start."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from online_live import serialized, with_stamp
+from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps
+
+from mnsf_ros.demo.node_process import NodeProcess, node_process
+from mnsf_ros.evaluation.text_table import TextTable
+from mnsf_ros.methods import make_method
+from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.node.replay_link import ReplayLink
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+# The first estimates are left out: nothing is known yet, and the caches are cold.
+_WARM_UP: Final = 4
+_SWEEPS_PER_TURN: Final = 8
+# Slowly enough that nothing is dropped on a busy machine.
+_INTERVAL_S: Final = 0.5
+_MAX_ESTIMATE: Final = 0.5
+_MAX_PROCESS: Final = 0.75
+_MAX_SHARE: Final = 0.5
+_MAX_MEMORY_MB: Final = 250
+_MAX_LEFT_MB: Final = 20
+_MAX_START_S: Final = 1.0
+_NUM_LARGE: Final = 2_000_000
+_START_TIMEOUT_S: Final = 120
+_TOPICS: Final = {
+    "~/flow": "/scene_flow/flow",
+    "~/flow/moving": "/scene_flow/flow/moving",
+    "~/objects": "/scene_flow/objects",
+}
+
+
+# A KISS-ICP, or None where the package is not installed.
+Kiss: TypeAlias = Any
+
+
+def cost_tables(*, quick: bool) -> Iterator[TextTable]:
+    """One table: a row for each target."""
+    prepare_environment()
+    full = [replace(item.sweep, times_s=None) for item in real_sweeps("kitti_0005")[:24]]
+    full = full or [item.sweep for item in simulated_sweeps(0, 24)]
+    kiss = _kiss_icp()
+    ours_ms, theirs_ms = _estimate_and_kiss_ms(full, kiss)
+    rows = [
+        _ratio_row("CPU of one estimate", ours_ms / theirs_ms, ours_ms, _MAX_ESTIMATE),
+        *_process_rows(full, kiss, num_rounds=3 if quick else 10),
+        *_memory_rows(full),
+    ]
+    yield TextTable(["target", "limit", "measured", ""], rows, f"Cost, {len(full[0]):,} points")
+
+
+def _ratio_row(name: str, ratio: float, own_ms: float, limit: float) -> list[str]:
+    if np.isnan(ratio):
+        name = f"{name} over KISS-ICP's (not installed: pip install '.[benchmark]')"
+        return [name, f"{limit}", f"{own_ms:.0f} ms", "-"]
+    text = f"{ratio:.2f} ({own_ms:.0f} ms)"
+    return [f"{name} over KISS-ICP's, one thread", f"{limit}", text, _verdict(ratio <= limit)]
+
+
+def _estimate_and_kiss_ms(sweeps: Sequence[Sweep], kiss: Kiss) -> tuple[float, float]:
+    """CPU of one estimate and of one registration, alternately; NaN without KISS-ICP."""
+    estimator = make_method("online", preset("online").changed({"compute.num_threads": 1}))
+    ours, theirs = [], []
+    for triplet in zip(sweeps, sweeps[1:], sweeps[2:], strict=False):
+        start_s = time.process_time()
+        estimator.estimate(SweepTriplet(*triplet))
+        ours.append(1e3 * (time.process_time() - start_s))
+        theirs.append(_kiss_ms(kiss, triplet[2]))
+    return float(np.median(ours[_WARM_UP:])), float(np.median(theirs[_WARM_UP:]))
+
+
+def _kiss_ms(kiss: Kiss, sweep: Sweep) -> float:
+    """CPU of the registration of a sweep."""
+    if kiss is None:
+        return float("nan")
+    xyz = sweep.xyz.astype(np.float64)
+    start_s = time.process_time()
+    kiss.register_frame(xyz, np.zeros(0))
+    return 1e3 * (time.process_time() - start_s)
+
+
+def _process_rows(sweeps: Sequence[Sweep], kiss: Kiss, num_rounds: int) -> Iterator[list[str]]:
+    """CPU of the node's whole process a sweep, by what is subscribed to, in turns."""
+    costs_ms: dict[str, list[float]] = {name: [] for name in (*_TOPICS, "nothing")}
+    ratios = []
+    with _running_node("-p", "node.always_estimate:=true") as (node, link, start_s):
+        clouds, index = _turns(sweeps), 0
+        for round_number in range(-1, num_rounds):
+            for name, values in costs_ms.items():
+                with _subscriber(_TOPICS.get(name)):
+                    before_s = node.cpu_s
+                    _play(link, clouds, index, _SWEEPS_PER_TURN)
+                    used_ms = 1e3 * (node.cpu_s - before_s) / _SWEEPS_PER_TURN
+                index += _SWEEPS_PER_TURN
+                if round_number >= 0:
+                    values.append(used_ms)
+            theirs_ms = [_kiss_ms(kiss, sweep) for sweep in sweeps[:_SWEEPS_PER_TURN]]
+            if round_number >= 0:
+                ratios.append(costs_ms["~/flow"][-1] / float(np.median(theirs_ms)))
+    yield [
+        "start until ready",
+        f"{_MAX_START_S} s",
+        f"{start_s:.1f} s",
+        _verdict(start_s <= _MAX_START_S),
+    ]
+    own_ms = {name: float(np.median(values)) for name, values in costs_ms.items()}
+    ratio = float(np.median(ratios))
+    yield _ratio_row("CPU of the node a sweep, ~/flow", ratio, own_ms["~/flow"], _MAX_PROCESS)
+    whole_ms = own_ms["~/flow"] - own_ms["nothing"]
+    for name in list(_TOPICS)[1:]:
+        part_ms = own_ms[name] - own_ms["nothing"]
+        share = part_ms / whole_ms
+        row = f"CPU of building and sending {name}, over that of ~/flow"
+        text = f"{share:.2f} ({part_ms:.0f} ms, {whole_ms:.0f} ms)"
+        yield [row, f"{_MAX_SHARE}", text, _verdict(share <= _MAX_SHARE)]
+
+
+@contextlib.contextmanager
+def _subscriber(topic: str | None) -> Iterator[None]:
+    """Somebody who subscribes to a topic and, once it is found, only lets clouds come."""
+    if topic is None:
+        yield
+        return
+    import rclpy
+    from rclpy.context import Context
+    from sensor_msgs.msg import PointCloud2
+
+    context = Context()
+    rclpy.init(args=[], context=context)
+    listener = rclpy.create_node("cost_listener", context=context)
+    subscription = listener.create_subscription(PointCloud2, topic, lambda raw: None, 1, raw=True)
+    deadline_s = time.monotonic() + _START_TIMEOUT_S
+    while subscription.get_publisher_count() == 0 and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    yield
+    listener.destroy_node()
+    context.try_shutdown()
+
+
+def _kiss_icp() -> Kiss:
+    if importlib.util.find_spec("kiss_icp") is None:
+        return None
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.kiss_icp import KissICP
+
+    config = KISSConfig()
+    config.data.max_range, config.data.min_range, config.data.deskew = 100.0, 1.0, False
+    config.registration.max_num_threads, config.mapping.voxel_size = 1, 1.0
+    return KissICP(config)
+
+
+def _memory_rows(sweeps: Sequence[Sweep]) -> Iterator[list[str]]:
+    """Memory of the node before, with and after clouds that are far larger."""
+    with _running_node() as (node, link, _), _subscriber(_TOPICS["~/flow"]):
+        clouds = _turns(sweeps)
+        _play(link, clouds, 0, 20)
+        before_mb = node.resident_mb
+        yield [
+            "memory of the node, full sweeps",
+            f"{_MAX_MEMORY_MB} MB",
+            f"{before_mb:.0f} MB",
+            _verdict(before_mb <= _MAX_MEMORY_MB),
+        ]
+        _play(link, [_large_cloud(sweeps[0])], 20, 5, interval_s=4.0)
+        large_mb = node.resident_mb
+        _play(link, clouds, 25, 30)
+        after_mb, limit_mb = node.resident_mb, before_mb + _MAX_LEFT_MB
+        yield [
+            f"memory of the node after sweeps of {_NUM_LARGE:,} points ({large_mb:.0f} MB)",
+            f"{limit_mb:.0f} MB",
+            f"{after_mb:.0f} MB",
+            _verdict(after_mb <= limit_mb),
+        ]
+
+
+def _large_cloud(sweep: Sweep) -> bytearray:
+    """Two million points around those of a sweep."""
+    times = -(-_NUM_LARGE // len(sweep))
+    noise = np.random.default_rng(0).normal(scale=0.02, size=(times * len(sweep), 3))
+    xyz = (np.tile(sweep.xyz, (times, 1)) + noise)[:_NUM_LARGE].astype(np.float32)
+    return serialized(Sweep(xyz))
+
+
+@contextlib.contextmanager
+def _running_node(*arguments: str) -> Iterator[tuple[NodeProcess, ReplayLink, float]]:
+    """A node that nobody subscribes to, and how many seconds it took to subscribe to the clouds."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ReplayLink("/points", "/nothing", lambda flow: None, lambda raw: None) as link,
+    ):
+        log, start_s = Path(folder) / "node.log", time.monotonic()
+        with node_process(["-r", "~/points:=/points", *arguments], log) as node:
+            while not link.is_heard and time.monotonic() < start_s + _START_TIMEOUT_S:
+                node.check()
+                link.spin_for(0.02)
+            yield node, link, time.monotonic() - start_s
+
+
+def _turns(sweeps: Sequence[Sweep]) -> list[bytearray]:
+    """The clouds of sweeps, there and back again."""
+    clouds = [serialized(sweep) for sweep in sweeps]
+    return [*clouds, *clouds[-2:0:-1]]
+
+
+def _play(
+    link: ReplayLink,
+    clouds: Sequence[bytearray],
+    first: int,
+    number: int,
+    interval_s: float = _INTERVAL_S,
+) -> None:
+    """Publishes clouds as sweeps of 10 Hz, but more slowly, and waits for the diagnostics."""
+    for index in range(first, first + number):
+        link.publish(with_stamp(clouds[index % len(clouds)], 10**18 + index * INTERVAL_NS))
+        link.spin_for(interval_s)
+    link.spin_for(1.0)
+
+
+def _verdict(holds: bool) -> str:
+    return "met" if holds else "MISSED"
+
+
+if __name__ == "__main__":
+    os.environ["OMP_NUM_THREADS"] = "1"
+    from rich.console import Console
+
+    for each in cost_tables(quick=True):
+        Console(width=140).print(each)
