@@ -32,6 +32,8 @@ $(READY): setup.py constraints.txt
 		echo "$(TORCH_INDEX) cannot be reached: torch comes from the default index"
 	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
 	$(PIP) install --constraint $(VENV)/constraints.txt --editable '.[$(EXTRAS)]'
+	@echo "compiling loops for this computer, about a second each"
+	$(BIN)/python -c "import mnsf_ros.methods"
 	touch $@
 
 demo: $(READY)

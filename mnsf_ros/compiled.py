@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
-from typing import TypeVar, cast
+from typing import Final, TypeVar, cast
 
 import numba
+from numba.core import event
+
+_LOG = logging.getLogger(__name__)
+# Numba tells of it only if it does not find the machine code in the cache.
+_COMPILING: Final = "numba:compile"
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -38,3 +44,20 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
 def _jit(signatures: tuple[str, ...], function: Function, *, cache: bool) -> Function:
     decorate = numba.njit(list(signatures), nogil=True, error_model="numpy", cache=cache)
     return cast(Function, decorate(function))
+
+
+class _FirstCompilation(event.Listener):
+    """Says once, before it happens, that this start takes longer than others."""
+
+    def on_start(self, _event: event.Event) -> None:
+        """Logs the line."""
+        _LOG.warning(
+            "loops are compiled for this computer, about a second each; later starts load them"
+        )
+        event.unregister(_COMPILING, self)  # type: ignore[no-untyped-call]
+
+    def on_end(self, _event: event.Event) -> None:
+        """Says nothing of the end."""
+
+
+event.register(_COMPILING, _FirstCompilation())  # type: ignore[no-untyped-call]

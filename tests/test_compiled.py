@@ -66,3 +66,43 @@ def test_works_with_and_without_a_folder_for_the_cache(tmp_path, has_folder, kin
         check=False,
     )
     assert result.stdout.split() == ["2", kind], result.stderr
+
+
+def _output_of(command, folder, cache):
+    return subprocess.run(
+        [sys.executable, "-B", "-c", command],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": f"{folder}:{ROOT}", "NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
+def test_compiling_is_told_once_and_only_where_it_happens(tmp_path):
+    (tmp_path / "loops.py").write_text(
+        "from mnsf_ros.compiled import compiled\n\n\n"
+        "@compiled('int64(int64)')\ndef one_more(number):\n    return number + 1\n\n\n"
+        "@compiled('int64(int64)')\ndef one_less(number):\n    return number - 1\n"
+    )
+    command = "print('begin', flush=True); import loops; print(loops.one_more(1))"
+    first, second = (_output_of(command, tmp_path, tmp_path / "cache") for _ in range(2))
+    assert first.stdout == second.stdout == "begin\n2\n"
+    assert first.stderr.count("loops are compiled") == 1
+    assert second.stderr == ""
+
+
+def test_setup_compiles_every_loop():
+    """What `make setup` imports has all modules with compiled functions in it."""
+    assert 'python -c "import mnsf_ros.methods"' in (ROOT / "Makefile").read_text()
+    modules = [
+        str(path.relative_to(ROOT).with_suffix("")).replace(os.sep, ".")
+        for path in sorted((ROOT / "mnsf_ros").rglob("*.py"))
+        if "\n@compiled(" in path.read_text()
+    ]
+    command = "import sys, mnsf_ros.methods; print(*sys.modules)"
+    result = subprocess.run(
+        [sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert modules
+    assert set(modules) <= set(result.stdout.split())

@@ -10,6 +10,8 @@ Modules of methods that fit networks are imported when such a method is made: Py
 from __future__ import annotations
 
 import difflib
+import logging
+import sys
 from collections.abc import Callable
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
@@ -27,6 +29,8 @@ from mnsf_ros.methods.without_optimization import (
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings, SettingValue
+
+_LOG = logging.getLogger(__name__)
 
 GROUP: Final = "mnsf_ros.methods"
 COMMAND_PREFIX: Final = "command:"
@@ -49,13 +53,20 @@ def _linear(path: str) -> Callable[..., Any]:
     return partial(_later(path), is_linear=True)
 
 
-_NETWORK: Final = _later("network_estimator:NetworkEstimator")
+def _network(*args: Any, **options: Any) -> SceneFlowEstimator:  # noqa: ANN401 - of its class
+    """A method that fits networks."""
+    if "torch" not in sys.modules:
+        _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+    estimator: SceneFlowEstimator = _called(
+        "mnsf_ros.methods.network_estimator:NetworkEstimator", *args, **options
+    )
+    return estimator
 
 
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
     """The method of the paper, with some settings of its fusion fixed."""
     return partial(
-        _NETWORK,
+        _network,
         flow_of=partial(_later("mnsf:mnsf"), num_fields=num_sweeps - 1),
         num_sweeps=num_sweeps,
         fixed={f"fusion.{name}": value for name, value in changes.items()},
@@ -71,15 +82,15 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     "zero": ZeroEstimator,
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
-    "nsfp": partial(_NETWORK, flow_of=_later("nsfp:nsfp"), distance_kind="tree"),
-    "nsfp-linear": partial(_NETWORK, flow_of=_linear("nsfp:nsfp"), distance_kind="tree"),
-    "fnsf": partial(_NETWORK, flow_of=_later("fnsf:fnsf")),
-    "fnsf-linear": partial(_NETWORK, flow_of=_linear("fnsf:fnsf")),
-    "fnsf-joint": partial(_NETWORK, flow_of=_later("fnsf:fnsf_joint"), num_sweeps=3),
+    "nsfp": partial(_network, flow_of=_later("nsfp:nsfp"), distance_kind="tree"),
+    "nsfp-linear": partial(_network, flow_of=_linear("nsfp:nsfp"), distance_kind="tree"),
+    "fnsf": partial(_network, flow_of=_later("fnsf:fnsf")),
+    "fnsf-linear": partial(_network, flow_of=_linear("fnsf:fnsf")),
+    "fnsf-joint": partial(_network, flow_of=_later("fnsf:fnsf_joint"), num_sweeps=3),
     "fnsf-time": partial(
-        _NETWORK, flow_of=partial(_later("fnsf:fnsf_joint"), has_time=True), num_sweeps=3
+        _network, flow_of=partial(_later("fnsf:fnsf_joint"), has_time=True), num_sweeps=3
     ),
-    "mnsf-cycle": partial(_NETWORK, flow_of=_later("mnsf:mnsf_cycle"), num_sweeps=3),
+    "mnsf-cycle": partial(_network, flow_of=_later("mnsf:mnsf_cycle"), num_sweeps=3),
     # Ablations (a) to (c) of the paper; (d) is the method itself.
     "mnsf-no-backward": _mnsf(2),
     "mnsf-mean": _mnsf(kind="mean"),

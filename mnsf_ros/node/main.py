@@ -16,6 +16,8 @@ from mnsf_ros.node.environment import (
     require_ros,
     transport_fault,
 )
+from mnsf_ros.node.process_memory import keep_memory
+from mnsf_ros.node.ros_log import log_to_ros
 
 if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
@@ -40,6 +42,7 @@ def main() -> None:
     signals = _EndSignals()
     refuse_options(sys.argv[1:])
     prepare_environment()
+    keep_memory()
     try:
         require_ros()
     except NoRosError as error:
@@ -86,6 +89,7 @@ def _run(signals: _EndSignals) -> int:
     status, node = 0, None
     try:
         _init_ros()
+        log_to_ros(get_logger(_LOGGER_NAME))
         fault = transport_fault()
         if fault:
             get_logger(_LOGGER_NAME).warning(fault)

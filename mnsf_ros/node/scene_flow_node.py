@@ -28,6 +28,7 @@ from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.greeting import greeting
 from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
+from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
 from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
@@ -54,6 +55,7 @@ class SceneFlowNode(Node):
         super().__init__(NODE_NAME, **node_options)
         self._settings = declare_parameters(self)
         self._faults = FaultLog(self.get_logger())
+        self._memory = MemoryOfLargeSweeps()
         self._has_told_renamed = False
         self._is_enabled = True
         self._pipeline = OnlinePipeline(
@@ -158,6 +160,7 @@ class SceneFlowNode(Node):
         is_compact = self._settings.output.layout == "compact"
         self._outputs.publish(job.triplet, estimate, is_compact=is_compact)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
+        self._memory.after(len(job.triplet.current))
         if self._has_told_renamed:
             return
         renamed = renamed_fields(job.triplet.current.source.message)

@@ -1,0 +1,76 @@
+"""Memory that large clouds left goes back to the system."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
+
+FULL, LARGE = 120_000, 2_000_000
+
+# Blocks below and above the size that malloc maps by itself, every other one freed last.
+_RETURNED = """
+import numpy as np
+from mnsf_ros.node.process_memory import keep_memory, return_memory
+
+def resident_mb():
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmRSS"))
+
+keep_memory({})
+before_mb = resident_mb()
+blocks = [np.ones(size, np.uint8) for size in (4_000_000, 40_000, 24_000_000) * 10]
+kept = blocks[1::3]
+del blocks
+left_mb = resident_mb()
+return_memory()
+print(left_mb - before_mb, resident_mb() - before_mb)
+"""
+
+
+@pytest.fixture
+def returns():
+    return []
+
+
+@pytest.fixture
+def memory(returns):
+    return MemoryOfLargeSweeps(lambda: returns.append(1))
+
+
+def test_it_is_returned_when_no_large_sweep_is_remembered(memory, returns):
+    for number in (FULL, LARGE, *[FULL] * 15):
+        memory.after(number)
+    assert returns == []
+    memory.after(FULL)
+    assert returns == [1]
+    for _ in range(50):
+        memory.after(FULL)
+    assert returns == [1]
+
+
+def test_sweeps_of_about_the_same_size_keep_it(memory, returns):
+    for index in range(100):
+        memory.after(FULL + 1000 * (index % 7))
+    assert returns == []
+
+
+def test_again_after_another_large_one(memory, returns):
+    for _ in range(3):
+        memory.after(LARGE)
+        for _ in range(20):
+            memory.after(FULL)
+    assert returns == [1, 1, 1]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+def test_the_process_keeps_little_of_what_it_freed():
+    result = subprocess.run(
+        [sys.executable, "-c", _RETURNED], capture_output=True, text=True, check=True
+    )
+    kept_mb, returned_mb = map(float, result.stdout.split())
+    assert kept_mb > 100
+    assert returned_mb < 20
