@@ -23,10 +23,12 @@ class Expectation:
     """What is known of K objects from the sweeps before.
 
     Attributes:
+        is_known: (K,) whether an object has a track.
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
         scores: (K,) logarithm of the odds that their track moves; 0 without one.
     """
 
+    is_known: NDArray[np.bool_]
     motions: NDArray[np.float32]
     scores: NDArray[np.float64]
 
@@ -40,6 +42,7 @@ class Expectation:
     ) -> Expectation:
         """Returns what tracks, as they are expected in the current sweep, say of its objects."""
         some = objects.thinner(_POINTS_PER_OBJECT)
+        is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
         scores = np.zeros(len(some))
         if len(some) > 0 and len(tracks) > 0:
@@ -50,14 +53,8 @@ class Expectation:
             velocities = turned(tracks.velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
             scores[is_known] = tracks.scores[rows[is_known]]
-        return cls(motions, scores)
-
-    @property
-    def is_known(self) -> NDArray[np.bool_]:
-        """(K,) whether an object has a track."""
-        is_known: NDArray[np.bool_] = np.any(self.motions != 0, axis=1)
-        return is_known
+        return cls(is_known, motions, scores)
 
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
         """Returns what is known of the objects of the (K,) mask."""
-        return Expectation(self.motions[wanted], self.scores[wanted])
+        return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import check_device
-from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
+from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.evidence import evidence, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
@@ -23,6 +24,7 @@ from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.static_gate import moves
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -96,47 +98,11 @@ class ObjectFlowEstimator:
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
             scene = Scene.of(triplet, ready, self._memory, self.settings.objects.min_points)
-        with clock.stage("objects"):
-            objects = ObjectPoints.of(scene.current, self.settings.objects)
-            expected = self._memory.expected(scene.current, objects, scene.interval_s)
-            suspects = Suspects.among(objects, scene.targets, expected)
-            nearest = suspects.objects.are_nearest(self.settings.objects.max_suspects)
-            searched = suspects.only(nearest)
-        with clock.stage("search"):
-            start, is_worth = first_guesses(
-                searched, scene.targets, scene.usual_interval_s, self.settings.objects
-            )
-            candidates = searched.only(is_worth)
-        moving = self._moved(candidates, scene, start[is_worth], clock)
-        with clock.stage("gate"):
-            seen = Visibility.of(candidates.objects, scene.targets, moving.motions)
-            scores = moving_scores(evidence(candidates, moving, seen))
-            may_move, is_moving = moves(candidates.standing, moving, scores, self.settings.objects)
+        decision = self._decided(scene, clock)
         with clock.stage("tracks"):
-            tracks, ids = self._memory.follow(
-                scene.current,
-                candidates.objects.only(may_move),
-                moving.only(may_move),
-                scores[may_move],
-                is_moving[may_move],
-                scene.interval_s,
-            )
-            ids = ids[is_moving[may_move]]
-            # Objects beyond the limits of the work are as uncertain as suspects.
-            doubtful = suspects.only(~np.isin(suspects.rows, candidates.rows[is_moving]))
-            known = (suspects, searched, start, candidates, moving, seen, scores, is_moving)
-            reasons = Reasons(scene.current, self.settings.objects, *known)
-            movers, moving = candidates.objects.only(is_moving), moving.only(is_moving)
+            tracks, ids = self._followed(scene, decision)
         with clock.stage("output"):
-            over_ground = scene.over_ground(
-                movers,
-                moving,
-                doubtful.objects,
-                doubtful.standing,
-                scores[is_moving],
-                tracks,
-                ids,
-            )
+            over_ground = _over_ground(scene, decision, tracks, ids)
             flow = scene.flow(over_ground)
         return FlowEstimate(
             flow=flow,
@@ -144,9 +110,42 @@ class ObjectFlowEstimator:
             times_ms=clock.times_ms,
             start=scene.start,
             over_ground=over_ground,
-            num_left_out=int(np.count_nonzero(~nearest)),
-            reason_of=reasons,
+            num_left_out=decision.num_left_out,
+            reason_of=Reasons(scene.current, self.settings.objects, decision),
         )
+
+    def _decided(self, scene: Scene, clock: _Clock) -> Decision:
+        """Which objects move, and how."""
+        targets, settings = scene.targets, self.settings.objects
+        with clock.stage("objects"):
+            objects = ObjectPoints.of(scene.current, settings)
+            expected = self._memory.expected(scene.current, objects, scene.interval_s)
+            suspects = Suspects.among(objects, targets, expected)
+            searched = suspects.only(suspects.objects.are_nearest(settings.max_suspects))
+        with clock.stage("search"):
+            start, is_worth = first_guesses(searched, targets, scene.usual_interval_s, settings)
+            fitted = searched.only(is_worth)
+        moving = self._moved(fitted, scene, start[is_worth], clock)
+        with clock.stage("gate"):
+            seen = Visibility.of(fitted.objects, targets, moving.motions)
+            scores = moving_scores(evidence(fitted, moving, seen))
+            may_move, is_moving = moves(fitted.standing, moving, scores, settings)
+        return Decision(
+            suspects, searched, start, fitted, moving, seen, scores, may_move, is_moving
+        )
+
+    def _followed(self, scene: Scene, decision: Decision) -> tuple[Tracks, NDArray[np.int64]]:
+        """The tracks after this sweep, and the numbers of those of its movers."""
+        may_move, is_moving = decision.may_move, decision.is_moving
+        tracks, ids = self._memory.follow(
+            scene.current,
+            decision.fitted.objects.only(may_move),
+            decision.moving.only(may_move),
+            decision.scores[may_move],
+            is_moving[may_move],
+            scene.interval_s,
+        )
+        return tracks, ids[is_moving[may_move]]
 
     def _moved(
         self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: _Clock
@@ -168,6 +167,22 @@ class ObjectFlowEstimator:
         inverted = backward.flows / np.float32(previous[0].steps)
         with clock.stage("fusion"):
             return fuse_motions(objects, targets, forward, backward, inverted, others)
+
+
+def _over_ground(
+    scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
+) -> OverGround:
+    """What the decision means for each point of the sweep."""
+    is_moving, doubtful = decision.is_moving, decision.doubtful
+    return scene.over_ground(
+        decision.fitted.objects.only(is_moving),
+        decision.moving.only(is_moving),
+        doubtful.objects,
+        doubtful.standing,
+        decision.scores[is_moving],
+        tracks,
+        ids,
+    )
 
 
 class _Clock(StageClock):

@@ -47,10 +47,11 @@ class ObjectPoints:
         is_object = (counts >= settings.min_points) & (np.arange(len(counts)) > 0)
         is_object &= _sizes(points, starts, counts) < settings.max_size_m
         # Evenly over the object: every rank where the share of those wanted makes a step.
-        ranks, count = np.arange(len(points)) - starts[numbers], counts[numbers]
+        rows = np.flatnonzero(is_object[numbers])
+        ranks, count = rows - starts[numbers[rows]], counts[numbers[rows]]
         wanted = np.minimum(count, settings.points_per_object)
-        is_chosen = is_object[numbers] & (ranks * wanted // count != (ranks + 1) * wanted // count)
-        chosen, owners = points[is_chosen], np.cumsum(is_object)[numbers[is_chosen]] - 1
+        rows = rows[ranks * wanted // count != (ranks + 1) * wanted // count]
+        chosen, owners = points[rows], np.cumsum(is_object)[numbers[rows]] - 1
         ranges = np.sqrt((chosen * chosen).sum(axis=1))
         spacing = (_SPACING_M + _SPACING_PER_M * ranges).astype(np.float32)
         return cls(np.flatnonzero(is_object), chosen, owners, spacing)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Longest search radius, half a cell: the nearest point is in one of the 8 cells around.
+# Longest search radius, one cell: the nearest point is in a cell that touches that of the place.
 MAX_REACH_M: Final = 0.625
-_CELL_M: Final = np.float32(2 * MAX_REACH_M)
+_CELL_M: Final = np.float32(MAX_REACH_M)
 # Cells share buckets; what is in another cell of the same bucket is too far off to count.
-_NUM_BUCKETS: Final = 2**15
+_NUM_BUCKETS: Final = 2**17
 _ACROSS: Final = 73_856_093
 _ALONG: Final = 19_349_663
 # Cells farther out than this are all the same: their numbers would not fit into integers.
@@ -110,25 +110,29 @@ def _nearest(
     x, y, z = np.floor(px / _CELL_M), np.floor(py / _CELL_M), np.floor(pz / _CELL_M)
     if not (abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL):
         return row, least
-    # How far inside of its cell the place is, and to which side the next cell is near.
+    # How far it is to the cells before, the same one and the next, along each axis.
+    ix, iy, iz = int(x), int(y), int(z)
     in_x, in_y, in_z = px - x * _CELL_M, py - y * _CELL_M, pz - z * _CELL_M
-    to_x = -1 if in_x < _CELL_M - in_x else 1
-    to_y = -1 if in_y < _CELL_M - in_y else 1
-    to_z = -1 if in_z < _CELL_M - in_z else 1
-    gap_x = min(in_x, _CELL_M - in_x) ** 2
-    gap_y = min(in_y, _CELL_M - in_y) ** 2
-    gap_z = min(in_z, _CELL_M - in_z) ** 2
-    for corner in range(8):
-        by_x, by_y, by_z = corner & 1, corner >> 1 & 1, corner >> 2
-        if by_x * gap_x + by_y * gap_y + by_z * gap_z >= least or least <= within_m * within_m:
-            continue
-        cell = (int(x) + by_x * to_x) * _ACROSS ^ (int(y) + by_y * to_y) * _ALONG
-        bucket = cell + int(z) + by_z * to_z & (_NUM_BUCKETS - 1)
-        for other in range(starts[bucket], starts[bucket + 1]):
-            dx, dy, dz = points[other, 0] - px, points[other, 1] - py, points[other, 2] - pz
-            squared = dx * dx + dy * dy + dz * dz
-            if squared < least:
-                row, least = other, squared
+    gaps_x = (in_x, np.float32(0.0), _CELL_M - in_x)
+    gaps_y = (in_y, np.float32(0.0), _CELL_M - in_y)
+    gaps_z = (in_z, np.float32(0.0), _CELL_M - in_z)
+    enough = within_m * within_m
+    for by_x in (0, -1, 1):
+        gap_x = gaps_x[by_x + 1] ** 2
+        for by_y in (0, -1, 1):
+            gap_xy = gap_x + gaps_y[by_y + 1] ** 2
+            if gap_xy >= least or least <= enough:
+                continue
+            column = (ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG
+            for by_z in (0, -1, 1):
+                if gap_xy + gaps_z[by_z + 1] ** 2 >= least or least <= enough:
+                    continue
+                bucket = column + iz + by_z & (_NUM_BUCKETS - 1)
+                for other in range(starts[bucket], starts[bucket + 1]):
+                    dx, dy, dz = points[other, 0] - px, points[other, 1] - py, points[other, 2] - pz
+                    squared = dx * dx + dy * dy + dz * dz
+                    if squared < least:
+                        row, least = other, squared
     return row, least
 
 

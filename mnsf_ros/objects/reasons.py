@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.reason import Reason, Verdict
+from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import ObjectSettings
 
 
@@ -22,26 +21,12 @@ class Reasons:
     Attributes:
         current: The sweep.
         settings: Of the objects.
-        suspects: Objects that other sweeps do not support as static.
-        searched: The K of them whose motion was searched.
-        start: (K, 3) where the fits of their motions started.
-        fitted: The F of these that a motion may explain better.
-        moving: The motions that were found.
-        seen: What the other sweeps could see of them.
-        scores: (F,) logarithm of the odds that they move.
-        is_moving: (F,) what the gate said.
+        decision: What was decided about its objects.
     """
 
     current: ObjectSweep
     settings: ObjectSettings
-    suspects: Suspects
-    searched: Suspects
-    start: NDArray[np.float32]
-    fitted: Suspects
-    moving: JudgedMotions
-    seen: Visibility
-    scores: NDArray[np.float64]
-    is_moving: NDArray[np.bool_]
+    decision: Decision
 
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
         """Returns what became of the object that most of these rows of the sweep belong to."""
@@ -51,35 +36,35 @@ class Reasons:
             return Reason(Verdict.NO_OBJECT)
         points = self.current.thinned[self.current.thinned_objects == number]
         size_m = float(np.ptp(points[:, :2], axis=0).max()) if len(points) else 0.0
-        found = np.flatnonzero(self.searched.objects.numbers == number)
+        found = np.flatnonzero(self.decision.searched.objects.numbers == number)
         if len(found) == 0:
             return Reason(self._before_search(number, len(points), size_m), len(points), size_m)
         reason = Reason(
             Verdict.NO_BETTER_MOTION,
             len(points),
             size_m,
-            static_m=_residuals(self.searched.standing, found[0]),
-            start=self.start[found[0]].astype(np.float64),
+            static_m=_residuals(self.decision.searched.standing, found[0]),
+            start=self.decision.start[found[0]].astype(np.float64),
         )
-        found = np.flatnonzero(self.fitted.objects.numbers == number)
+        found = np.flatnonzero(self.decision.fitted.objects.numbers == number)
         return self._of_fitted(reason, found[0]) if len(found) else reason
 
     def _of_fitted(self, reason: Reason, row: int) -> Reason:
         return replace(
             reason,
-            verdict=Verdict.DYNAMIC if self.is_moving[row] else Verdict.REFUSED,
-            moving_m=_residuals(self.moving, row),
-            motion=self.moving.motions[row].astype(np.float64),
+            verdict=Verdict.DYNAMIC if self.decision.is_moving[row] else Verdict.REFUSED,
+            moving_m=_residuals(self.decision.moving, row),
+            motion=self.decision.moving.motions[row].astype(np.float64),
             evidence={
-                "free space": float(self.seen.free[row]),
-                "probability": float(1 / (1 + np.exp(-self.scores[row]))),
+                "free space": float(self.decision.seen.free[row]),
+                "probability": float(1 / (1 + np.exp(-self.decision.scores[row]))),
             },
         )
 
     def _before_search(self, number: int, num_points: int, size_m: float) -> Verdict:
         if num_points < self.settings.min_points:
             return Verdict.TOO_FEW_POINTS
-        if number in self.suspects.objects.numbers:
+        if number in self.decision.suspects.objects.numbers:
             return Verdict.LEFT_OUT
         is_too_large = size_m >= self.settings.max_size_m
         return Verdict.TOO_LARGE if is_too_large else Verdict.NOT_SUSPECTED

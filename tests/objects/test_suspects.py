@@ -16,7 +16,7 @@ HERE, THERE = (8.0, 0.0, 0.0), (8.0, 0.5, 0.0)
 
 def expectation(motion=(0, 0, 0), score=0.0):
     """What tracks expect of one object; none by default."""
-    return Expectation(rows(motion), np.array([score]))
+    return Expectation(np.array([np.any(motion)]), rows(motion), np.array([score]))
 
 
 def among(next_at, previous_at=None, past_at=(), expected=None):
