@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -46,13 +47,17 @@ def voted_motions(
     grid = VotingGrid(objects.positions, margin_m=(max_motion_m + base_m) * farthest)
     shifts = _shifts(int(max_motion_m / grid.cell_m))
     cost = np.float32(_COST_PER_M * grid.cell_m) * np.hypot(*shifts.T).astype(np.float32)
-    cells = [
-        grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
-        for target in targets
-    ]
+    columns, levels = zip(
+        *(
+            grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
+            for target in targets
+        ),
+        strict=True,
+    )
     steps = [grid.steps(np.rint(shifts * target.steps).astype(np.int64)) for target in targets]
     chosen = _most_voted(
-        np.stack(cells),
+        np.stack(columns),
+        np.stack(levels),
         objects.counts,
         np.stack(steps),
         grid.occupied(targets),
@@ -66,14 +71,15 @@ def voted_motions(
 
 
 @compiled(
-    "int64[:, ::1](int64[:, ::1], int64[::1], int64[:, ::1], boolean[:, ::1], float32[::1],"
-    " int64[:, ::1], int64)"
+    "int64[:, ::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1],"
+    " float32[::1], int64[:, ::1], int64)"
 )
 def _most_voted(
-    cells: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    levels: NDArray[np.int64],
     counts: NDArray[np.int64],
     steps: NDArray[np.int64],
-    occupied: NDArray[np.bool_],
+    occupied: NDArray[np.uint16],
     cost: NDArray[np.float32],
     shifts: NDArray[np.int64],
     number: int,
@@ -81,10 +87,11 @@ def _most_voted(
     """Returns (number, K) the rows of the shifts that most of each object's points agree on.
 
     Args:
-        cells: (T, P) cells of the points, as they are compared with each target.
+        columns: (T, P) columns of the points, as they are compared with each target.
+        levels: (T, P) bits of their levels.
         counts: (K,) number of points of each object.
-        steps: (T, S) what shifts add to a cell.
-        occupied: (T, C) what each target occupies.
+        steps: (T, S) what shifts add to a column.
+        occupied: (T, C) bits of the levels that each target occupies.
         cost: (S,) votes to take off.
         shifts: (S, 2) in cells.
         number: How many shifts are wanted; none is a neighbour of an earlier one.
@@ -93,11 +100,12 @@ def _most_voted(
     first = 0
     for owner in range(len(counts)):
         hits = np.zeros(len(shifts), np.float32)
-        for target in range(len(cells)):
+        for target in range(len(columns)):
             for row in range(first, first + counts[owner]):
+                level = levels[target, row]
                 for shift in range(len(shifts)):
-                    cell = cells[target, row] + steps[target, shift]
-                    if 0 <= cell < occupied.shape[1] and occupied[target, cell]:
+                    column = columns[target, row] + steps[target, shift]
+                    if 0 <= column < occupied.shape[1] and occupied[target, column] & level:
                         hits[shift] += 1
         first += counts[owner]
         votes = hits / np.float32(counts[owner]) - cost
@@ -112,6 +120,7 @@ def _most_voted(
     return chosen
 
 
+@lru_cache
 def _shifts(radius: int) -> NDArray[np.int64]:
     """(S, 2) all whole shifts in a disc, in cells, nearest first."""
     side = np.arange(-radius, radius + 1)

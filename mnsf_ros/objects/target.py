@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -44,10 +45,10 @@ class Target:
         from_current: NDArray[np.float64] = target_from_world @ current.pose.world_from_sensor
         return cls(sweep, from_current, steps, current)
 
-    def points(self, step: int = 1) -> NDArray[np.float32]:
-        """(T, 3) metres, the target's thinned points (of each `step` one), current frame."""
-        current_from_target = np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
-        return transformed(self.sweep.thinned[::step], current_from_target)
+    @cached_property
+    def to_current(self) -> NDArray[np.float64]:
+        """(4, 4) current_from_target of static points."""
+        return np.asarray(np.linalg.inv(self.from_current), dtype=np.float64)
 
     def steps_of(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns `steps` as (1, 1), or as (K, 1) by the times at which objects were measured.

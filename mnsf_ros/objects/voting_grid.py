@@ -16,12 +16,14 @@ _CELL_M: Final = 0.4
 _MAX_CELLS_PER_AXIS: Final = 1024
 # Nor does the work grow with the square of the interval: a sensor that is slow has larger cells.
 _MAX_CELLS_OF_MARGIN: Final = 64
-# Heights around the middle of the points. One level below and above stays empty.
+# Heights around the middle of the points, a bit each. The lowest and the highest stay empty.
 _NUM_LEVELS: Final = 16
+# Cells are three thinned points wide: every other point is plenty.
+_STEP: Final = 2
 
 
 class VotingGrid:
-    """A grid in the current sweep's frame; cells are numbered through.
+    """A grid in the current sweep's frame; columns of cells are numbered through.
 
     Attributes:
         cell_m: Size of a cell.
@@ -40,42 +42,50 @@ class VotingGrid:
         # Two cells more, for what rounding may do to a shift at the edge.
         self._low = np.array([*(start - self.cell_m for start in low), bottom_m], np.float32)
         rows, columns = (int(extent / self.cell_m) + 3 for extent in extents)
-        self._shape = (rows, columns, _NUM_LEVELS)
+        self._shape = (rows, columns)
 
     def steps(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(S,) what shifts (S, 2), in cells, add to the number of a cell."""
-        return (shifts[:, 0] * self._shape[1] + shifts[:, 1]) * self._shape[2]
+        """(S,) what shifts (S, 2), in cells, add to the number of a column."""
+        return shifts[:, 0] * self._shape[1] + shifts[:, 1]
 
-    def cells_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
-        """(P,) the cells of points (P, 3); those above and below count to the last level."""
+    def cells_of(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(P,) the columns of points (P, 3), and the bits of their levels.
+
+        What is above or below counts to the last level.
+        """
         cells = np.floor((points - self._low) / np.float32(self.cell_m)).astype(np.int64)
-        levels: NDArray[np.int64] = np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
-        return self.steps(cells[:, :2]) + levels
+        return self.steps(cells[:, :2]), 1 << np.clip(cells[:, 2], 0, _NUM_LEVELS - 1)
 
-    def occupied(self, targets: Sequence[Target]) -> NDArray[np.bool_]:
-        """(T, cells) whether targets have a point in a cell, or right above or below it."""
-        occupied = np.zeros((len(targets), int(np.prod(self._shape))), dtype=bool)
-        for target, row in zip(targets, occupied, strict=True):
-            # Cells are three thinned points wide: every other point is plenty.
-            _mark(row, target.points(step=2), self._low, np.float32(self.cell_m), *self._shape)
+    def occupied(self, targets: Sequence[Target]) -> NDArray[np.uint16]:
+        """(T, columns) bits of the levels where targets have a point, right above or below."""
+        occupied = np.zeros((len(targets), int(np.prod(self._shape))), np.uint16)
+        cell_m = np.float32(self.cell_m)
+        for target, columns in zip(targets, occupied, strict=True):
+            transform = target.to_current[:3].astype(np.float32)
+            _mark(columns, target.sweep.thinned, transform, self._low, cell_m, *self._shape)
         return occupied
 
 
-@compiled("void(boolean[::1], float32[:, ::1], float32[::1], float32, int64, int64, int64)")
+@compiled(
+    "void(uint16[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32, int64, int64)"
+)
 def _mark(
-    occupied: NDArray[np.bool_],
+    occupied: NDArray[np.uint16],
     points: NDArray[np.float32],
+    transform: NDArray[np.float32],
     low: NDArray[np.float32],
     cell_m: np.float32,
     num_rows: int,
     num_columns: int,
-    num_levels: int,
 ) -> None:
-    """Marks the cells of points that are inside, and those above and below."""
-    for index in range(len(points)):
-        row = np.floor((points[index, 0] - low[0]) / cell_m)
-        column = np.floor((points[index, 1] - low[1]) / cell_m)
-        level = np.floor((points[index, 2] - low[2]) / cell_m)
-        if 0 <= row < num_rows and 0 <= column < num_columns and 1 <= level < num_levels - 1:
-            cell = (int(row) * num_columns + int(column)) * num_levels + int(level)
-            occupied[cell - 1 : cell + 2] = True
+    """Marks the cells of transformed points that are inside, and those above and below."""
+    cell = np.zeros(3, np.float32)
+    for index in range(0, len(points), _STEP):
+        x, y, z = points[index, 0], points[index, 1], points[index, 2]
+        for axis in range(3):
+            turned = x * transform[axis, 0] + y * transform[axis, 1] + z * transform[axis, 2]
+            cell[axis] = np.floor((turned + transform[axis, 3] - low[axis]) / cell_m)
+        is_inside = 0 <= cell[0] < num_rows and 0 <= cell[1] < num_columns
+        if is_inside and 1 <= cell[2] < _NUM_LEVELS - 1:
+            column = int(cell[0]) * num_columns + int(cell[1])
+            occupied[column] |= np.uint16(7 << (int(cell[2]) - 1))

@@ -26,7 +26,7 @@ def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0)):
     `standing` and `moving` are residuals in the neighbouring and in the older sweeps.
     """
     objects = objects_of(prepared(surface((10.0, 0.0, 0.0), size=size)))
-    unknown = Expectation(rows((0, 0, 0)), np.zeros(1))
+    unknown = Expectation(np.zeros(1, bool), rows((0, 0, 0)), np.zeros(1))
     still = judged((0, 0, 0), *standing)
     suspects = Suspects(np.zeros(1, np.int64), objects, still, unknown)
     seen = Visibility(np.array([free]), np.array([visible]))
@@ -64,7 +64,7 @@ def test_part_of_a_wall_that_came_into_view_does_not_move():
 def test_none_at_all():
     objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
     nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.float32))
-    unknown = Expectation(rows(), np.zeros(0))
+    unknown = Expectation(np.zeros(0, bool), rows(), np.zeros(0))
     suspects = Suspects(np.zeros(0, np.int64), objects, nothing, unknown)
     seen = Visibility(np.zeros(0), np.zeros((0, 2)))
     assert moving_scores(evidence(suspects, nothing, seen)).shape == (0,)
