@@ -1,9 +1,10 @@
-"""One thread with one waiting slot: a newer job takes the place of the one that waits."""
+"""One thread with a last waiting slot: a newer job takes the place of the one that waits there."""
 
 from __future__ import annotations
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -13,19 +14,26 @@ Job = TypeVar("Job")
 
 
 class LatestOnlyWorker(Generic[Job]):
-    """Runs jobs one at a time, always the newest, so that a slow job never makes a queue."""
+    """Runs jobs one at a time, then the newest, so that slow jobs never make a long queue.
 
-    def __init__(self, work: Callable[[Job], None], name: str) -> None:
-        """Starts the thread, which calls `work` with each job.
+    A few jobs may wait in their order, for work that is cheaper if none is left out. Once they are
+    so many, all newer ones share one more place, where only the newest stays, until none of them
+    waits any more.
+    """
+
+    def __init__(self, work: Callable[[Job], None], name: str, num_in_order: int = 0) -> None:
+        """Starts the thread, which calls `work` with each job; `num_in_order` wait in order.
 
         An error that it raises is logged, and the next job is worked on all the same.
         """
         self._work = work
-        # Guards the three fields below it.
+        self._num_in_order = num_in_order
+        # Guards the four fields below it.
         self._condition = threading.Condition()
         # Being worked on, or about to be: a newer job takes the place of one that waits only.
         self._current: Job | None = None
-        self._waiting: Job | None = None
+        self._in_order: deque[Job] = deque()
+        self._newest: Job | None = None
         self._is_closing = False
         # A daemon, because a job deep in a library cannot be interrupted at the end of a process.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -33,9 +41,9 @@ class LatestOnlyWorker(Generic[Job]):
 
     @property
     def load(self) -> int:
-        """Jobs at hand: 0 idle, 1 working, 2 working with one waiting."""
+        """Jobs at hand: 0 idle, 1 working, 2 working with one waiting and so on."""
         with self._condition:
-            return int(self._current is not None) + int(self._waiting is not None)
+            return int(self._current is not None) + self._num_waiting
 
     @property
     def is_closing(self) -> bool:
@@ -44,7 +52,7 @@ class LatestOnlyWorker(Generic[Job]):
             return self._is_closing
 
     def submit(self, job: Job) -> bool:
-        """Puts a job in the waiting slot; True if it took the place of another. Never blocks.
+        """Lets a job wait for its turn; True if it took the place of another. Never blocks.
 
         After `close` the job is forgotten at once.
         """
@@ -55,24 +63,34 @@ class LatestOnlyWorker(Generic[Job]):
                 self._current = job
                 self._condition.notify()
                 return False
-            has_replaced = self._waiting is not None
-            self._waiting = job
+            if self._newest is None and len(self._in_order) < self._num_in_order:
+                self._in_order.append(job)
+                return False
+            has_replaced = self._newest is not None
+            self._newest = job
         return has_replaced
 
-    def forget(self) -> bool:
-        """Empties the waiting slot; True if there was a job in it."""
+    def forget(self) -> int:
+        """Forgets the jobs that wait, and returns how many there were."""
         with self._condition:
-            had_job, self._waiting = self._waiting is not None, None
-        return had_job
+            num_waiting = self._num_waiting
+            self._in_order.clear()
+            self._newest = None
+        return num_waiting
 
     def close(self, timeout_s: float) -> bool:
-        """Forgets the waiting job and waits for the running one; False if that goes on."""
+        """Forgets the waiting jobs and waits for the running one; False if that goes on."""
         with self._condition:
             self._is_closing = True
-            self._waiting = None
+            self._in_order.clear()
+            self._newest = None
             self._condition.notify()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
+
+    @property
+    def _num_waiting(self) -> int:
+        return len(self._in_order) + int(self._newest is not None)
 
     def _run(self) -> None:
         while (job := self._next_job()) is not None:
@@ -81,8 +99,14 @@ class LatestOnlyWorker(Generic[Job]):
             except Exception:  # noqa: BLE001 - one bad job must not end the thread
                 _LOG.exception("a job failed in thread %s", self._thread.name)
             finally:
-                with self._condition:
-                    self._current, self._waiting = self._waiting, None
+                self._go_on()
+
+    def _go_on(self) -> None:
+        with self._condition:
+            if self._in_order:
+                self._current = self._in_order.popleft()
+            else:
+                self._current, self._newest = self._newest, None
 
     def _next_job(self) -> Job | None:
         """Waits for a job; None at the end."""

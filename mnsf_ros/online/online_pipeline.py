@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -41,6 +41,10 @@ TRIPLET_ENDS = (
     TRIPLETS_ABANDONED,
 )
 
+# Triplets that wait for their preparation in order: each costs that of one sweep, while after a gap
+# three sweeps have to be prepared. With two, a preparation that takes longer than the interval of
+# the sweeps by a fifth leaves half of the flows; with none, a quarter.
+_NUM_IN_ORDER: Final = 2
 # Of an estimate that is under way when the settings change: a shorter one may end.
 _ABANDONED_AFTER_S = 0.5
 
@@ -84,8 +88,9 @@ class OnlinePipeline:
 
     Two workers: one prepares the sweeps of each triplet, where the method has that (see
     `PreparingEstimator`), the other one estimates. So the next sweep is made ready while the last
-    estimate is under way. In front of each worker one triplet waits, and a newer one takes its
-    place: a triplet that is dropped in front of the estimate has cost its preparation, and no more.
+    estimate is under way. In front of the estimate one triplet waits, and a newer one takes its
+    place: a triplet that is dropped there has cost its preparation, and no more. In front of the
+    preparation a few wait in order.
 
     Who owns what:
 
@@ -118,11 +123,11 @@ class OnlinePipeline:
         self._estimator_plan = self._plan
         self._preparation = threading.Lock()
         self._estimating = LatestOnlyWorker(self._estimate, "estimator")
-        self._preparing = LatestOnlyWorker(self._prepare, "preparation")
+        self._preparing = LatestOnlyWorker(self._prepare, "preparation", _NUM_IN_ORDER)
 
     @property
     def load(self) -> int:
-        """Triplets at hand: up to two in each worker, one of which waits."""
+        """Triplets at hand: under preparation, being estimated, and waiting for either."""
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return self._preparing.load + self._estimating.load
 
@@ -145,8 +150,8 @@ class OnlinePipeline:
         self._buffer.clear()
         self._plan = _Plan(self._plan.settings, self._plan.num_resets + 1)
         for worker in (self._preparing, self._estimating):
-            if worker.forget():
-                self.statistics.count(TRIPLETS_ABANDONED)
+            if num_forgotten := worker.forget():
+                self.statistics.count(TRIPLETS_ABANDONED, num_forgotten)
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
         """Takes the newest sweep and says what became of it. Returns at once.

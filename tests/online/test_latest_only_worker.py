@@ -74,6 +74,24 @@ def test_job_that_an_idle_worker_has_not_begun_yet_is_not_replaced(work):
     assert worker.close(PATIENCE_S)
 
 
+def test_a_few_jobs_wait_in_order_and_then_only_the_newest(work, wait_until):
+    worker = LatestOnlyWorker(work, "in order", num_in_order=2)
+    assert [worker.submit(number) for number in range(6)] == 4 * [False] + 2 * [True]
+    assert worker.load == 4
+    work.open_gate(1)
+    wait_until(lambda: work.started == [0, 1])
+    # Nobody waits between 2 and 5: the place is for the newest until the line is empty.
+    assert worker.submit(6) is True
+    work.open_gate(2)
+    wait_until(lambda: work.started == [0, 1, 2, 6])
+    assert worker.submit(7) is False
+    assert worker.forget() == 1
+    work.open_gate()
+    wait_until(lambda: worker.load == 0)
+    assert work.finished == [0, 1, 2, 6]
+    assert worker.close(PATIENCE_S)
+
+
 def test_load_is_idle_working_and_working_with_one_waiting(worker, work, wait_until):
     assert worker.load == 0
     worker.submit("first")

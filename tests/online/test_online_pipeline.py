@@ -136,7 +136,7 @@ def test_sweeps_faster_than_the_estimate_are_dropped_and_the_newest_wins(
     assert recorder.is_held.wait(PATIENCE_S)
     for index in range(3, 20):
         pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert 2 <= pipeline.load <= 4
+        wait_until(lambda: pipeline._preparing.load == 0)
     wait_until(lambda: pipeline.load == 2)
     recorder.let_go()
     wait_until(lambda: pipeline.load == 0)
@@ -179,8 +179,12 @@ def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
     pipeline, indices = make_pipeline(endless), itertools.count()
 
     def is_one_waiting():
-        pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
-        return pipeline.load == 2
+        if pipeline._preparing.load > 0:
+            return False
+        if pipeline.load < 2:
+            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
+            return False
+        return True
 
     wait_until(is_one_waiting)
     return pipeline, indices
@@ -411,15 +415,7 @@ class TestClose:
     def test_in_the_middle_of_an_estimate_hands_out_nothing_any_more(
         self, make_pipeline, recorder, make_sweep, network_settings, wait_until
     ):
-        endless = network_settings.changed({"optimization.max_iterations": 100_000})
-        pipeline = make_pipeline(endless)
-        indices = itertools.count()
-
-        def has_one_waiting():
-            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
-            return pipeline.load == 2
-
-        wait_until(has_one_waiting)
+        pipeline, _ = with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until)
         assert pipeline.close(PATIENCE_S) is True
         assert pipeline.load == 0
         assert recorder.handed_out == recorder.failures == []

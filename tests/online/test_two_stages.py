@@ -193,18 +193,18 @@ def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, wait_
     assert_balanced(pipeline)
 
 
-def test_sweeps_faster_than_their_preparation_are_dropped_before_it(
+def test_sweeps_faster_than_their_preparation_are_dropped_before_it_and_the_newest_wins(
     pipeline, script, add, wait_until
 ):
     script.at_prepare.hold()
     add(pipeline, 0, 1, 2)
     assert script.at_prepare.is_reached.wait(PATIENCE_S)
     add(pipeline, *range(3, 20))
-    assert pipeline.load == 2
-    assert counts_of(pipeline)["triplets_dropped"] == 16
+    assert pipeline.load == 4
+    assert counts_of(pipeline)["triplets_dropped"] == 14
     script.at_prepare.let_go()
     wait_until(lambda: pipeline.load == 0)
-    assert script.prepared == stamps(2, 19)
+    assert script.prepared == stamps(2, 3, 4, 19)
     assert script.estimated[-1] == stamp_ns(19)
     assert_balanced(pipeline)
 
