@@ -51,7 +51,8 @@ def first_guesses(
     by_near = judge(some, near, no_motion)
     standing = with_past(some, targets, by_near)
     nearly = best_of(some, near, by_near, voted)
-    best = standing.better(with_past(some, targets, nearly, standing.limit()))
+    limit = standing.limit(nearly.motions)
+    best = standing.better(with_past(some, targets, nearly, limit))
     if suspects.expected.is_known.any():
         best = best_of(some, targets, best, [suspects.expected.motions])
     if targets.past:

@@ -60,9 +60,10 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
-    def limit(self, share: float = 1.0) -> NDArray[np.float64]:
-        """Returns (K,) metres; motions with less than this are better, see `better`."""
-        return share * self.total - _MIN_BETTER_M
+    def limit(self, motions: NDArray[np.float32], share: float = 1.0) -> NDArray[np.float64]:
+        """Returns (K,) metres; `motions` (K, 3) are better if they leave less, see `better`."""
+        is_same = (motions == self.motions).all(axis=1)
+        return np.where(is_same, -np.inf, share * self.total - _MIN_BETTER_M)
 
     def better(self, other: JudgedMotions, share: float = 1.0) -> JudgedMotions:
         """Returns for each object its own motion, or the other one if that is clearly better.
@@ -71,7 +72,7 @@ class JudgedMotions:
             other: Other motions.
             share: They must leave less than this share of the residual.
         """
-        wins = other.total < self.limit(share)
+        wins = other.total < self.limit(other.motions, share)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -152,8 +153,8 @@ def best_of(
     """
     best = first
     for motions in others:
-        judged = judge(objects, targets, motions, first.disagreement, best.limit(share))
-        best = best.better(judged, share)
+        limit = best.limit(motions, share)
+        best = best.better(judge(objects, targets, motions, first.disagreement, limit), share)
     return best
 
 

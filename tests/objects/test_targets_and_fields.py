@@ -237,6 +237,11 @@ class TestFusion:
         assert first.better(judged(rows((2, 0, 0)), 0.098)).motions[0, 0] == 1
         assert first.better(judged(rows((2, 0, 0)), 0.097)).motions[0, 0] == 2
 
+    def test_the_same_motion_again_is_no_better_and_not_judged(self, objects, near):
+        first = judge(objects, Targets(near, ()), rows(MOTION * 0.8))
+        assert first.limit(rows(MOTION * 0.8)) == [-np.inf]
+        assert first.limit(rows(MOTION)) == first.total - 0.0025
+
     def test_a_limit_changes_only_what_is_above(self, objects, near):
         targets = Targets(near, near)
         motions = rows(MOTION * 0.8)
