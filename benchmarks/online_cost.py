@@ -17,11 +17,11 @@ from online_live import serialized, with_stamp
 from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps
 
 from mnsf_ros.demo.node_process import NodeProcess, node_process
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # The first estimates are left out: nothing is known yet, and the caches are cold.
@@ -36,6 +36,9 @@ _MAX_MEMORY_MB: Final = 250
 _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
 _NUM_LARGE: Final = 2_000_000
+# Until the node remembers no large sweep any more, however many are dropped.
+_FLOWS_AFTER: Final = 24
+_MOST_SWEEPS: Final = 400
 _START_TIMEOUT_S: Final = 120
 _TOPICS: Final = {
     "~/flow": "/scene_flow/flow",
@@ -178,7 +181,10 @@ def _memory_rows(sweeps: Sequence[Sweep]) -> Iterator[list[str]]:
         ]
         _play(link, [_large_cloud(sweeps[0])], 20, 5, interval_s=4.0)
         large_mb = node.resident_mb
-        _play(link, clouds, 25, 30)
+        index, flows = 25, link.counts.get("flows_out", 0)
+        while link.counts.get("flows_out", 0) < flows + _FLOWS_AFTER and index < _MOST_SWEEPS:
+            _play(link, clouds, index, _SWEEPS_PER_TURN)
+            index += _SWEEPS_PER_TURN
         after_mb, limit_mb = node.resident_mb, before_mb + _MAX_LEFT_MB
         yield [
             f"memory of the node after sweeps of {_NUM_LARGE:,} points ({large_mb:.0f} MB)",
