@@ -42,15 +42,13 @@ def attached(
     row_of = movers.rows_of(current.num_objects)
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
-    candidates = _points_near(points, current, owners, is_loose)
-    distances, nearest = cKDTree(points).query(
-        current.xyz[candidates], distance_upper_bound=_REACH_M
-    )
+    candidates, num_loose = _points_near(points, current, owners, is_loose)
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    distances, nearest = tree.query(current.xyz[candidates], distance_upper_bound=_REACH_M)
     is_close = np.isfinite(distances)
     # A fragment moves as a whole, or not at all.
-    total = np.bincount(owners, minlength=current.num_objects)
     close = np.bincount(owners[candidates[is_close]], minlength=current.num_objects)
-    goes = close > _MIN_SHARE * total
+    goes = close > _MIN_SHARE * num_loose
     goes[0] = True
     is_close &= goes[owners[candidates]]
     return candidates[is_close], point_rows[nearest[is_close]]
@@ -61,41 +59,54 @@ def _points_near(
     current: ObjectSweep,
     owners: NDArray[np.int64],
     is_loose: NDArray[np.bool_],
-) -> NDArray[np.int64]:
-    """Returns the loose points, and those above the floor, in the cells beside points (P, 3)."""
-    low = points[:, :2].min(axis=0) - 2 * _REACH_M
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns the loose points, and those above the floor, in the cells beside points (P, 3).
+
+    Then, (all objects,) how many points loose ones have altogether.
+    """
+    low = (points[:, :2].min(axis=0) - 2 * _REACH_M).astype(np.float32)
     size = ((points[:, :2].max(axis=0) - low) / _REACH_M).astype(np.int64) + 3
-    cells = np.zeros(size, np.uint8)
-    columns, rows = ((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T
-    for column in (-1, 0, 1):
-        for row in (-1, 0, 1):
-            cells[columns + column, rows + row] = 1
-    xyz = np.ascontiguousarray(current.xyz)
-    return _near_cells(xyz, owners, current.kept, is_loose, cells, low.astype(np.float32))
+    return _near_cells(
+        np.ascontiguousarray(points),
+        low,
+        np.zeros(size, np.uint8),
+        np.ascontiguousarray(current.xyz),
+        owners,
+        current.kept,
+        is_loose,
+    )
 
 
 @compiled(
-    "int64[::1](float32[:, ::1], int64[::1], boolean[::1], boolean[::1], uint8[:, ::1], "
-    "float32[::1])"
+    "UniTuple(int64[::1], 2)(float32[:, ::1], float32[::1], uint8[:, ::1], float32[:, ::1], "
+    "int64[::1], boolean[::1], boolean[::1])"
 )
 def _near_cells(
+    points: NDArray[np.float32],
+    low: NDArray[np.float32],
+    cells: NDArray[np.uint8],
     xyz: NDArray[np.float32],
     owners: NDArray[np.int64],
     kept: NDArray[np.bool_],
     is_loose: NDArray[np.bool_],
-    cells: NDArray[np.uint8],
-    low: NDArray[np.float32],
-) -> NDArray[np.int64]:
-    """Returns loose points in marked cells, and points that are not kept above the floor there."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """What `_points_near` returns; `low` is two cells before the points, the cells end behind."""
     reach, min_height = np.float32(_REACH_M), np.float32(_MIN_HEIGHT_M)
+    for point in range(len(points)):
+        column = int((points[point, 0] - low[0]) / reach)
+        row = int((points[point, 1] - low[1]) / reach)
+        cells[column - 1 : column + 2, row - 1 : row + 2] = 1
     # The cells at the border are not marked: all that is beyond them is in them.
     last_column, last_row = np.float32(cells.shape[0] - 1), np.float32(cells.shape[1] - 1)
     found = np.empty(len(xyz), np.int64)
     cell_of = np.empty(len(xyz), np.int64)
     floor = np.full(cells.size, np.float32(np.inf), np.float32)
+    num_loose = np.zeros(len(is_loose), np.int64)
     number = 0
     for point in range(len(xyz)):
-        if kept[point] and not is_loose[owners[point]]:
+        if is_loose[owners[point]]:
+            num_loose[owners[point]] += 1
+        elif kept[point]:
             continue
         column = int(min(max((xyz[point, 0] - low[0]) / reach, np.float32(0)), last_column))
         row = int(min(max((xyz[point, 1] - low[1]) / reach, np.float32(0)), last_row))
@@ -112,4 +123,4 @@ def _near_cells(
         if kept[point] or xyz[point, 2] > floor[cell_of[index]] + min_height:
             found[num_wanted] = point
             num_wanted += 1
-    return found[:num_wanted].copy()
+    return found[:num_wanted].copy(), num_loose
