@@ -9,14 +9,15 @@ READY := $(VENV)/ready
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := datasets,test,lint
+EXTRAS := networks,datasets,test,lint
 # ROS is built with NumPy 1 and the libraries of the distribution.
 SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
-EXTRAS := wheels,datasets,test,lint
+EXTRAS := wheels,networks,datasets,test,lint
 endif
 
-# PyTorch's own index has torch without CUDA; that of the default index takes gigabytes.
+# PyTorch's own index has torch without CUDA; that of the default index takes gigabytes. Only the
+# methods with networks, and the tests, need torch at all.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check

@@ -11,6 +11,9 @@ PACKAGE = "mnsf_ros"
 HERE = Path(__file__).resolve().parent  # colcon links this file into its build folder
 VERSION = re.search(r'__version__ = "(.+)"', (HERE / PACKAGE / "__init__.py").read_text())[1]
 
+# A placeholder: replace OWNER by where you publish it.
+URL = "https://github.com/OWNER/mnsf_ros"
+
 # The PyPI wheels of ROS 2 must never be a hard requirement: beside an installed ROS they would
 # shadow it. They are an extra, for machines without ROS.
 ROS_WHEELS = [
@@ -26,15 +29,27 @@ setup(
     long_description=(HERE / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    url=URL,
+    project_urls={
+        "Documentation": f"{URL}/tree/main/docs",
+        "Changelog": f"{URL}/blob/main/CHANGELOG.rst",
+        "Issues": f"{URL}/issues",
+        "Paper": "https://arxiv.org/abs/2403.16116",
+    },
+    keywords=["lidar", "scene flow", "point cloud", "ROS 2", "moving objects"],
+    author="The mnsf_ros developers",
+    author_email="mnsf_ros@users.noreply.github.com",
     maintainer="The mnsf_ros developers",
     maintainer_email="mnsf_ros@users.noreply.github.com",
     python_requires=">=3.10",
     classifiers=[
         "Development Status :: 4 - Beta",
+        "Intended Audience :: Developers",
         "Intended Audience :: Science/Research",
         "Operating System :: POSIX :: Linux",
         *(f"Programming Language :: Python :: 3.{minor}" for minor in range(10, 15)),
         "Topic :: Scientific/Engineering",
+        "Topic :: Scientific/Engineering :: Image Processing",
         "Typing :: Typed",
     ],
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
@@ -53,7 +68,6 @@ setup(
         "setuptools",
         "numpy>=1.26",
         "scipy>=1.11",
-        "torch>=2.4",
         "numba>=0.61",
         "edt>=2.4",
         "small_gicp>=1.0.1,<2",
@@ -70,6 +84,8 @@ setup(
     ],
     extras_require={
         "wheels": ROS_WHEELS,
+        # For the methods with networks (mnsf, fnsf, nsfp); online does without.
+        "networks": ["torch>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.8", "protobuf>=4.22"],
         "ray": ["ray>=2.40"],
         "test": ["pytest>=7.4,<9", "import-linter>=2"],

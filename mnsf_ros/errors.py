@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 
 class MnsfError(Exception):
     """Root of all errors raised on purpose by `mnsf_ros`; its text is one line for the user."""
@@ -41,3 +43,15 @@ class DatasetError(MnsfError):
 
 class EvaluationError(MnsfError, ValueError):
     """Flows, masks, table rows or the files of a run do not fit together, or cannot be scored."""
+
+
+def library_missing(error: ModuleNotFoundError) -> str:
+    """Returns which library is not installed, for which Python, and what to do: one line."""
+    name = (error.name or str(error)).partition(".")[0]
+    remedy = (
+        "pip install torch, or use a method without networks, for example online"
+        if name == "torch"
+        else "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon "
+        "build' in the virtual environment that has it"
+    )
+    return f"the Python library {name!r} is not installed for {sys.executable}: {remedy}"

@@ -1,7 +1,8 @@
-"""A small street whose true flow is known."""
+"""A small street whose true flow is known; what needs PyTorch is skipped where there is none."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from dataclasses import dataclass
 
@@ -11,6 +12,28 @@ import pytest
 # Read by torch when it is imported. With more threads than idle cores, small networks take 50
 # times as long, because the threads wait for each other after every layer.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+NEEDS_TORCH = ("No module named 'torch'", "library 'torch' is not installed")
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_make_collect_report(collector):
+    """Modules that import PyTorch are skipped where it is not installed: it is optional."""
+    report = (yield).get_result()
+    _skip_without_torch(report, str(collector.path))
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item):
+    """Tests that end because there is no PyTorch are skipped."""
+    report = (yield).get_result()
+    _skip_without_torch(report, str(item.path))
+
+
+def _skip_without_torch(report, path):
+    is_missing = importlib.util.find_spec("torch") is None
+    if report.failed and is_missing and any(text in str(report.longrepr) for text in NEEDS_TORCH):
+        report.outcome, report.longrepr = "skipped", (path, 0, "needs PyTorch")
 
 
 @dataclass(frozen=True)

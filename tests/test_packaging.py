@@ -1,9 +1,13 @@
 """What colcon, pip and ROS need to find agrees with each other."""
 
 import ast
+import email
 import importlib
 import re
 import shlex
+import subprocess
+import sys
+import tarfile
 from distutils.core import run_setup
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,9 +26,9 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+DOCUMENTS = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 PYTHON_VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
-INSTALLED_EXTRAS = ("wheels", "datasets", "test", "lint")
+INSTALLED_EXTRAS = ("wheels", "networks", "datasets", "test", "lint")
 
 
 def test_package_xml_has_the_version_of_the_package() -> None:
@@ -32,6 +36,11 @@ def test_package_xml_has_the_version_of_the_package() -> None:
     assert package.findtext("name") == "mnsf_ros"
     assert package.findtext("version") == mnsf_ros.__version__
     assert package.findtext("license") == "Apache-2.0"
+
+
+def test_changelog_has_a_dated_section_of_this_version() -> None:
+    text = (ROOT / "CHANGELOG.rst").read_text()
+    assert re.search(rf"^{mnsf_ros.__version__} \(\d{{4}}-\d\d-\d\d\)\n-+$", text, re.MULTILINE)
 
 
 def test_executables_go_where_ros2_run_looks() -> None:
@@ -50,11 +59,56 @@ def test_recipe_for_ros_installs_every_requirement(package: Distribution) -> Non
     assert wanted - installed == {"setuptools", "backports-zstd"}
 
 
-def test_ros_wheels_are_no_hard_requirement() -> None:
-    """Beside an installed ROS they would shadow it."""
-    text = (ROOT / "setup.py").read_text()
-    required = text[text.index("install_requires") : text.index("extras_require")]
-    assert "ros-" not in required
+def test_what_is_no_hard_requirement(package: Distribution) -> None:
+    """Wheels of ROS would shadow an installed ROS; PyTorch is gigabytes, and `online` has none."""
+    names = {canonicalize_name(Requirement(text).name) for text in package.install_requires}
+    assert {name for name in names if name.startswith(("ros-", "torch"))} == set()
+
+
+def test_ros_tools_that_the_readme_uses_are_installed_by_rosdep() -> None:
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    keys = {element.text for element in package.findall("exec_depend")}
+    assert {"rclpy", "launch_ros", "ros2launch", "rviz2"} <= keys
+    assert {element.get("type") for element in package.findall("url")} >= {"website", "repository"}
+
+
+@pytest.fixture(scope="module")
+def source_archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sdist")
+    subprocess.run(
+        [
+            *(sys.executable, "setup.py", "-q"),
+            *("egg_info", "--egg-base", folder, "sdist", "--dist-dir", folder),
+        ],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+    )
+    (archive,) = folder.glob("*.tar.gz")
+    return archive
+
+
+def test_source_archive_has_what_the_makefile_and_the_tests_need(source_archive: Path) -> None:
+    with tarfile.open(source_archive) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    for name in (
+        *("constraints.txt", "Makefile", "pyproject.toml", "package.xml", "resource/mnsf_ros"),
+        *("CONTRIBUTING.md", "docs/recipes.md", "tests/conftest.py", ".ci/check_ros_recipe"),
+        *("config/online.yaml", "launch/scene_flow.launch.py", "benchmarks/stop_zone.py"),
+    ):
+        assert name in names
+
+
+def test_metadata_says_what_the_package_is(source_archive: Path) -> None:
+    with tarfile.open(source_archive) as archive:
+        (name,) = (name for name in archive.getnames() if re.fullmatch(r"[^/]+/PKG-INFO", name))
+        metadata = email.message_from_binary_file(archive.extractfile(name))
+    assert metadata["Name"] == "mnsf_ros"
+    assert metadata["Author"]
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    assert len(metadata.get_all("Project-URL")) >= 3
+    assert "networks" in metadata.get_all("Provides-Extra")
+    assert "## Install" in str(metadata.get_payload() or metadata["Description"])
 
 
 def pins(version: str) -> dict[str, list[Requirement]]:
@@ -143,7 +197,7 @@ def anchors(path: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_of_documents_lead_somewhere(path: Path) -> None:
     for link in re.findall(r"\]\((?!https?:)([^)\[]+)\)", path.read_text()):
         file, _, anchor = link.partition("#")
@@ -152,7 +206,21 @@ def test_links_of_documents_lead_somewhere(path: Path) -> None:
         assert not anchor or anchor in anchors(target), link
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_index_of_documents_has_all_of_them() -> None:
+    index = (ROOT / "docs" / "README.md").read_text()
+    pages = {path.name for path in (ROOT / "docs").glob("*.md")} - {"README.md"}
+    assert {name for name in pages if f"]({name})" not in index} == set()
+
+
+def test_layers_are_those_of_the_contract() -> None:
+    contract = (ROOT / "pyproject.toml").read_text().partition("layers = [")[2].partition("]")[0]
+    picture = (ROOT / "CONTRIBUTING.md").read_text()
+    lines = [re.split(r"\s{2,}", line)[0] for line in picture.splitlines()]
+    layers = re.findall(r'"(.+)"', contract)
+    assert [line for line in lines if line in layers] == layers
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_documents_name_only_settings_that_are_there(path: Path) -> None:
     names = set(re.findall(r"(?<![\w.])([a-z_]+\.[a-z_]+)(?=[`:=\s])", path.read_text()))
     declared = set(Settings().to_mapping())
@@ -170,7 +238,7 @@ def commands(text: str) -> list[list[str]]:
     return [shlex.split(line)[1:] for line in starts if line.startswith("mnsf ")]
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_commands_of_documents_have_options_that_are_there(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -182,7 +250,7 @@ def test_commands_of_documents_have_options_that_are_there(
         assert {word for word in words if re.match(r"--?[a-z]", word)} <= known, words
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_python_of_documents_imports_what_is_there(path: Path) -> None:
     for code in re.findall(r"^```python\n(.*?)^```", path.read_text(), re.MULTILINE | re.DOTALL):
         for node in ast.walk(ast.parse(code)):

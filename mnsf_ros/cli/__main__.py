@@ -5,15 +5,22 @@ Nothing is imported before signals are handled: Python would answer one with a t
 
 import os
 import signal
+import sys
 
 
 def main() -> None:
     """Runs a subcommand and ends the process, see `mnsf_ros.cli.main.main`."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)
-    from mnsf_ros.cli import main as command
+    try:
+        from mnsf_ros.cli import main as command
 
-    command.main()
+        command.main()
+    except ModuleNotFoundError as error:
+        from mnsf_ros.errors import library_missing
+
+        sys.stderr.write(f"mnsf: {library_missing(error)}\n")
+        sys.exit(2)
 
 
 def _leave(_number: int, _frame: object) -> None:

@@ -19,7 +19,7 @@ from pkgutil import resolve_name
 from typing import Any, Final
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import SettingsError, library_missing
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -144,6 +144,8 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
     """
     try:
         return _maker(name)(settings_for(name, settings))
+    except ModuleNotFoundError as error:
+        raise SettingsError(f"method {name!r}: {library_missing(error)}") from error
     except ImportError as error:
         raise SettingsError(f"method {name!r} cannot be imported: {error}") from error
 

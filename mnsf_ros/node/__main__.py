@@ -5,15 +5,22 @@ Nothing is imported before signals are handled: Python would answer one with a t
 
 import os
 import signal
+import sys
 
 
 def main() -> None:
     """Runs the node and ends the process, see `mnsf_ros.node.main.main`."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: os._exit(0))
-    from mnsf_ros.node import main as node
+    try:
+        from mnsf_ros.node import main as node
 
-    node.main()
+        node.main()
+    except ModuleNotFoundError as error:
+        from mnsf_ros.errors import library_missing
+
+        sys.stderr.write(f"scene_flow_node: {library_missing(error)}\n")
+        sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -80,10 +80,10 @@ def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
 class SweepSimulator:
     """Takes sweeps of one scene, in any order."""
 
-    def __init__(self, settings: SimulationSettings) -> None:
-        """Builds the scene."""
+    def __init__(self, settings: SimulationSettings, scene: Scene | None = None) -> None:
+        """Takes sweeps of `scene`, or of the scenario that the settings name."""
         self.settings = settings
-        self.scene: Scene = build_scene(settings)
+        self.scene: Scene = scene or build_scene(settings)
         bodies = self.scene.bodies
         owners = [number for number, body in enumerate(bodies) for _ in body.model.shapes]
         self._shapes = ShapeTable([s for body in bodies for s in body.model.shapes], owners)

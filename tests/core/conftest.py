@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import pytest
-import torch
-
-CUDA = pytest.param(
-    "cuda", marks=pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-)
 
 
-@pytest.fixture(params=["cpu", CUDA])
+@pytest.fixture(params=["cpu", "cuda"])
 def device(request):
     """Where the tensors of a test are."""
+    torch = pytest.importorskip("torch")
+    if request.param == "cuda" and not torch.cuda.is_available():
+        pytest.skip("no CUDA device")
     return torch.device(request.param)
 
 
 @pytest.fixture
 def generator():
     """A source of randomness with a fixed seed."""
-    return torch.Generator().manual_seed(0)
+    return pytest.importorskip("torch").Generator().manual_seed(0)

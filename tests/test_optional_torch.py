@@ -1,0 +1,102 @@
+"""What users read where PyTorch, or any other library, is not installed."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mnsf_ros.errors import library_missing
+from mnsf_ros.evaluation import run_record
+
+ROOT = Path(__file__).parents[1]
+# A program of this package, in a Python without some libraries.
+_WITHOUT = """
+import sys
+names, module, *arguments = sys.argv[1:]
+sys.modules.update(dict.fromkeys(names.split(",")))
+sys.argv = [module, *arguments]
+import importlib
+importlib.import_module(module).main()
+"""
+
+
+def started(names: str, module: str, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", _WITHOUT, names, module, *arguments],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("mnsf_ros.cli.__main__", ("parameters",)),
+        ("mnsf_ros.cli.__main__", ("simulate", "--help")),
+    ],
+)
+def test_commands_start_without_torch(module, arguments):
+    process = started("torch", module, *arguments)
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 0, output
+
+
+@pytest.mark.parametrize(
+    ("names", "module", "arguments", "words"),
+    [
+        ("torch", "mnsf_ros.cli.__main__", ("study", "landscape", "--out", "{tmp}/study"), "torch"),
+        ("numpy", "mnsf_ros.cli.__main__", ("simulate", "{tmp}/street"), "colcon build"),
+        ("numpy", "mnsf_ros.node.__main__", (), "numpy"),
+    ],
+)
+def test_a_missing_library_is_one_line(tmp_path, names, module, arguments, words):
+    process = started(names, module, *(word.replace("{tmp}", str(tmp_path)) for word in arguments))
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 2
+    (line,) = output.strip().splitlines()
+    assert f"the Python library {names!r} is not installed for {sys.executable}" in line
+    assert words in line
+
+
+def test_other_libraries_are_named_by_their_package():
+    text = library_missing(ModuleNotFoundError("No module named 'a.b'", name="a.b"))
+    assert "'a'" in text
+
+
+def test_a_run_is_recorded_without_torch(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert run_record.MachineRecord.here().gpu is None
+
+
+class TestNode:
+    """The node, which also needs rclpy."""
+
+    @pytest.fixture(autouse=True)
+    def alone(self, monkeypatch):
+        pytest.importorskip("rclpy")
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+        monkeypatch.setenv("ROS_DOMAIN_ID", "102")
+
+    def test_starts_without_torch(self):
+        process = started("torch", "mnsf_ros.node.__main__")
+        for line in process.stdout:
+            if "sweeps from /scene_flow/points" in line:
+                break
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, output
+        assert "Traceback" not in output
+
+    def test_refuses_networks_in_one_line(self):
+        words = ("--ros-args", "-p", "method.name:=mnsf")
+        process = started("torch", "mnsf_ros.node.__main__", *words)
+        output, _ = process.communicate(timeout=120)
+        assert process.returncode == 2
+        (line,) = output.strip().splitlines()
+        assert "method 'mnsf': the Python library 'torch' is not installed" in line
