@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 from mnsf_ros.node import diagnostics
 from mnsf_ros.online import flow_watch
+from mnsf_ros.online.busy_watch import busy_text
 
 PAGE = (Path(__file__).parents[2] / "docs" / "troubleshooting.md").read_text()
 ROWS = re.findall(r"^\| (OK|WARN|ERROR|STALE) \| (.+?) \|", PAGE, re.MULTILINE)
@@ -62,6 +64,11 @@ def test_each_message_has_a_row_with_its_level(level, text):
 @pytest.mark.parametrize(("counter", "reason"), flow_watch._REASONS.items())
 def test_each_reason_for_no_flow_has_a_row(counter, reason):
     assert f"| `{reason}` | `{counter}` |" in PAGE
+
+
+def test_a_busy_computer_is_in_the_table():
+    start = busy_text(18, 42, math.nan, math.nan).partition(" (")[0]
+    assert any(level == "WARN" and start in shown for level, shown in ROWS)
 
 
 def test_a_disabled_node_is_in_the_table():
