@@ -2,7 +2,7 @@
 
     python benchmarks/slam_map.py [--scenarios street crowd] [--sweeps 100] [--document FILE]
 
-Needs kiss-icp (pip install kiss-icp). Sweeps of simulated streets are registered; the map is every
+Needs kiss-icp, the extra `benchmark`. Sweeps of simulated streets are registered; the map is every
 voxel of 0.2 m with a point of at most 80 m range. A voxel that only moving points have touched is a
 ghost.
 """
