@@ -13,13 +13,17 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 
 # Logistic regressions; `python benchmarks/confidence.py` prints the numbers and how well they hold.
-# Dynamic objects: constant, per metre of disagreement, per metre of residual, per 10 m of range,
-# per unit of the score that they move.
-_MOVING: Final = (1.18, 0.96, -3.85, -0.60, 0.90)
+# Dynamic objects: constant, per metre of disagreement, per metre of residual, per unit of the score
+# that they move, per logarithm of the thickness, per metre to the next sweep up to 2 m. Each object
+# counts by its points to the power of 0.75, so that a few large ones do not decide.
+_MOVING: Final = (3.50, -0.82, -15.1, 0.52, 1.27, -1.29)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (2.79, -9.37, 0.20)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (5.73, -0.18)
+# By noise alone surfaces are thicker than this.
+_THIN_M: Final = 0.05
+_LONG_M: Final = 2.0
 # Beyond this the confidence is 0 or 1, and the exponential would overflow.
 _MAX_SCORE: Final = np.float32(80)
 
@@ -60,9 +64,10 @@ def _standing_scores(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
 def moving_features(
     objects: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Returns (K, 5) the features of K dynamic objects."""
-    columns = (moving.disagreement, moving.cost, _tens_of_metres(objects.centers), scores)
-    return _with_constant(*columns)
+    """Returns (K, 6) the features of K dynamic objects."""
+    lengths = np.minimum(np.sqrt((moving.motions**2).sum(axis=1)), _LONG_M)
+    thicknesses = np.log(objects.thicknesses + _THIN_M)
+    return _with_constant(moving.disagreement, moving.cost, scores, thicknesses, lengths)
 
 
 def doubtful_features(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float64]:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_fusion import JudgedMotions
-from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.visibility import Visibility
 
@@ -62,7 +61,7 @@ def evidence(suspects: Suspects, moving: JudgedMotions, seen: Visibility) -> NDA
         is_same,
         is_same * np.maximum(expected.scores, 0.0),
         np.log(objects.counts),
-        np.log(_thicknesses(objects) + _THIN_M),
+        np.log(objects.thicknesses + _THIN_M),
     ]
     if standing.past.shape[1]:
         gains = standing.past - moving.past
@@ -79,17 +78,3 @@ def _log_share(
 ) -> NDArray[np.float64]:
     shares: NDArray[np.float64] = np.log((part + noise_m) / (whole + noise_m))
     return shares
-
-
-def _thicknesses(objects: ObjectPoints) -> NDArray[np.float64]:
-    """Returns (K,) metres, the height of objects, or their width if that is smaller.
-
-    Strips of walls and single rings on crowns of trees and tables are thin: what is seen of them
-    changes from sweep to sweep as if they moved.
-    """
-    x, y, z = (objects.positions - objects.centers[objects.owners]).T.astype(np.float64)
-    xx, yy, xy, zz = (objects.sums(each) / objects.counts for each in (x * x, y * y, x * y, z * z))
-    across = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    # The variance of points spread evenly is a twelfth of the squared width.
-    thicknesses: NDArray[np.float64] = np.sqrt(12 * np.maximum(np.minimum(across, zz), 0.0))
-    return thicknesses

@@ -112,6 +112,20 @@ class ObjectPoints:
         centers: NDArray[np.float32] = np.divide(sums, self.counts[:, None], dtype=np.float32)
         return centers
 
+    @property
+    def thicknesses(self) -> NDArray[np.float64]:
+        """(K,) metres, the height of each object, or its width if that is smaller.
+
+        Strips of walls and single rings on crowns of trees and tables are thin: what is seen of
+        them changes from sweep to sweep as if they moved.
+        """
+        x, y, z = (self.positions - self.centers[self.owners]).T.astype(np.float64)
+        xx, yy, xy, zz = (self.sums(each) / self.counts for each in (x * x, y * y, x * y, z * z))
+        across = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+        # The variance of points spread evenly is a twelfth of the squared width.
+        thicknesses: NDArray[np.float64] = np.sqrt(12 * np.maximum(np.minimum(across, zz), 0.0))
+        return thicknesses
+
     def sums(self, values: NDArray[Any]) -> NDArray[Any]:
         """(K, ...) sums over each object's points of values (P, ...)."""
         if len(self) == 0:

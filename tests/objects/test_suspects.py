@@ -10,6 +10,7 @@ from mnsf_ros.objects.evidence import evidence, moving_scores
 from mnsf_ros.objects.expectation import Expectation
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, judge
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.visibility import Visibility
 
 HERE, THERE = (8.0, 0.0, 0.0), (8.0, 0.5, 0.0)
 
@@ -79,7 +80,8 @@ def score(near, past=(), free=0.0, motion=(0.5, 0, 0), expected=None):
 
     standing = judged((0.2, 0.2), (0.3,) * len(past), (0, 0, 0))
     suspects = Suspects(np.zeros(1, int), objects, standing, expected or expectation())
-    features = evidence(suspects, judged(near, past, motion), np.array([free]))
+    seen = Visibility(np.array([free]), np.ones((1, len(past))))
+    features = evidence(suspects, judged(near, past, motion), seen)
     return float(moving_scores(features)[0])
 
 
@@ -106,3 +108,20 @@ class TestEvidence:
 
     def test_is_bounded(self):
         assert score((0.0, 0.0), (0.0,), free=4.0) <= 6
+
+
+def test_long_vehicle_whose_ends_alone_show_that_it_moves_is_a_suspect():
+    """A flat side slides along itself: nine tenths of it look as if it stood."""
+    side = np.stack(np.meshgrid(np.arange(0, 10, 0.2), 0.0, np.arange(0, 2, 0.2)), -1)
+    side = side.reshape(-1, 3).astype(np.float32) + rows((5, 3, 0))
+    current = prepared(side)
+    objects = objects_of(current)
+    past = [target(prepared(side - rows((shift, 0, 0))), current, steps)
+            for shift, steps in ((1.0, -3.0), (2.0, -6.0))]  # fmt: skip
+    targets = Targets([past[0]], past)
+    assert len(Suspects.among(objects, targets, Expectation(rows((0, 0, 0)), np.zeros(1)))) == 1
+    standing = [target(prepared(side), current, steps) for steps in (-3.0, -6.0)]
+    none = Suspects.among(
+        objects, Targets(standing[:1], standing), Expectation(rows((0, 0, 0)), np.zeros(1))
+    )
+    assert len(none) == 0
