@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Final, Protocol, runtime_checkable
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+
+# Triplets that wait in order for their preparation: each costs that of one sweep, while after a gap
+# three sweeps have to be prepared. With two, a preparation that takes longer than the interval of
+# the sweeps by a fifth leaves half of the flows; with none, a quarter.
+NUM_PREPARED_IN_ORDER: Final = 2
 
 
 def never() -> bool:

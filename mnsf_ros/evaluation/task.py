@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Final, Generic, TypeVar
+from dataclasses import replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
-from mnsf_ros.errors import EvaluationError, MnsfError
+from mnsf_ros.core.scene_flow_estimator import (
+    PreparingEstimator,
+    SceneFlowEstimator,
+    never,
+)
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.real_time import played_in_real_time
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
@@ -88,17 +92,32 @@ class _Scorer:
                     self._estimate(example)
             return
         all_of_them = (example for example, _ in examples)
-        for outcome in played_in_real_time(all_of_them, rate, self._estimate):
+        for outcome in played_in_real_time(all_of_them, rate, self._prepare, self._estimate):
             if outcome.result is None:
                 yield failed_row(outcome.example, self._method, DROPPED)
                 continue
             row = self._row(outcome.example, outcome.result, outcome.time_ms, recorder)
             yield replace(row, latency_ms=outcome.latency_ms)
 
-    def _estimate(self, example: Example) -> tuple[FlowEstimate | str, float]:
+    def _prepare(self, example: Example) -> tuple[tuple[Any] | str, float]:
+        """Returns what the method prepares, or why it cannot, and the run time in milliseconds."""
+        estimator, start = self._estimator, time.perf_counter()
+        if not isinstance(estimator, PreparingEstimator):
+            return (None,), 0.0
+        prepared = _attempted(lambda: (estimator.prepare(example.triplet),))
+        return prepared, (time.perf_counter() - start) * 1e3
+
+    def _estimate(
+        self, example: Example, prepared: tuple[Any] | str = (None,)
+    ) -> tuple[FlowEstimate | str, float]:
         """Returns the estimate, or why there is none, and the run time in milliseconds."""
-        start = time.perf_counter()
-        result = _attempted(lambda: self._estimator.estimate(example.triplet))
+        if isinstance(prepared, str):
+            return prepared, 0.0
+        estimator, start = self._estimator, time.perf_counter()
+        if isinstance(estimator, PreparingEstimator):
+            result = _attempted(lambda: estimator.estimate(example.triplet, never, *prepared))
+        else:
+            result = _attempted(lambda: estimator.estimate(example.triplet))
         return result, (time.perf_counter() - start) * 1e3
 
     def _row(
@@ -146,74 +165,6 @@ def _attempted(work: Callable[[], Result]) -> Result | str:
     except Exception as error:  # noqa: BLE001 - methods are other people's code, too
         _LOG.exception("an example failed")
         return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome(Generic[Result]):
-    """What became of an example.
-
-    Attributes:
-        example: The example.
-        result: What the estimate gave; None if the example was dropped.
-        time_ms: How long the estimate took; NaN if dropped.
-        latency_ms: From the arrival of its next sweep to the end of the estimate; NaN if dropped.
-    """
-
-    example: Example
-    result: Result | None
-    time_ms: float = math.nan
-    latency_ms: float = math.nan
-
-
-def played_in_real_time(
-    examples: Iterable[Example], rate: float, estimate: Callable[[Example], tuple[Result, float]]
-) -> Iterator[Outcome[Result]]:
-    """Estimates what the live node would have, and yields what became of every example.
-
-    In the live node a triplet waits in a single slot while another is being estimated, and a newer
-    one takes its place. Here sweeps arrive by their stamps, at `rate` recorded seconds per second,
-    and estimates take the milliseconds that `estimate` gives beside its result. Nothing actually
-    waits, so equal run times give equal drops.
-
-    Raises:
-        EvaluationError: If the rate is not a number above 0.
-    """
-    if not 0 < rate < math.inf:
-        raise EvaluationError(f"rate: got {rate!r}, expected a number above 0")
-    idle_from_ms = -math.inf
-    waiting: tuple[Example, float] | None = None
-
-    def started(example: Example, arrived_ms: float) -> Outcome[Result]:
-        nonlocal idle_from_ms
-        result, time_ms = estimate(example)
-        idle_from_ms = max(idle_from_ms, arrived_ms) + time_ms
-        return Outcome(example, result, time_ms, idle_from_ms - arrived_ms)
-
-    for example, now_ms in _arrivals(examples, rate):
-        if waiting is not None and idle_from_ms <= now_ms:
-            yield started(*waiting)
-            waiting = None
-        if waiting is not None:
-            yield Outcome(waiting[0], None)
-            waiting = example, now_ms
-        elif idle_from_ms <= now_ms:
-            yield started(example, now_ms)
-        else:
-            waiting = example, now_ms
-    if waiting is not None:
-        yield started(*waiting)
-
-
-def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[tuple[Example, float]]:
-    """Each example with its time of arrival; the clock goes on where the recording jumps back."""
-    arrival_ms, last_ns = 0.0, None
-    for example in examples:
-        stamp_ns = example.triplet.next.stamp_ns
-        if last_ns is not None and stamp_ns < last_ns:
-            last_ns = example.triplet.current.stamp_ns
-        arrival_ms += (stamp_ns - (stamp_ns if last_ns is None else last_ns)) / 1e6 / rate
-        last_ns = stamp_ns
-        yield example, arrival_ms
 
 
 _FEW_STEPS: Final = {

@@ -7,11 +7,15 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import PreparingEstimator, SceneFlowEstimator
+from mnsf_ros.core.scene_flow_estimator import (
+    NUM_PREPARED_IN_ORDER,
+    PreparingEstimator,
+    SceneFlowEstimator,
+)
 from mnsf_ros.errors import CancelledError, MnsfError
 from mnsf_ros.methods import check_method, make_method
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
@@ -41,10 +45,6 @@ TRIPLET_ENDS = (
     TRIPLETS_ABANDONED,
 )
 
-# Triplets that wait for their preparation in order: each costs that of one sweep, while after a gap
-# three sweeps have to be prepared. With two, a preparation that takes longer than the interval of
-# the sweeps by a fifth leaves half of the flows; with none, a quarter.
-_NUM_IN_ORDER: Final = 2
 # Of an estimate that is under way when the settings change: a shorter one may end.
 _ABANDONED_AFTER_S = 0.5
 
@@ -123,7 +123,7 @@ class OnlinePipeline:
         self._estimator_plan = self._plan
         self._preparation = threading.Lock()
         self._estimating = LatestOnlyWorker(self._estimate, "estimator")
-        self._preparing = LatestOnlyWorker(self._prepare, "preparation", _NUM_IN_ORDER)
+        self._preparing = LatestOnlyWorker(self._prepare, "preparation", NUM_PREPARED_IN_ORDER)
 
     @property
     def load(self) -> int:

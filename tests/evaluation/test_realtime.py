@@ -7,7 +7,7 @@ import pytest
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.task import played_in_real_time
+from mnsf_ros.evaluation.real_time import played_in_real_time
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 EMPTY = np.empty((0, 3), np.float32)
@@ -21,15 +21,19 @@ def example(number, next_ms):
     return Example("drive", number, triplet)
 
 
-def played(arrivals_ms, times_ms, rate=1.0):
+def played(arrivals_ms, times_ms, rate=1.0, prepare_ms=0.0):
     """Number, whether it was dropped, and latency of each outcome, in their order."""
     times = iter(times_ms)
 
-    def estimate(example):
+    def prepare(example):
+        return f"prepared {example.number}", prepare_ms
+
+    def estimate(example, prepared):
+        assert prepared == f"prepared {example.number}"
         return f"flow {example.number}", next(times)
 
     examples = [example(number, next_ms) for number, next_ms in enumerate(arrivals_ms)]
-    outcomes = list(played_in_real_time(examples, rate, estimate))
+    outcomes = list(played_in_real_time(examples, rate, prepare, estimate))
     for outcome in outcomes:
         assert outcome.result in (None, f"flow {outcome.example.number}")
     return [
@@ -105,3 +109,18 @@ def test_a_recording_that_jumps_back_goes_on():
 def test_rate_must_be_above_0(rate):
     with pytest.raises(EvaluationError, match="expected a number above 0"):
         played([1000], [10], rate=rate)
+
+
+def test_preparation_overlaps_with_the_estimate_before_it():
+    """Together they take longer than the interval, each for itself does not."""
+    outcomes = played(range(0, 1000, 100), [90] * 10, prepare_ms=80)
+    assert outcomes == [(number, 170) for number in range(10)]
+
+
+def test_slow_preparation_lets_two_wait_in_order_and_then_the_newest():
+    # 0 is prepared until 250 while 1 and 2 wait; then 1 until 500 while 2 and 3 wait. 4 comes on
+    # top and is replaced by 5, 6 and 7 in turn; these are prepared after 2 and 3, at 1000.
+    outcomes = played(range(0, 800, 100), [10] * 8, prepare_ms=250)
+    given = {number: latency for number, latency in outcomes if latency is not None}
+    assert given == {0: 260, 1: 410, 2: 560, 3: 710, 7: 560}
+    assert sorted(number for number, _ in outcomes) == list(range(8))
