@@ -70,7 +70,6 @@ setup(
         "scipy>=1.11",
         "numba>=0.61",
         "edt>=2.4",
-        "small_gicp>=1.0.1,<2",
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",
         "apsw>=3.40",

@@ -5,7 +5,6 @@ PyTorch is imported only when it is needed: that takes seconds, and `online` doe
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import SettingsError
@@ -52,8 +51,3 @@ def limit_threads(settings: ComputeSettings) -> None:
 
     if settings.num_threads:
         torch.set_num_threads(settings.num_threads)
-
-
-def usable_threads(settings: ComputeSettings) -> int:
-    """Returns the number of threads for libraries that have to be told."""
-    return settings.num_threads or len(os.sched_getaffinity(0))

@@ -90,9 +90,8 @@ class SensorPose:
 class EgoMotion:
     """Chains the sensor's motion from sweep to sweep, so that a change of source is no jump."""
 
-    def __init__(self, settings: EgoMotionSettings, num_threads: int = 1) -> None:
+    def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
-        self._num_threads = num_threads
         # With odometry nobody needs a map; the last sweep is in it, if there is one.
         self._map: SweepMatcher | None = None
         self._last: Sweep | None = None
@@ -102,12 +101,6 @@ class EgoMotion:
         # The same for all sweeps of a world, so that intervals are those of the stamps.
         self._moment_s: float | None = None
         self._bending: SweepMotion | None = None
-
-    def use_threads(self, num_threads: int) -> None:
-        """Sets the most threads that registration may use; poses do not depend on it."""
-        self._num_threads = num_threads
-        if self._map is not None:
-            self._map.num_threads = num_threads
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
         """The pose of a sweep that is newer than all before it.
@@ -241,7 +234,7 @@ class EgoMotion:
     def _map_of(
         self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None
     ) -> SweepMatcher:
-        matcher = SweepMatcher(self._settings, self._num_threads)
+        matcher = SweepMatcher(self._settings)
         matcher.add(matcher.prepared(sweep, motion), pose)
         return matcher
 
@@ -253,10 +246,6 @@ class TripletPoses:
         self._ego_motion = EgoMotion(settings)
         self._max_gap_s = settings.max_gap_s
         self._poses: dict[Sweep, SensorPose] = {}
-
-    def use_threads(self, num_threads: int) -> None:
-        """Sets the most threads that registration may use; poses do not depend on it."""
-        self._ego_motion.use_threads(num_threads)
 
     def of(self, triplet: SweepTriplet) -> dict[Sweep, SensorPose]:
         """The poses of all sweeps of a triplet, in a world that they share.

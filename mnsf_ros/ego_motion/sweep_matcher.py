@@ -1,92 +1,84 @@
-"""Registration of sweeps against a local map of the last ones, by small_gicp's voxel GICP."""
+"""Registration of a sweep with a map of the sweeps before it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import small_gicp
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.ndimage import maximum_filter
+from scipy.spatial.transform import Rotation
 
+from mnsf_ros.ego_motion.cloud import Cloud
+from mnsf_ros.ego_motion.surface_map import SurfaceMap
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Pairs of points farther apart than this do not count: first to find the motion, then to settle
-# it. In dense traffic the second pass is what frees the result from vehicles that move along:
-# .04 m of error a sweep with the first pass alone, .007 m with both.
+# Points farther from their surface than this do not count: first to find the motion, then to settle
+# it. The second pass is what frees the result from vehicles that move along.
 _FIND_WITHIN_M: Final = 1.0
 _SETTLE_WITHIN_M: Final = 0.3
-# More steps than these change the result by less than a millimetre.
 _MAX_STEPS_TO_FIND: Final = 2
-_MAX_STEPS_TO_SETTLE: Final = 4
-# At the beginning nothing is known: 5 m a sweep is 180 km/h at 10 Hz.
-_SEARCH_WITHIN_M: Final = (5.0, 2.0)
-# Where the search starts, beside the last sweep. From one place alone it ends in a wrong minimum
-# on half of the simulated streets at 3 m a sweep, with .7 instead of .9 of the points explained.
-_SEARCH_FROM_M: Final = ((0.0, 0.0), (2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
-# And so far ahead and behind, in such steps: what stands must lie this close to itself.
-_SEARCH_AHEAD_M: Final = 5.0
-_SEARCH_STEP_M: Final = 0.4
+_MAX_STEPS_TO_SETTLE: Final = 6
+_MAX_STEPS_TO_REFINE: Final = 10
+# To find the motion every second point is enough.
+_FIND_STRIDE: Final = 2
+# Steps smaller than this, in metres at 30 m range, are the last.
+_LAST_STEP_M: Final = 0.001
+_FAR_M: Final = 30.0
+# The expected motion counts as much as so many points on surfaces: more than nothing in a tunnel,
+# and nothing elsewhere.
+_EXPECTED_POINTS: Final = 7.0
+# Keeps directions that nothing is known of where they are.
+_LEAST_CURVATURE: Final = 1e-6
+# At the beginning nothing is known: 5 m a sweep is 180 km/h at 10 Hz, and a robot that turns on the
+# spot makes 10 degrees of it. Angles in degrees and shifts in metres are tried with some points;
+# the most promising ones are settled with all.
+_SEARCHED: Final = (
+    (np.zeros(1), np.linspace(-5.0, 5.0, 25)),
+    (np.linspace(-12.0, 12.0, 13), np.linspace(-1.0, 1.0, 5)),
+)
+_SEARCH_POINTS: Final = 1000
+_SEARCH_REACH_M: Final = 0.3
+_SEARCH_STARTS: Final = 5
 _STANDING_WITHIN_M: Final = 0.15
 # A pose farther from the expected one than this has to be better than it.
 _DRAGGED_M: Final = 0.15
-_NUM_NEIGHBORS: Final = 7
-# Points within this height of the lowest one of a column are mostly ground, which is smooth: on it
-# cells are larger by this factor.
-_COLUMN_M: Final = 1.0
-_LOW_M: Final = 0.3
-_LOW_CELLS: Final = 1.7
-# A motion that leads fewer of the points near the map than this is not one to trust; .88 to .97
-# on the recordings at hand.
+# A motion that explains fewer of the points is not one to trust; .82 and more on the recordings at
+# hand, .63 and less for sweeps of other places.
 _MIN_EXPLAINED: Final = 0.6
 _MIN_POINTS: Final = 50
 
 
-@dataclass(frozen=True, eq=False)
-class Cloud:
-    """A thinned sweep with covariances, sensor frame."""
-
-    points: small_gicp.PointCloud
-    tree: small_gicp.KdTree
-    num_standing: int  # the first ones, which are not low
-
-    @property
-    def standing(self) -> NDArray[np.float64]:
-        """(S, 3) metres, the points that are not near the ground."""
-        points: NDArray[np.float64] = self.points.points()[: self.num_standing, :3]
-        return points
-
-
 class SweepMatcher:
-    """Finds the pose of each sweep in the map of the sweeps before it.
+    """Finds the pose of each sweep in the map of the sweeps before it."""
 
-    Where sums of several threads would depend on their timing it uses one only.
-
-    Attributes:
-        num_threads: The most threads that it may use.
-    """
-
-    def __init__(self, settings: EgoMotionSettings, num_threads: int = 1) -> None:
-        self.num_threads = num_threads
+    def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
-        self._map = small_gicp.GaussianVoxelMap(settings.map_cell_m)
-        self._map.set_lru(horizon=settings.map_sweeps)
-        self._last: tuple[Cloud, NDArray[np.float64]] | None = None
+        self._map = SurfaceMap(settings.map_cell_m, settings.map_sweeps)
+        self._last_pose = np.eye(4)
 
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing yet to match with."""
-        return self._last is None
+        return self._map.is_empty
+
+    def prepared(self, sweep: Sweep, motion: SweepMotion | None) -> Cloud | None:
+        """Returns a sweep made ready; None if there are too few points near the sensor.
+
+        With a motion, points are moved to where they are in one moment.
+        """
+        cloud = Cloud.of(sweep, motion, self._settings)
+        return None if len(cloud) < _MIN_POINTS else cloud
 
     def add(self, cloud: Cloud | None, world_from_sensor: NDArray[np.float64]) -> None:
         """Adds a sweep to the map, taken at a (4, 4) pose."""
         if cloud is not None:
-            self._map.insert(cloud.points, world_from_sensor)
-            self._last = cloud, world_from_sensor
+            self._map.add(cloud.points, world_from_sensor)
+            self._last_pose = world_from_sensor
 
     def match(
         self, cloud: Cloud | None, expected: NDArray[np.float64] | None
@@ -96,151 +88,113 @@ class SweepMatcher:
         The search starts from the expected pose, which is None if nothing is known of the motion.
         Returns None if the map does not explain the sweep.
         """
-        if cloud is None or self._last is None:
+        if cloud is None or self.is_empty:
             return None
         found = None if expected is None else self._found(cloud, expected)
         if found is None:
-            found = self._searched(cloud, *self._last)
+            found = self._searched(cloud)
         return found
 
     def _found(self, cloud: Cloud, expected: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The pose near an expected one, None if there the map does not explain the cloud."""
-        found = self._aligned(cloud, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
-        if found.num_inliers < _MIN_EXPLAINED * cloud.points.size():
-            return None
-        starts = [np.asarray(found.T_target_source)]
+        some = cloud.points[::_FIND_STRIDE]
+        starts = [self._aligned(some, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)]
         if np.linalg.norm(starts[0][:3, 3] - expected[:3, 3]) > _DRAGGED_M:
             # Traffic alongside may have led the search astray.
             starts.append(expected)
-        return self._settled(cloud, starts)
+        found = self._settled(cloud, starts, expected)
+        return found if self._is_explained(cloud, found) else None
 
-    def _searched(
-        self, cloud: Cloud, last: Cloud, world_from_last: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def _searched(self, cloud: Cloud) -> NDArray[np.float64] | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
-        starts = [self._beside(last, world_from_last, cloud, shift) for shift in _SEARCH_FROM_M]
-        for x in np.arange(-_SEARCH_AHEAD_M, _SEARCH_AHEAD_M + _SEARCH_STEP_M, _SEARCH_STEP_M):
-            ahead = np.eye(4)
-            ahead[0, 3] = x
-            starts.append(world_from_last @ ahead)
-        best = self._settled(cloud, starts)
-        if best is None:
-            return None
-        near = self._aligned(cloud, best, _FIND_WITHIN_M, 1)
-        return best if near.num_inliers >= _MIN_EXPLAINED * cloud.points.size() else None
+        best = self._settled(cloud, self._starts(cloud), None)
+        # What nothing holds stays where it is.
+        best = self._aligned(cloud.points, best, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND, best)
+        best = self._aligned(cloud.points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE, best)
+        return best if self._is_explained(cloud, best) else None
+
+    def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
+        """The last pose, and the most promising of many around it."""
+        some = cloud.standing[:: max(1, cloud.num_standing // _SEARCH_POINTS)]
+        starts = [self._last_pose]
+        for angles_deg, shifts_m in _SEARCHED:
+            places = [
+                [self._beside(x, y, angle) for x in shifts_m for y in shifts_m]
+                for angle in angles_deg
+            ]
+            counts = np.array(
+                [
+                    [self._num_standing(some, pose, _SEARCH_REACH_M) for pose in row]
+                    for row in places
+                ]
+            )
+            counts = counts.reshape(len(angles_deg), len(shifts_m), len(shifts_m))
+            peaks = np.flatnonzero(counts == maximum_filter(counts, 3))
+            best = peaks[np.argsort(-counts.flat[peaks], kind="stable")[:_SEARCH_STARTS]]
+            starts += [places[each // len(places[0])][each % len(places[0])] for each in best]
+        return starts
+
+    def _beside(self, x: float, y: float, angle_deg: float) -> NDArray[np.float64]:
+        """The last pose, shifted along its own axes and turned to the left."""
+        pose: NDArray[np.float64] = self._last_pose @ planar_pose(x, y, np.radians(angle_deg))
+        return pose
 
     def _settled(
-        self, cloud: Cloud, starts: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64] | None:
+        self,
+        cloud: Cloud,
+        starts: Sequence[NDArray[np.float64]],
+        expected: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64]:
         """The pose near one of several that explains most of what stands on the ground.
 
         By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         by all that stands they do not.
         """
         poses = [
-            np.asarray(
-                self._aligned(cloud, start, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE).T_target_source
+            self._aligned(
+                cloud.points,
+                start,
+                _SETTLE_WITHIN_M,
+                _MAX_STEPS_TO_SETTLE,
+                start if expected is None else expected,
             )
             for start in starts
         ]
-        poses = [pose for pose in poses if np.isfinite(pose).all()]
-        if len(poses) < 2 or self._last is None:
-            return next(iter(poses), None)
-        last, world_from_last = self._last
-        tree, last_from_world = cKDTree(last.standing), np.linalg.inv(world_from_last)
-
-        def num_explained(pose: NDArray[np.float64]) -> int:
-            last_from_this = last_from_world @ pose
-            there = cloud.standing @ last_from_this[:3, :3].T + last_from_this[:3, 3]
-            distances, _ = tree.query(there, distance_upper_bound=_STANDING_WITHIN_M)
-            return int(np.count_nonzero(np.isfinite(distances)))
-
-        return max(poses, key=num_explained)
-
-    def _aligned(
-        self, cloud: Cloud, start: NDArray[np.float64], within_m: float, max_steps: int
-    ) -> small_gicp.RegistrationResult:
-        return small_gicp.align(
-            self._map,
-            cloud.points,
-            start,
-            max_correspondence_distance=within_m,
-            max_iterations=max_steps,
-            num_threads=1,
+        if len(poses) == 1:
+            return poses[0]
+        return max(
+            poses, key=lambda pose: self._num_standing(cloud.standing, pose, _STANDING_WITHIN_M)
         )
 
-    def _beside(
+    def _num_standing(
+        self, standing: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
+    ) -> int:
+        return self._map.compared(standing, pose, within_m).num_on_surfaces
+
+    def _is_explained(self, cloud: Cloud, pose: NDArray[np.float64]) -> bool:
+        there = self._map.compared(cloud.points, pose, _SETTLE_WITHIN_M)
+        return there.num_explained >= _MIN_EXPLAINED * len(cloud)
+
+    def _aligned(
         self,
-        last: Cloud,
-        world_from_last: NDArray[np.float64],
-        cloud: Cloud,
-        shift_m: tuple[float, float],
+        points: NDArray[np.float32],
+        start: NDArray[np.float64],
+        within_m: float,
+        max_steps: int,
+        expected: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """A pose from the last sweep alone. The map sees no farther than one of its cells."""
-        last_from_this = np.eye(4)
-        last_from_this[:2, 3] = shift_m
-        for within_m in _SEARCH_WITHIN_M:
-            result = small_gicp.align(
-                last.points,
-                cloud.points,
-                last.tree,
-                last_from_this,
-                max_correspondence_distance=within_m,
-                num_threads=1,
-            )
-            last_from_this = np.asarray(result.T_target_source)
-        pose: NDArray[np.float64] = world_from_last @ last_from_this
+        """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton)."""
+        pose = start.copy()
+        for _ in range(max_steps):
+            there = self._map.compared(points, pose, within_m)
+            gradient, curvature = there.gradient, there.curvature
+            if expected is not None:
+                gradient[:3] += _EXPECTED_POINTS * (pose[:3, 3] - expected[:3, 3])
+                curvature[:3, :3] += _EXPECTED_POINTS * np.eye(3)
+            curvature += np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
+            step = -np.linalg.solve(curvature, gradient)
+            pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
+            pose[:3, 3] += step[:3]
+            if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
+                break
         return pose
-
-    def prepared(self, sweep: Sweep, motion: SweepMotion | None) -> Cloud | None:
-        """Returns a sweep made ready; None if there are too few points near the sensor.
-
-        With a motion, points are moved to where they are in one moment.
-        """
-        stride = max(1, -(-len(sweep) // self._settings.max_points))
-        points = sweep.xyz[::stride]
-        if motion is not None and sweep.times_s is not None:
-            points = motion.moved(points, sweep.times_s[::stride])
-        with np.errstate(over="ignore"):  # infinite is far away, too
-            squared_ranges = points[:, 0] ** 2 + points[:, 1] ** 2
-        near = squared_ranges < np.float32(self._settings.max_range_m**2)
-        # small_gicp complains on stderr of heights that it cannot number.
-        near &= np.abs(points[:, 2]) < np.float32(self._settings.max_range_m)
-        points = np.compress(near, points, axis=0)
-        if len(points) < _MIN_POINTS:
-            return None
-        cloud, num_standing = self._thinned(points)
-        if cloud.size() < _MIN_POINTS:
-            return None
-        tree = small_gicp.KdTree(cloud, num_threads=1)
-        # Each point by itself: here threads change nothing in the result.
-        small_gicp.estimate_covariances(cloud, tree, _NUM_NEIGHBORS, num_threads=self.num_threads)
-        return Cloud(cloud, tree, num_standing)
-
-    def _thinned(self, points: NDArray[np.float32]) -> tuple[small_gicp.PointCloud, int]:
-        """Returns one point for each cell of (N, 3) points, larger cells near the ground.
-
-        The number is that of the points that are not near the ground; they come first.
-        """
-        is_low = _are_low(points)
-        cell_m = self._settings.thinning_m
-        parts = [
-            small_gicp.voxelgrid_sampling(
-                np.compress(chosen, points, axis=0).astype(np.float64), size_m, num_threads=1
-            ).points()
-            for chosen, size_m in ((~is_low, cell_m), (is_low, _LOW_CELLS * cell_m))
-        ]
-        return small_gicp.PointCloud(np.concatenate(parts)[:, :3]), len(parts[0])
-
-
-def _are_low(points: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Returns (N,) whether points (N, 3), metres, are near the lowest one of their column."""
-    x, y, z = (np.ascontiguousarray(points[:, axis]) for axis in range(3))
-    rows, columns = (
-        ((axis - axis.min()) / np.float32(_COLUMN_M)).astype(np.int32) for axis in (x, y)
-    )
-    cells = rows * (columns.max() + 1) + columns
-    lowest = np.full(cells.max() + 1, np.inf, np.float32)
-    np.minimum.at(lowest, cells, z)
-    are_low: NDArray[np.bool_] = z < lowest[cells] + np.float32(_LOW_M)
-    return are_low

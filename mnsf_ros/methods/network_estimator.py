@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads, usable_threads
+from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
@@ -127,7 +127,6 @@ class NetworkEstimator:
             return self._fitted(triplet, cancelled)
         clock = StageClock()
         with clock.stage("ego motion"):
-            self._poses.use_threads(usable_threads(self.settings.compute))
             poses = self._poses.of(triplet)
             common = _in_frame_of_current(triplet, poses)
         estimate = self._fitted(common, cancelled)

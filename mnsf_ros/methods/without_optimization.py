@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import usable_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.ego_motion.ego_motion import TripletPoses
@@ -93,7 +92,6 @@ class EstimatedEgoMotionEstimator(_Reference):
         return other
 
     def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
-        self._poses.use_threads(usable_threads(self.settings.compute))
         poses = self._poses.of(triplet)
         current, following = (
             poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)

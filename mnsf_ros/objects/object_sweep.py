@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-import small_gicp
 from numpy.typing import NDArray
 
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.thinning import thinned
 from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
@@ -82,7 +82,4 @@ class ObjectSweep:
 
 def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
     stride = max(1, -(-len(points) // settings.objects.max_points))
-    cloud = small_gicp.voxelgrid_sampling(
-        points[::stride].astype(np.float64), settings.objects.thinning_m, num_threads=1
-    )
-    return np.ascontiguousarray(cloud.points()[:, :3], dtype=np.float32)
+    return thinned(points[::stride], settings.objects.thinning_m)

@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
-from mnsf_ros.core.compute_device import usable_threads
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource, SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -106,7 +105,6 @@ class PreparedSweeps:
                 it is older, of another frame, or comes after too long a gap.
         """
         start_s = time.perf_counter()
-        self._ego_motion.use_threads(usable_threads(self._settings.compute))
         # All poses first: how the sensor moved in the first sweep is known from the second one.
         for sweep in sweeps:
             if sweep not in self._poses:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 import torch
 
-from mnsf_ros.core.compute_device import check_device, compute_device, limit_threads, usable_threads
+from mnsf_ros.core.compute_device import check_device, compute_device, limit_threads
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import Settings
 
@@ -50,8 +48,3 @@ def test_number_of_threads(threads):
     assert torch.get_num_threads() == threads + 1
     limit_threads(settings_with(num_threads=0).compute)
     assert torch.get_num_threads() == threads + 1
-
-
-def test_threads_for_other_libraries():
-    assert usable_threads(settings_with(num_threads=3).compute) == 3
-    assert usable_threads(settings_with(num_threads=0).compute) == len(os.sched_getaffinity(0))

@@ -152,11 +152,6 @@ class TestNothingChanges:
         without = [replace(sweep, times_s=None) for sweep in sweeps]
         self.assert_same(poses_of(sweeps, AS_THEY_CAME), poses_of(without))
 
-    def test_with_any_number_of_threads(self):
-        sweeps = sweeps_of(turning)
-        ego_motion = EgoMotion(DESKEW, num_threads=2)
-        self.assert_same(poses_of(sweeps), [ego_motion.pose_of(sweep) for sweep in sweeps])
-
 
 class TestOddTimes:
     def test_some_sweeps_have_none(self):

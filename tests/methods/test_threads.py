@@ -5,7 +5,6 @@ from __future__ import annotations
 import edt
 import numpy as np
 import pytest
-import small_gicp
 import torch
 from moving_sweeps import QUICK
 
@@ -17,7 +16,7 @@ GRID = {"distance.kind": "grid", "ego_motion.removed": True}
 @pytest.fixture
 def used(monkeypatch):
     """The numbers of threads that the libraries were told; torch gets its own back."""
-    before, numbers = torch.get_num_threads(), {"edt": set(), "small_gicp": set(), "torch": set()}
+    before, numbers = torch.get_num_threads(), {"edt": set(), "torch": set()}
     transform = edt.edt
 
     def told(*arguments, parallel, **others):
@@ -26,18 +25,8 @@ def used(monkeypatch):
         return transform(*arguments, parallel=parallel, **others)
 
     monkeypatch.setattr(edt, "edt", told)
-    for name in ("align", "estimate_covariances", "voxelgrid_sampling", "KdTree"):
-        monkeypatch.setattr(small_gicp, name, counted(getattr(small_gicp, name), numbers))
     yield numbers
     torch.set_num_threads(before)
-
-
-def counted(function, numbers):
-    def call(*arguments, num_threads, **others):
-        numbers["small_gicp"].add(num_threads)
-        return function(*arguments, num_threads=num_threads, **others)
-
-    return call
 
 
 @pytest.mark.parametrize("method", ["mnsf", "fnsf", "online", "ego-estimated"])
@@ -49,7 +38,6 @@ def test_no_library_takes_more_threads_than_it_may(translated, used, method):
         )
         flows.append(make_method(method, settings).estimate(translated).flow)
         numbers = {library: max(told) for library, told in used.items() if told}
-        assert numbers["small_gicp"] == num_threads
         if method in ("mnsf", "fnsf"):
             assert numbers["edt"] == numbers["torch"] == num_threads
     if method in ("online", "ego-estimated"):

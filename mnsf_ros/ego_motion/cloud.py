@@ -1,0 +1,89 @@
+"""A sweep made ready for registration: fewer points, and which of them stand on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.compiled import compiled
+from mnsf_ros.ego_motion.sweep_motion import SweepMotion
+from mnsf_ros.geometry.thinning import thinned
+from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.sweeps.sweep import Sweep
+
+# Points within this height of the lowest one of a column are mostly ground, which is smooth: on it
+# cells are larger by this factor.
+_COLUMN_M: Final = np.float32(1.0)
+_LOW_M: Final = np.float32(0.3)
+_LOW_CELLS: Final = 1.7
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """The thinned points of a sweep.
+
+    Attributes:
+        points: (N, 3) float32, metres, frame of the sensor.
+        num_standing: How many of them, the first ones, are not near the ground.
+    """
+
+    points: NDArray[np.float32]
+    num_standing: int
+
+    @classmethod
+    def of(cls, sweep: Sweep, motion: SweepMotion | None, settings: EgoMotionSettings) -> Cloud:
+        """Returns the cloud of a sweep.
+
+        With a motion, points are moved to where they are in one moment.
+        """
+        stride = max(1, -(-len(sweep) // settings.max_points))
+        points = sweep.xyz[::stride]
+        if motion is not None and sweep.times_s is not None:
+            points = motion.moved(points, sweep.times_s[::stride])
+        range_m = np.float32(settings.max_range_m)
+        parted, number = _standing_first(np.ascontiguousarray(points), range_m)
+        standing = thinned(parted[:number], settings.thinning_m)
+        low = thinned(parted[number:], _LOW_CELLS * settings.thinning_m)
+        return cls(np.concatenate([standing, low]), len(standing))
+
+    @property
+    def standing(self) -> NDArray[np.float32]:
+        """(S, 3) metres, the points that are not near the ground."""
+        return self.points[: self.num_standing]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@compiled("Tuple((float32[:, ::1], int64))(float32[:, ::1], float32)")
+def _standing_first(
+    xyz: NDArray[np.float32], max_range_m: np.float32
+) -> tuple[NDArray[np.float32], int]:
+    """The points in range, those near the ground last, and how many are not near it."""
+    width = int(2 * max_range_m / _COLUMN_M) + 2
+    lowest = np.full(width * width, np.float32(np.inf))
+    rows, columns = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.int64)
+    number = 0
+    for row in range(len(xyz)):
+        x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
+        if max(abs(x), abs(y), abs(z)) < max_range_m and x * x + y * y < max_range_m * max_range_m:
+            column = int((x + max_range_m) / _COLUMN_M) * width + int((y + max_range_m) / _COLUMN_M)
+            lowest[column] = min(lowest[column], z)
+            rows[number], columns[number] = row, column
+            number += 1
+    result = np.empty((number, 3), np.float32)
+    first, last = 0, number
+    for each in range(number):
+        row = rows[each]
+        if xyz[row, 2] < lowest[columns[each]] + _LOW_M:
+            last -= 1
+            place = last
+        else:
+            place = first
+            first += 1
+        for axis in range(3):
+            result[place, axis] = xyz[row, axis]
+    return result, first

@@ -1,0 +1,203 @@
+"""A map of the surfaces that sweeps have shown, and how well points lie on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.compiled import compiled
+from mnsf_ros.ego_motion.surfaces import add_moments, compare, fit_surfaces
+
+# Cells that no sweep has shown for long are dropped each time so many sweeps were added.
+_SWEEPS_TO_CLEAR: Final = 10
+_MIN_ROOM: Final = 2**12
+# The first sensor is in the middle of a cell: simulated walls stand at round numbers of metres, and
+# at a border half of their points would be in one cell and half in the next.
+_FIRST_BORDER: Final = 0.5
+# Where cells would not fit into integers there is no map.
+_MAX_WAY_M: Final = 1e9
+# Numbers of cells have 21 bits an axis in the keys; farther ones share them.
+_MASK: Final = 2**21 - 1
+_ACROSS: Final = 73_856_093
+_ALONG: Final = 19_349_663
+_UP: Final = 83_492_791
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How points lie on the surfaces of a map, and what would bring them closer.
+
+    Attributes:
+        num_on_surfaces: Points that are near enough to the surface of their cell.
+        num_explained: These, and points in cells that are not empty but have no surface yet.
+        gradient: (6,) of half the squared distances, by a shift of the points along the axes of the
+            world in metres, then by a turn about the sensor in radians.
+        curvature: (6, 6) its derivative.
+    """
+
+    num_on_surfaces: int
+    num_explained: int
+    gradient: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+
+
+class SurfaceMap:
+    """Points of sweeps in cells, and the surface in each cell."""
+
+    def __init__(self, cell_m: float, num_sweeps: int) -> None:
+        """Makes an empty map.
+
+        Args:
+            cell_m: Size of the cells.
+            num_sweeps: Cells are dropped when they were not seen for so many sweeps.
+        """
+        self._cell_m = cell_m
+        self._num_sweeps = num_sweeps
+        self._num_added = 0
+        self._origin: NDArray[np.float64] = np.zeros(3)
+        self._num = 0
+        self._make_room(_MIN_ROOM)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no sweep was added yet."""
+        return self._num_added == 0
+
+    def add(self, points: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
+        """Adds points (N, 3), metres, of a sweep that was taken at a (4, 4) pose."""
+        if self.is_empty:
+            self._origin = pose[:3, 3] - _FIRST_BORDER * self._cell_m
+        moved = self._moved(points, pose)
+        if moved is None:
+            return
+        self._num_added += 1
+        if self._num_added % _SWEEPS_TO_CLEAR == 0 or self._num + len(points) > len(self._seen):
+            self._clear(len(points))
+        cells = self._cells_of(moved, adding=True)
+        self._seen[cells] = self._num_added
+        where = (cells, self._indices, self._cell_m, self._moments, self._num_new)
+        add_moments(moved, *where)
+        fit_surfaces(*where, self._surfaces)
+
+    def compared(
+        self, points: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
+    ) -> Comparison:
+        """Compares points (N, 3), metres, of a sweep with the map.
+
+        Args:
+            points: The points.
+            pose: (4, 4) of the sensor.
+            within_m: Points farther from the surface of their cell do not count.
+        """
+        gradient, curvature = np.zeros(6), np.zeros((6, 6))
+        moved = self._moved(points, pose)
+        if moved is None:
+            return Comparison(0, 0, gradient, curvature)
+        cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
+        on_surfaces, elsewhere = compare(
+            moved, cells, self._surfaces, sensor, within_m, gradient, curvature
+        )
+        return Comparison(on_surfaces, on_surfaces + elsewhere, gradient, curvature)
+
+    def _moved(
+        self, points: NDArray[np.float32], pose: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """(N, 3) metres from the origin of the map, axes of the world; None far from it."""
+        own = pose[:3].copy()
+        own[:, 3] -= self._origin
+        if not np.abs(own[:, 3]).max() < _MAX_WAY_M:
+            return None
+        return _transformed(np.ascontiguousarray(points), own)
+
+    def _cells_of(self, points: NDArray[np.float64], *, adding: bool) -> NDArray[np.int32]:
+        """(N,) the cells of points (N, 3); -1 where there is none, unless they are added."""
+        cells = np.empty(len(points), np.int32)
+        self._num = _find_cells(
+            points,
+            1 / self._cell_m,
+            adding,
+            self._num,
+            self._keys,
+            self._places,
+            self._indices,
+            cells,
+        )
+        return cells
+
+    def _clear(self, num_points: int) -> None:
+        """Drops cells that were not seen for long, and makes room for those of new points."""
+        is_kept = self._seen[: self._num] >= self._num_added - self._num_sweeps
+        kept = np.flatnonzero(is_kept)
+        centers = ((self._indices[kept] + 0.5) * self._cell_m).astype(np.float64, copy=False)
+        old = (self._seen, self._moments, self._num_new, self._surfaces)
+        room = _MIN_ROOM
+        while room < len(kept) + num_points:
+            room *= 2
+        self._make_room(room)
+        self._cells_of(centers, adding=True)
+        new = (self._seen, self._moments, self._num_new, self._surfaces)
+        for column, from_column in zip(new, old, strict=True):
+            column[: len(kept)] = from_column[kept]
+
+    def _make_room(self, room: int) -> None:
+        """Makes an empty table of cells; its keys are half as dense, so that each is found soon."""
+        self._num = 0
+        self._keys: NDArray[np.int64] = np.full(2 * room, -1, np.int64)
+        self._places: NDArray[np.int32] = np.empty(2 * room, np.int32)
+        self._indices: NDArray[np.int64] = np.empty((room, 3), np.int64)
+        self._seen = np.zeros(room, np.int64)
+        # Sums of the products of (x, y, z, 1) from the middle of the cell.
+        self._moments = np.zeros((room, 4, 4))
+        self._num_new = np.zeros(room)  # points since the surface was fitted
+        self._surfaces = np.zeros((room, 4, 3))  # the center, and the weights
+
+
+@compiled("float64[:, ::1](float32[:, ::1], float64[:, ::1])")
+def _transformed(
+    points: NDArray[np.float32], transform: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    result = np.empty((len(points), 3))
+    for row in range(len(points)):
+        x, y, z = points[row, 0], points[row, 1], points[row, 2]
+        for axis in range(3):
+            turned = x * transform[axis, 0] + y * transform[axis, 1] + z * transform[axis, 2]
+            result[row, axis] = turned + transform[axis, 3]
+    return result
+
+
+@compiled(
+    "int64(float64[:, ::1], float64, boolean, int64, int64[::1], int32[::1], int64[:, ::1],"
+    " int32[::1])"
+)
+def _find_cells(
+    points: NDArray[np.float64],
+    cells_per_m: float,
+    adding: bool,
+    number: int,
+    keys: NDArray[np.int64],
+    places: NDArray[np.int32],
+    indices: NDArray[np.int64],
+    cells: NDArray[np.int32],
+) -> int:
+    """Finds the cell of each point in a table with open addressing; returns how many there are."""
+    last = len(keys) - 1
+    for row in range(len(points)):
+        x = int(np.floor(points[row, 0] * cells_per_m))
+        y = int(np.floor(points[row, 1] * cells_per_m))
+        z = int(np.floor(points[row, 2] * cells_per_m))
+        key = (x & _MASK) << 42 | (y & _MASK) << 21 | (z & _MASK)
+        place = (x * _ACROSS ^ y * _ALONG ^ z * _UP) & last
+        while keys[place] != key and keys[place] != -1:
+            place = place + 1 & last
+        if keys[place] == key:
+            cells[row] = places[place]
+        elif adding:
+            keys[place], places[place], cells[row] = key, number, number
+            indices[number, 0], indices[number, 1], indices[number, 2] = x, y, z
+            number += 1
+        else:
+            cells[row] = -1
+    return number

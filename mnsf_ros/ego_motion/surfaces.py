@@ -1,0 +1,250 @@
+"""Surfaces of points in cells: fitted to their moments, and compared with other points.
+
+A surface has a center and a (3, 3) matrix of weights: 1 across a smooth plane, 0 along it. An
+upright pole or edge counts in two directions, what is not flat in none.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.compiled import compiled
+
+# Fewer points say nothing of a surface. It is fitted anew when a fifth of its points are new.
+_MIN_POINTS: Final = 4
+_MIN_NEW: Final = 0.2
+# More points of a cell do not count for more: what has changed since is seen sooner.
+_MAX_POINTS: Final = 100.0
+# A surface this rough (standard deviation) counts half.
+_ROUGHNESS_M: Final = 0.03
+# Turns of Jacobi's method, three a round: three rounds give all digits of float32.
+_NUM_TURNS: Final = 9
+
+
+@compiled(
+    "void(float64[:, ::1], int32[::1], int64[:, ::1], float64, float64[:, :, ::1], float64[::1])"
+)
+def add_moments(
+    points: NDArray[np.float64],
+    cells: NDArray[np.int32],
+    indices: NDArray[np.int64],
+    cell_m: float,
+    moments: NDArray[np.float64],
+    num_new: NDArray[np.float64],
+) -> None:
+    """Adds points to the moments of their cells.
+
+    Args:
+        points: (N, 3) metres.
+        cells: (N,) their cells.
+        indices: (C, 3) index of each cell along the axes.
+        cell_m: Size of the cells.
+        moments: (C, 4, 4) sums of the products of (x, y, z, 1) from the middle of the cell.
+        num_new: (C,) how many points were added since the surface was fitted.
+    """
+    place = np.ones(4)
+    for row in range(len(points)):
+        cell = cells[row]
+        num_new[cell] += 1.0
+        for axis in range(3):
+            place[axis] = points[row, axis] - (indices[cell, axis] + 0.5) * cell_m
+        kept = 1.0 if moments[cell, 3, 3] < _MAX_POINTS else 1.0 - 1.0 / _MAX_POINTS
+        for first in range(4):
+            for second in range(4):
+                moment = kept * moments[cell, first, second]
+                moments[cell, first, second] = moment + place[first] * place[second]
+
+
+@compiled("void(float64[:, ::1], float64[:, ::1])")
+def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
+    """Turns a symmetric (3, 3) matrix diagonal; the columns of `axes` are its own (Jacobi)."""
+    for row in range(3):
+        for column in range(3):
+            axes[row, column] = 1.0 if row == column else 0.0
+    for turn in range(_NUM_TURNS):
+        one, other = turn % 3, (turn + 1) % 3
+        if spread[one, other] == 0.0:
+            continue
+        half = (spread[other, other] - spread[one, one]) / (2 * spread[one, other])
+        tangent = 1 / (abs(half) + np.sqrt(half * half + 1))
+        if half < 0:
+            tangent = -tangent
+        cosine = 1 / np.sqrt(tangent * tangent + 1)
+        sine = tangent * cosine
+        for row in range(3):
+            first, second = spread[row, one], spread[row, other]
+            spread[row, one] = cosine * first - sine * second
+            spread[row, other] = sine * first + cosine * second
+        for column in range(3):
+            first, second = spread[one, column], spread[other, column]
+            spread[one, column] = cosine * first - sine * second
+            spread[other, column] = sine * first + cosine * second
+            first, second = axes[column, one], axes[column, other]
+            axes[column, one] = cosine * first - sine * second
+            axes[column, other] = sine * first + cosine * second
+
+
+@compiled("void(float64[:, ::1], float64[:, ::1], float64, float64[::1])")
+def _weigh(
+    spread: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    cell_m: float,
+    weights: NDArray[np.float64],
+) -> None:
+    """Weights of the three axes, by the variances of the points along them."""
+    rough = _ROUGHNESS_M**2
+    least, most = 0, 0
+    for axis in range(3):
+        # What fills the cell says nothing of where along this axis the surface is.
+        share = rough / (max(spread[axis, axis], 0.0) + rough)
+        weights[axis] = max(share - rough / (cell_m**2 / 12 + rough), 0.0)
+        if spread[axis, axis] < spread[least, least]:
+            least = axis
+        if spread[axis, axis] >= spread[most, most]:
+            most = axis
+    if least != most:
+        # Points on a line that is not upright are those of one laser on any surface: they move
+        # along with the sensor.
+        weights[3 - least - most] *= axes[2, most] ** 2
+
+
+@compiled(
+    "void(int32[::1], int64[:, ::1], float64, float64[:, :, ::1], float64[::1], float64[:, :, ::1])"
+)
+def fit_surfaces(
+    cells: NDArray[np.int32],
+    indices: NDArray[np.int64],
+    cell_m: float,
+    moments: NDArray[np.float64],
+    num_new: NDArray[np.float64],
+    surfaces: NDArray[np.float64],
+) -> None:
+    """Fits the surfaces (C, 4, 3) of cells that have points enough and many new ones among them."""
+    spread, axes, weights = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for cell in cells:
+        count = moments[cell, 3, 3]
+        if count < _MIN_POINTS or num_new[cell] < _MIN_NEW * count:
+            continue
+        num_new[cell] = 0.0
+        for first in range(3):
+            mean = moments[cell, first, 3] / count
+            surfaces[cell, 0, first] = (indices[cell, first] + 0.5) * cell_m + mean
+            for second in range(3):
+                product = moments[cell, first, second] / count
+                spread[first, second] = product - mean * moments[cell, second, 3] / count
+        _find_axes(spread, axes)
+        _weigh(spread, axes, cell_m, weights)
+        for first in range(3):
+            for second in range(3):
+                total = 0.0
+                for axis in range(3):
+                    total += weights[axis] * axes[first, axis] * axes[second, axis]
+                surfaces[cell, 1 + first, second] = total
+
+
+@compiled("float64(int64, float64[:, ::1], int64, float64[:, :, ::1], float64[::1], float64[::1])")
+def _squared_distance(
+    row: int,
+    points: NDArray[np.float64],
+    cell: int,
+    surfaces: NDArray[np.float64],
+    off: NDArray[np.float64],
+    pull: NDArray[np.float64],
+) -> float:
+    """How far a point is from the surface of a cell; `pull` becomes half of its derivative."""
+    squared = 0.0
+    for axis in range(3):
+        off[axis] = points[row, axis] - surfaces[cell, 0, axis]
+    for axis in range(3):
+        pull[axis] = 0.0
+        for other in range(3):
+            pull[axis] += surfaces[cell, 1 + axis, other] * off[other]
+        squared += pull[axis] * off[axis]
+    return squared
+
+
+@compiled(
+    "void(float64, float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[::1],"
+    " float64[:, ::1])"
+)
+def _add_equations(
+    weight: float,
+    arm: NDArray[np.float64],
+    pull: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    turned: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    curvature: NDArray[np.float64],
+) -> None:
+    """Adds what one point says; a turn moves it by its product with the arm to the sensor."""
+    for first in range(3):
+        second, third = (first + 1) % 3, (first + 2) % 3
+        gradient[first] += weight * pull[first]
+        gradient[3 + first] += weight * (arm[second] * pull[third] - arm[third] * pull[second])
+        for axis in range(3):
+            product = arm[second] * weights[axis, third] - arm[third] * weights[axis, second]
+            turned[axis, first] = weight * product
+            curvature[first, axis] += weight * weights[first, axis]
+    for first in range(3):
+        second, third = (first + 1) % 3, (first + 2) % 3
+        for axis in range(3):
+            product = arm[second] * turned[third, axis] - arm[third] * turned[second, axis]
+            curvature[3 + first, 3 + axis] += product
+            curvature[first, 3 + axis] += turned[first, axis]
+
+
+@compiled(
+    "UniTuple(int64, 2)(float64[:, ::1], int32[::1], float64[:, :, ::1], float64[::1], float64,"
+    " float64[::1], float64[:, ::1])"
+)
+def compare(
+    points: NDArray[np.float64],
+    cells: NDArray[np.int32],
+    surfaces: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    within_m: float,
+    gradient: NDArray[np.float64],
+    curvature: NDArray[np.float64],
+) -> tuple[int, int]:
+    """Compares points with the surfaces of their cells.
+
+    Args:
+        points: (N, 3) metres.
+        cells: (N,) their cells, -1 for none.
+        surfaces: (C, 4, 3) the center of each surface, and its weights.
+        sensor: (3,) metres, what a turn is about.
+        within_m: Points farther from their surface do not count.
+        gradient: (6,) becomes that of half the squared distances by a shift, then a turn.
+        curvature: (6, 6) becomes its derivative.
+
+    Returns:
+        How many points are on surfaces, and how many are in cells that have none.
+    """
+    off, arm, pull = np.empty(3), np.empty(3), np.empty(3)
+    turned = np.empty((3, 3))
+    on_surfaces, elsewhere, reach = 0, 0, within_m * within_m
+    gradient[:] = 0.0
+    curvature[:] = 0.0
+    for row in range(len(points)):
+        cell = int(cells[row])
+        if cell < 0:
+            continue
+        if surfaces[cell, 1, 0] + surfaces[cell, 2, 1] + surfaces[cell, 3, 2] == 0.0:
+            elsewhere += 1
+            continue
+        squared = _squared_distance(row, points, cell, surfaces, off, pull)
+        if squared >= reach:
+            continue
+        on_surfaces += 1
+        for axis in range(3):
+            arm[axis] = points[row, axis] - sensor[axis]
+        # Tukey's weight: what is nearly too far off hardly counts.
+        weight = (1 - squared / reach) ** 2
+        _add_equations(weight, arm, pull, surfaces[cell, 1:], turned, gradient, curvature)
+    for first in range(3):
+        for axis in range(3):
+            curvature[3 + axis, first] = curvature[first, 3 + axis]
+    return on_surfaces, elsewhere
