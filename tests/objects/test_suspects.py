@@ -119,9 +119,7 @@ def test_long_vehicle_whose_ends_alone_show_that_it_moves_is_a_suspect():
     past = [target(prepared(side - rows((shift, 0, 0))), current, steps)
             for shift, steps in ((1.0, -3.0), (2.0, -6.0))]  # fmt: skip
     targets = Targets([past[0]], past)
-    assert len(Suspects.among(objects, targets, Expectation(rows((0, 0, 0)), np.zeros(1)))) == 1
+    assert len(Suspects.among(objects, targets, expectation())) == 1
     standing = [target(prepared(side), current, steps) for steps in (-3.0, -6.0)]
-    none = Suspects.among(
-        objects, Targets(standing[:1], standing), Expectation(rows((0, 0, 0)), np.zeros(1))
-    )
+    none = Suspects.among(objects, Targets(standing[:1], standing), expectation())
     assert len(none) == 0
