@@ -91,6 +91,6 @@ def make_scene():
 def without_drawing(monkeypatch):
     """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
     for name in ("report.page.band_chart", "report.page.stage_bars"):
-        monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_: "")
+        monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_: "<svg></svg>")
     for name in ("drawing.example_pictures.png_bytes", "drawing.study_charts.png_bytes"):
         monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

@@ -53,7 +53,7 @@ def zstd_bomb(size=HUGE, *, is_size_known=False):
 
 def bz2_bomb(size=HUGE):
     """Many streams, one after the other."""
-    return bz2.compress(bytes(64 * MEBIBYTE)) * (size // (64 * MEBIBYTE))
+    return bz2.compress(bytes(8 * MEBIBYTE)) * (size // (8 * MEBIBYTE))
 
 
 def lz4_bomb(size=HUGE):

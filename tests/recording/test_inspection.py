@@ -333,18 +333,24 @@ def test_damage_is_one_line():
     assert str(Damage(str(Path("a")), "", "cut")) == "a: cut"
 
 
-@pytest.mark.parametrize("compression", [None, *Ros1Writer.CompressionFormat])
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.999])
-def test_ros1_bag_that_was_cut_short_is_read_up_to_the_cut(tmp_path, share, compression):
-    file = tmp_path / "bag.bag"
+@pytest.fixture(scope="module", params=[None, *Ros1Writer.CompressionFormat])
+def ros1_bag(request, tmp_path_factory):
+    file = tmp_path_factory.mktemp("ros1") / "bag.bag"
     writer = Ros1Writer(file)
-    if compression is not None:
-        writer.set_compression(compression)
+    if request.param is not None:
+        writer.set_compression(request.param)
     with writer:
         connection = writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.NOETIC)
         for index in ALL:
             raw = tiny_bags.JAZZY.cdr_to_ros1(tiny_bags.cdr(index, LARGE), CLOUD_TYPE)
             writer.write(connection, tiny_bags.stamp(index) + 5_000_000, raw)
+    return file
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.999])
+def test_ros1_bag_that_was_cut_short_is_read_up_to_the_cut(tmp_path, ros1_bag, share):
+    file = tmp_path / "bag.bag"
+    shutil.copy(ros1_bag, file)
     cut(file, share)
     found, inspection = read(file)
     whole = [index for index in found if index != LOST]

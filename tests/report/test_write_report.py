@@ -15,6 +15,7 @@ from mnsf_ros.evaluation.run_results import results_of
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.worst import missed_movers
 
+without_drawing = pytest.mark.usefixtures("without_drawing")
 WITHOUT_END = {"meta", "link", "img", "br"}
 
 
@@ -53,6 +54,7 @@ def report(tmp_path, rows, run, **options):
     return Page(path.read_text(encoding="utf-8"))
 
 
+@without_drawing
 def test_what_was_run_is_there(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
     for fact in ("mnsf evaluate street", "abc123", "torch 2.0", "box, fast, 2 cores", "Seed 7"):
@@ -60,6 +62,7 @@ def test_what_was_run_is_there(tmp_path):
     assert "distance.cell_size_m" in text
 
 
+@without_drawing
 def test_means_are_over_examples_of_each_method(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
     assert "0.200 m" in text  # mnsf: 0.1, 0.2, 0.3
@@ -68,6 +71,7 @@ def test_means_are_over_examples_of_each_method(tmp_path):
     assert "a newer triplet took its place" in text
 
 
+@without_drawing
 def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
     page = report(
         tmp_path, [row(1, "mnsf", 0.2), row(1, "fnsf", 0.3), row(1, "zero", 0.1)], run_record()
@@ -102,6 +106,7 @@ def test_every_picture_says_what_it_shows(tmp_path):
     }
 
 
+@without_drawing
 def test_worst_examples_come_first(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
     text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
@@ -116,6 +121,7 @@ def missed_mover(name="<b>car</b>"):
     return row(3, "mnsf", 0.3, movers=MoverRow((0, 0, 120), 0, objects=[item]))
 
 
+@without_drawing
 def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
     found = [missed_mover(), row(2, "mnsf", 0.2)]
     (missed,) = missed_movers(found, "mnsf")
@@ -139,12 +145,14 @@ def test_missed_mover_without_truth_or_flow_has_no_picture(tmp_path, example):
     assert "Missed: " not in page.text
 
 
+@without_drawing
 def test_picture_of_another_flow_says_so(tmp_path):
     found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(pictured().flows[1].error_m.mean()))]
     text = report(tmp_path, found, run_record(), pictured=[pictured()]).text
     assert text.count("The picture shows another flow than that of the run") == 1
 
 
+@without_drawing
 def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     example = pictured()
     flows = [dataclasses.replace(flow, is_again=True) for flow in example.flows]
@@ -166,6 +174,7 @@ def failed(number, method, failure):
     return row(number, method, 0.0, **none, failure=Failure(FailureKind.FAILED, failure))
 
 
+@without_drawing
 def test_failures_that_differ_in_numbers_alone_are_one(tmp_path):
     texts = [f"sweep 17{n}00: {n}.5 points are left after crop" for n in (1, 2, 3)]
     found = [failed(n + 1, "fnsf", text) for n, text in enumerate(texts)]
@@ -189,6 +198,7 @@ def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
     assert set(re.findall(r">(mnsf|fnsf|zero)</text>", bands)) == {"mnsf"}
 
 
+@without_drawing
 def test_without_truth_there_is_still_a_report(tmp_path):
     example = dataclasses.replace(pictured(with_truth=False), error_name="distance to next sweep")
     run = run_record(["mnsf"], truth=None)
@@ -206,6 +216,7 @@ def test_without_rows_there_is_still_a_report(tmp_path):
     assert "There are no results yet." in page.text
 
 
+@without_drawing
 def test_text_of_others_is_no_markup(tmp_path):
     bad = "<script>alert(1)</script>\"'&"
     run = run_record([bad])

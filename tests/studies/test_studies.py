@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -47,10 +48,9 @@ def street(tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def options(tmp_path, street):
+def options_in(folder, street):
     return StudyOptions(
-        out=tmp_path / "study",
+        out=folder / "study",
         settings=preset("paper").changed(FEW_STEPS),
         recordings=(street,),
         num_points=100,
@@ -59,14 +59,30 @@ def options(tmp_path, street):
     )
 
 
+@pytest.fixture
+def options(tmp_path, street):
+    return options_in(tmp_path, street)
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory, street):
+    """Does a study by its name, once for all tests; returns its result and its files."""
+
+    @cache
+    def study(name):
+        return run_study(name, options_in(tmp_path_factory.mktemp("studies"), street))
+
+    return study
+
+
 def rows_of(paths):
     with paths[1].open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_study_writes_page_numbers_and_picture(name, options):
-    result, paths = run_study(name, options)
+def test_study_writes_page_numbers_and_picture(name, studied):
+    result, paths = studied(name)
     assert [path.name for path in paths] == [f"{name}.md", f"{name}.csv", f"{name}.png"]
     page = paths[0].read_text()
     assert page.startswith(f"# {result.title}\n")
@@ -77,18 +93,17 @@ def test_study_writes_page_numbers_and_picture(name, options):
 
 
 @pytest.mark.parametrize("name", ["ablation", "landscape", "stability"])
-def test_study_is_the_same_the_second_time(name, options, tmp_path):
+def test_study_is_the_same_the_second_time(name, studied, options):
     tables = []
-    for folder in ("one", "two"):
-        _, paths = run_study(name, replace(options, out=tmp_path / folder))
+    for _, paths in (studied(name), run_study(name, options)):
         rows = rows_of(paths)
         tables.append([{k: v for k, v in row.items() if k != "time_ms"} for row in rows])
     assert tables[0] == tables[1]
 
 
-def test_seed_changes_the_numbers(options, tmp_path):
-    first = rows_of(run_study("landscape", options)[1])
-    other = rows_of(run_study("landscape", replace(options, out=tmp_path / "b", seed=1))[1])
+def test_seed_changes_the_numbers(studied, options):
+    first = rows_of(studied("landscape")[1])
+    other = rows_of(run_study("landscape", replace(options, seed=1))[1])
     assert first != other
 
 
@@ -113,10 +128,10 @@ def test_method_study_takes_all_examples_of_a_recording(options):
     assert said[-1].startswith("20 of 20: ")
 
 
-def test_method_study_can_be_reported(options):
-    run_study("depth", options)
+@pytest.mark.usefixtures("without_drawing")
+def test_method_study_can_be_reported(studied):
     said = []
-    folder = options.out / "evaluation"
+    folder = studied("depth")[1][0].parent / "evaluation"
     results = read_results(RunFolder(folder))
     path = report_run(results, folder, num_pictured=1, focus="mnsf-depth3", say=said.append)
     text = path.read_text()
