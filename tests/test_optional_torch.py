@@ -13,6 +13,7 @@ from mnsf_ros.errors import library_missing
 from mnsf_ros.evaluation import run_record
 
 ROOT = Path(__file__).parents[1]
+_PATIENCE_S = 600  # however busy the machine is
 # A program of this package, in a Python without some libraries.
 _WITHOUT = """
 import sys
@@ -43,7 +44,7 @@ def started(names: str, module: str, *arguments: str) -> subprocess.Popen[str]:
 )
 def test_commands_start_without_torch(module, arguments):
     process = started("torch", module, *arguments)
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=_PATIENCE_S)
     assert process.returncode == 0, output
 
 
@@ -57,7 +58,7 @@ def test_commands_start_without_torch(module, arguments):
 )
 def test_a_missing_library_is_one_line(tmp_path, names, module, arguments, words):
     process = started(names, module, *(word.replace("{tmp}", str(tmp_path)) for word in arguments))
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=_PATIENCE_S)
     assert process.returncode == 2
     (line,) = output.strip().splitlines()
     assert f"the Python library {names!r} is not installed for {sys.executable}" in line
@@ -89,14 +90,14 @@ class TestNode:
             if "sweeps from /scene_flow/points" in line:
                 break
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=60)
+        output, _ = process.communicate(timeout=_PATIENCE_S)
         assert process.returncode == 0, output
         assert "Traceback" not in output
 
     def test_refuses_networks_in_one_line(self):
         words = ("--ros-args", "-p", "method.name:=mnsf")
         process = started("torch", "mnsf_ros.node.__main__", *words)
-        output, _ = process.communicate(timeout=120)
+        output, _ = process.communicate(timeout=_PATIENCE_S)
         assert process.returncode == 2
         (line,) = output.strip().splitlines()
         assert "method 'mnsf': the Python library 'torch' is not installed" in line
