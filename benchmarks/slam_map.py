@@ -22,9 +22,9 @@ from marked_section import replace_section
 from numpy.typing import NDArray
 from online_recordings import TrueSweep, simulated_sweeps
 
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 VOXEL_M: Final = 0.2

@@ -20,9 +20,9 @@ import numpy as np
 from marked_section import replace_section
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.text_table import TextTable
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.simulation.scenarios import Mover, Row, Stage
 from mnsf_ros.simulation.scene import Scene
 from mnsf_ros.simulation.settings import SimulationSettings
