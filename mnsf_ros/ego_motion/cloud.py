@@ -44,7 +44,7 @@ class Cloud:
         if motion is not None and sweep.times_s is not None:
             points = motion.moved(points, sweep.times_s[::stride])
         range_m = np.float32(settings.max_range_m)
-        parted, number = _standing_first(np.ascontiguousarray(points), range_m)
+        parted, number = _standing_first(np.require(points, requirements=("C", "W")), range_m)
         standing = thinned(parted[:number], settings.thinning_m)
         low = thinned(parted[number:], _LOW_CELLS * settings.thinning_m)
         return cls(np.concatenate([standing, low]), len(standing))

@@ -22,7 +22,7 @@ def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
     They come by height, then from right to left and from back to front: each n-th of them is spread
     over all places as evenly as all are.
     """
-    means, keys = _means_of_cells(np.ascontiguousarray(xyz), 1 / cell_m)
+    means, keys = _means_of_cells(np.require(xyz, requirements=("C", "W")), 1 / cell_m)
     return means[np.argsort(keys)]
 
 

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+
+from mnsf_ros.compiled import compiled
 
 # A sweep whose points reach farther than this many cells is segmented coarser.
 _MAX_CELLS_PER_AXIS: Final = 2048
-_TOUCHING: Final = np.ones((3, 3), dtype=bool)
 
 
 class Segmentation:
@@ -27,27 +27,94 @@ class Segmentation:
             points: (N, 3) metres, N > 0.
             cell_size_m: Points in touching cells of this size are one object.
         """
-        # By column: numpy takes ten times as long over the short axis of an array.
-        self._low = [points[:, axis].min() for axis in (0, 1)]
-        extent = max(float(points[:, axis].max() - self._low[axis]) for axis in (0, 1))
+        points = np.require(points, requirements=("C", "W"))
+        self._low = points[:, 0].min(), points[:, 1].min()
+        extent = max(float(points[:, axis].max() - low) for axis, low in enumerate(self._low))
         self._cell_size_m = np.float32(max(cell_size_m, extent / _MAX_CELLS_PER_AXIS))
-        cells = self._cells(points)
-        occupied = np.zeros((cells[0].max() + 1, cells[1].max() + 1), dtype=bool)
-        occupied[cells] = True
-        self._labels, num_labels = ndimage.label(occupied, _TOUCHING)
-        self.num_objects = int(num_labels) + 1
+        self._labels, num_labels = _labelled(points, *self._low, self._cell_size_m)
+        self.num_objects = num_labels + 1
 
     def objects_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
         """Returns (N,) the object of each of the points (N, 3)."""
-        rows, columns = self._cells(points)
-        height, width = self._labels.shape
-        cells = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
-        labels: NDArray[np.int64] = self._labels[cells].astype(np.int64)
-        return labels
+        own = np.require(points, requirements=("C", "W"))
+        return _labels_at(own, *self._low, self._cell_size_m, self._labels)
 
-    def _cells(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int32], ...]:
-        """Row and column of the points' cells, (N,) each."""
-        return tuple(
-            ((points[:, axis] - low) / self._cell_size_m).astype(np.int32)
-            for axis, low in enumerate(self._low)
-        )
+
+@compiled("int64(int32[:, ::1], int32[::1], int64)")
+def _numbered(labels: NDArray[np.int32], roots: NDArray[np.int32], number: int) -> int:
+    """Numbers the roots, the lowest first, and labels all cells by them."""
+    numbers, num_roots = np.zeros(number + 1, np.int32), 0
+    for label in range(1, number + 1):
+        # A root is never higher than what leads to it: it has its number already.
+        if roots[label] == label:
+            num_roots += 1
+            numbers[label] = num_roots
+        else:
+            numbers[label] = numbers[roots[label]]
+    for row in range(labels.shape[0]):
+        for column in range(labels.shape[1]):
+            labels[row, column] = numbers[labels[row, column]]
+    return num_roots
+
+
+@compiled("Tuple((int32[:, ::1], int64))(float32[:, ::1], float32, float32, float32)")
+def _labelled(
+    points: NDArray[np.float32], low_x: np.float32, low_y: np.float32, cell_size_m: np.float32
+) -> tuple[NDArray[np.int32], int]:
+    """Labels of all cells from the lowest one, in the order of their rows, and how many."""
+    cells = np.empty((len(points), 2), np.int32)
+    num_rows, num_columns = 1, 1
+    for point in range(len(points)):
+        row = int((points[point, 0] - low_x) / cell_size_m)
+        column = int((points[point, 1] - low_y) / cell_size_m)
+        cells[point, 0], cells[point, 1] = row, column
+        num_rows, num_columns = max(num_rows, row + 1), max(num_columns, column + 1)
+    labels, number = np.zeros((num_rows, num_columns), np.int32), 0
+    for point in range(len(points)):
+        labels[cells[point, 0], cells[point, 1]] = -1
+    # Each cell takes over a label around it, and the labels that meet get the same root.
+    roots = np.empty(len(points) + 1, np.int32)
+    for row in range(num_rows):
+        for column in range(num_columns):
+            if labels[row, column] == 0:
+                continue
+            root = 0
+            for near in range(4):
+                other_row = row - 1 if near < 3 else row
+                other_column = column - 1 + near % 3
+                if other_row < 0 or not 0 <= other_column < num_columns:
+                    continue
+                other = labels[other_row, other_column]
+                if other == 0:
+                    continue
+                while roots[other] != other:
+                    roots[other] = roots[roots[other]]
+                    other = roots[other]
+                if root == 0:
+                    root = other
+                roots[max(root, other)] = min(root, other)
+                root = min(root, other)
+            if root == 0:
+                number += 1
+                root = number
+                roots[root] = root
+            labels[row, column] = root
+    return labels, _numbered(labels, roots, number)
+
+
+@compiled("int64[::1](float32[:, ::1], float32, float32, float32, int32[:, ::1])")
+def _labels_at(
+    points: NDArray[np.float32],
+    low_x: np.float32,
+    low_y: np.float32,
+    cell_size_m: np.float32,
+    labels: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """The labels at points; what is outside belongs to the outermost cells."""
+    result = np.empty(len(points), np.int64)
+    last_row, last_column = labels.shape[0] - 1, labels.shape[1] - 1
+    for point in range(len(points)):
+        row = min(max((points[point, 0] - low_x) / cell_size_m, 0.0), last_row)
+        column = min(max((points[point, 1] - low_y) / cell_size_m, 0.0), last_column)
+        result[point] = labels[int(row), int(column)]
+    return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.settings import GroundSettings
 
 # A sweep whose points reach farther than this many cells in x or y is binned coarser.
@@ -21,31 +22,55 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     """
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
-    cells, cell_size_m = _cells_of(xyz, settings.cell_size_m)
-    shape = cells[:, 0].max() + 1, cells[:, 1].max() + 1
-    flat_cells = cells[:, 0] * shape[1] + cells[:, 1]
-    lowest = np.full(shape[0] * shape[1], np.inf, dtype=np.float32)
-    np.minimum.at(lowest, flat_cells, xyz[:, 2])
+    points = np.require(xyz, requirements=("C", "W"))
+    lows, extent = _extent_of(points)
+    cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
+    cells, lowest = _lowest_of_cells(points, *lows, cell_size_m)
     rise = settings.max_slope * cell_size_m
-    lowest = _without_pits(lowest.reshape(shape), rise, settings.margin_m)
+    lowest = _without_pits(lowest, rise, settings.margin_m)
     radius = max(1, round(settings.window_m / 2 / cell_size_m))
     # An opening. Its structuring element is a cone, not a disc: it may rise with the steepest slope
     # allowed, so that a hill stays ground while a car on it does not.
     ground = -_cone_erosion(-_cone_erosion(lowest, radius, rise), radius, rise)
-    mask: NDArray[np.bool_] = xyz[:, 2] <= ground.ravel()[flat_cells] + settings.margin_m
+    mask: NDArray[np.bool_] = _below(points, cells, ground.ravel() + np.float32(settings.margin_m))
     return mask
 
 
-def _cells_of(xyz: NDArray[np.float32], cell_size_m: float) -> tuple[NDArray[np.int64], float]:
-    """Row and column of each point's cell (N, 2), and the size of the cells."""
-    columns = [xyz[:, axis].astype(np.float64) for axis in (0, 1)]
-    lows = [column.min() for column in columns]
-    extent = max(column.max() - low for column, low in zip(columns, lows, strict=True))
-    cell_size_m = max(cell_size_m, float(extent) / _MAX_CELLS_PER_AXIS)
-    cells = np.empty((len(xyz), 2), np.int64)
-    for axis, (column, low) in enumerate(zip(columns, lows, strict=True)):
-        cells[:, axis] = (column - low) / cell_size_m
-    return cells, cell_size_m
+def _extent_of(xyz: NDArray[np.float32]) -> tuple[tuple[float, float], float]:
+    """The lowest x and y, and how far the points reach from there along the longer axis."""
+    lows = float(xyz[:, 0].min()), float(xyz[:, 1].min())
+    return lows, max(float(xyz[:, axis].max()) - low for axis, low in enumerate(lows))
+
+
+@compiled("Tuple((int32[::1], float32[:, ::1]))(float32[:, ::1], float64, float64, float64)")
+def _lowest_of_cells(
+    xyz: NDArray[np.float32], low_x: float, low_y: float, cell_size_m: float
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """The cell of each point, and the lowest point of each cell (rows, columns)."""
+    cells = np.empty((len(xyz), 2), np.int32)
+    num_rows, num_columns = 0, 0
+    for point in range(len(xyz)):
+        row = int((np.float64(xyz[point, 0]) - low_x) / cell_size_m)
+        column = int((np.float64(xyz[point, 1]) - low_y) / cell_size_m)
+        cells[point, 0], cells[point, 1] = row, column
+        num_rows, num_columns = max(num_rows, row + 1), max(num_columns, column + 1)
+    lowest = np.full((num_rows, num_columns), np.float32(np.inf))
+    flat_cells = np.empty(len(xyz), np.int32)
+    for point in range(len(xyz)):
+        row, column = cells[point, 0], cells[point, 1]
+        lowest[row, column] = min(lowest[row, column], xyz[point, 2])
+        flat_cells[point] = row * num_columns + column
+    return flat_cells, lowest
+
+
+@compiled("boolean[::1](float32[:, ::1], int32[::1], float32[::1])")
+def _below(
+    xyz: NDArray[np.float32], cells: NDArray[np.int32], limits: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    below = np.empty(len(xyz), np.bool_)
+    for point in range(len(xyz)):
+        below[point] = xyz[point, 2] <= limits[cells[point]]
+    return below
 
 
 def _without_pits(lowest: NDArray[np.float32], rise: float, margin_m: float) -> NDArray[np.float32]:

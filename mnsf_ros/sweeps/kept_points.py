@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.settings import CropSettings, Settings
 from mnsf_ros.sweeps.ground import ground_mask
 
@@ -20,14 +21,29 @@ def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]
 
 def crop_mask(xyz: NDArray[np.float32], settings: CropSettings) -> NDArray[np.bool_]:
     """Says which of the points (N, 3), sensor frame, are within the ranges and heights."""
-    # float64: the square of a float32 coordinate of 1e20 is no float32.
-    x, y = xyz[:, 0].astype(np.float64), xyz[:, 1].astype(np.float64)
-    height = xyz[:, 2]
-    squared_range = x * x + y * y
-    kept: NDArray[np.bool_] = (
-        (squared_range >= settings.min_range_m**2)
-        & (squared_range <= settings.max_range_m**2)
-        & (height >= settings.min_height_m)
-        & (height <= settings.max_height_m)
+    kept: NDArray[np.bool_] = _inside(
+        np.require(xyz, requirements=("C", "W")),
+        settings.min_range_m**2,
+        settings.max_range_m**2,
+        np.float32(settings.min_height_m),
+        np.float32(settings.max_height_m),
     )
     return kept
+
+
+@compiled("boolean[::1](float32[:, ::1], float64, float64, float32, float32)")
+def _inside(
+    xyz: NDArray[np.float32],
+    least_squared: float,
+    most_squared: float,
+    min_height_m: np.float32,
+    max_height_m: np.float32,
+) -> NDArray[np.bool_]:
+    inside = np.empty(len(xyz), np.bool_)
+    for row in range(len(xyz)):
+        # float64: the square of a float32 coordinate of 1e20 is no float32.
+        x, y, z = np.float64(xyz[row, 0]), np.float64(xyz[row, 1]), xyz[row, 2]
+        squared = x * x + y * y
+        is_near = least_squared <= squared <= most_squared
+        inside[row] = is_near and min_height_m <= z <= max_height_m
+    return inside

@@ -221,3 +221,8 @@ class TestCloud:
         cloud = Cloud.of(Sweep(xyz), None, SETTINGS)
         assert cloud.standing[:, 2].min() >= 0.3
         assert len(cloud) == pytest.approx(20 / 0.3, abs=3)
+
+    def test_of_a_sweep_that_must_not_be_written_to(self):
+        xyz = np.ones((10, 3), np.float32)
+        xyz.flags.writeable = False
+        assert len(Cloud.of(Sweep(xyz), None, SETTINGS)) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from small_scenes import rows
 
 from mnsf_ros.objects.segmentation import Segmentation
@@ -56,3 +57,23 @@ def test_labels_do_not_depend_on_the_order_of_the_points():
     first = Segmentation(points, 1.0).objects_of(points)
     second = Segmentation(points[order], 1.0).objects_of(points[order])
     np.testing.assert_array_equal(first[order], second)
+
+
+@pytest.mark.parametrize("spread", [0.3, 3.0, 40.0, 1e20])
+@pytest.mark.parametrize("number", [1, 40, 3000])
+def test_numbers_are_those_of_connected_components_row_by_row(number, spread):
+    points = np.random.default_rng(number).normal(0, spread, (number, 3)).astype(np.float32)
+    extent = np.ptp(points[:, :2], axis=0).max()
+    cell_size_m = np.float32(max(0.5, float(extent) / 2048))
+    cells = ((points[:, :2] - points[:, :2].min(axis=0)) / cell_size_m).astype(int)
+    occupied = np.zeros(cells.max(axis=0) + 1, bool)
+    occupied[tuple(cells.T)] = True
+    labels, num_labels = ndimage.label(occupied, np.ones((3, 3)))
+    found = Segmentation(points, 0.5)
+    assert found.num_objects == num_labels + 1
+    np.testing.assert_array_equal(found.objects_of(points), labels[tuple(cells.T)])
+
+
+def test_many_points_in_one_cell():
+    points = np.full((50_000, 3), 2.0, np.float32)
+    assert set(Segmentation(points, 0.15).objects_of(points)) == {1}

@@ -193,3 +193,21 @@ def test_same_as_the_definition(seed):
     expected = slow_ground_mask(points.astype(np.float64), settings)
     assert 0 < expected.sum() < len(points)
     np.testing.assert_array_equal(is_ground(points, settings), expected)
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"), [([[1, 2, 3]], [True]), ([[1, 2, 3]] * 9999, 9999 * [True])]
+)
+def test_one_point_and_many_in_one_cell_are_ground(points, expected):
+    assert is_ground(points).tolist() == expected
+
+
+def test_a_point_far_beyond_all_others_makes_cells_coarser_and_no_more():
+    far = np.array([[1e20, -1e20, 0.0]], np.float32)
+    points = np.vstack([plane().astype(np.float32), far])
+    assert is_ground(points).all()
+
+
+def test_columns_of_another_order_in_memory_are_the_same():
+    points = np.random.default_rng(5).normal(0, 5, (500, 3)).astype(np.float32)
+    np.testing.assert_array_equal(is_ground(np.asfortranarray(points)), is_ground(points))
