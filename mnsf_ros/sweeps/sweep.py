@@ -39,6 +39,13 @@ class Sweep:
     kept: NDArray[np.bool_] | None = None
     times_s: NDArray[np.float32] | None = None
 
+    def __post_init__(self) -> None:
+        """Copies arrays that are read-only or not contiguous: compiled loops take no others."""
+        for name in ("xyz", "kept", "times_s"):
+            array = getattr(self, name)
+            if array is not None:
+                object.__setattr__(self, name, np.require(array, requirements=("C", "W")))
+
     @property
     def middle_s(self) -> float:
         """Seconds from the stamp to the middle of the times of the points; 0 if not known."""

@@ -153,3 +153,18 @@ def test_the_middle_of_the_times():
         pytest.approx(-0.05)
     )
     assert Sweep(xyz[:0], times_s=np.zeros(0, np.float32)).middle_s == 0
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_arrays_that_are_read_only_or_in_columns_become_what_loops_take(order):
+    xyz = np.asarray(np.random.default_rng(0).normal(size=(50, 3)), np.float32, order=order)
+    times_s = np.linspace(0.0, 0.1, 50, dtype=np.float32)
+    for array in (xyz, times_s):
+        array.flags.writeable = False
+    sweep = Sweep(xyz, times_s=times_s)
+    for array in (sweep.xyz, sweep.times_s, sweep.part(np.arange(3)).xyz):
+        assert array.flags.c_contiguous
+        assert array.flags.writeable
+    np.testing.assert_array_equal(sweep.xyz, xyz)
+    with pytest.raises(ValueError, match="read-only"):
+        xyz[0] = 0.0
