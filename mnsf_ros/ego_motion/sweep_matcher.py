@@ -50,6 +50,9 @@ _DRAGGED_M: Final = 0.15
 # A motion that explains fewer of the points is not one to trust; .82 and more on the recordings at
 # hand, .63 and less for sweeps of other places.
 _MIN_EXPLAINED: Final = 0.6
+# Where so few points are on surfaces, nothing holds the motion; .47 and more on streets seen
+# with 16 beams, .05 for points too sparse to have surfaces.
+_MIN_ON_SURFACES: Final = 0.12
 _MIN_POINTS: Final = 50
 
 
@@ -173,7 +176,8 @@ class SweepMatcher:
 
     def _is_explained(self, cloud: Cloud, pose: NDArray[np.float64]) -> bool:
         there = self._map.compared(cloud.points, pose, _SETTLE_WITHIN_M)
-        return there.num_explained >= _MIN_EXPLAINED * len(cloud)
+        is_held = there.num_on_surfaces >= _MIN_ON_SURFACES * len(cloud)
+        return is_held and there.num_explained >= _MIN_EXPLAINED * len(cloud)
 
     def _aligned(
         self,

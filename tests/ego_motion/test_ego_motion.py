@@ -140,6 +140,14 @@ class TestWhatCannotBeRegistered:
         for item in found:
             np.testing.assert_array_equal(item.world_from_sensor, np.eye(4))
 
+    def test_too_sparse_for_surfaces_is_no_registration(self):
+        places = np.random.default_rng(0).uniform(-8, 8, (400, 3)).astype(np.float32)
+        odometry = EgoMotion(EgoMotionSettings())
+        for number in range(3):
+            odometry.pose_of(Sweep(places + np.float32(0.3 * number), number * 10**8))
+        pose = odometry.pose_of(Sweep(places + np.float32(0.9), 3 * 10**8))
+        assert pose.source is EgoSource.CONSTANT_VELOCITY
+
     def test_points_far_away_and_far_up_are_no_harm(self):
         path, ego_motion = moved(), EgoMotion(REGISTRATION)
         far = np.array([[1e6, 0, 0], [0, -1e20, 0], [500, 500, 500]], np.float32)
