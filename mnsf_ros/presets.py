@@ -1,4 +1,7 @@
-"""Named sets of settings: `online`, the default, `paper`, the published method, and `authors`."""
+"""Named sets of settings: `online`, the default; `neural`, the networks of the paper made fast.
+
+And for comparison `paper`, the published method, and `authors`, what their code does.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,22 @@ _PAPER: dict[str, SettingValue] = {
     "warm_start.enabled": False,
 }
 
+# The networks of the paper, live: of what the ego motion leaves, so many steps in each sweep.
+_NEURAL: dict[str, SettingValue] = {
+    "method.name": "mnsf",
+    "ego_motion.removed": True,
+    "distance.kind": "auto",
+    "distance.cell_size_m": 0.2,
+    "distance.dead_zone_m": 0.1,
+    "field.zero_start": True,
+    "fusion.zero_start": True,
+    "field.rest_is_static": True,
+    "field.cell_size_m": 0.3,
+    "optimization.stacked": True,
+    "optimization.time_budget_ms": 0.0,
+    "warm_start.time_budget_ms": 0.0,
+}
+
 # The released code of the authors where it does something else than the paper says.
 _AUTHORS: dict[str, SettingValue] = _PAPER | {
     "optimization.joint": True,
@@ -45,6 +64,7 @@ _AUTHORS: dict[str, SettingValue] = _PAPER | {
 
 _PRESETS: dict[str, dict[str, SettingValue]] = {
     "online": {},
+    "neural": _NEURAL,
     "paper": _PAPER,
     "authors": _AUTHORS,
 }

@@ -279,8 +279,8 @@ class DistanceSettings:
     kind: str = _setting(
         "tree",
         "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a CPU "
-        "for few points",
-        choices=("grid", "tree"),
+        "for few points; auto: grid on CUDA, tree on a CPU",
+        choices=("grid", "tree", "auto"),
     )
     cell_size_m: float = _setting(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = _setting(
@@ -291,6 +291,13 @@ class DistanceSettings:
     )
     truncation_m: float = _setting(
         2.0, "Distances are limited to this value, against outliers; 0: unlimited", 0, 1000
+    )
+    dead_zone_m: float = _setting(
+        0.0,
+        "Distances below this value count as this value: so far apart are the points of one "
+        "surface, whether it moves or not",
+        0,
+        10,
     )
 
 
@@ -347,6 +354,23 @@ class FieldSettings:
 
     num_hidden_layers: int = _setting(8, "Number of hidden layers, each with a ReLU", 1, 64)
     hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
+    zero_start: bool = _setting(
+        False,
+        "Start from a flow of zero everywhere, which is that of static points where the ego motion "
+        "is removed; false: from a random one",
+    )
+    rest_is_static: bool = _setting(
+        False,
+        "With ego_motion.removed: points that fields are not fitted to, which are ground or beyond "
+        "the crop, are static; false: they have the flow of the fields, too",
+    )
+    cell_size_m: float = _setting(
+        0.0,
+        "Evaluate the fitted networks once per cell of this size, for all its points; 0: for each "
+        "point",
+        0,
+        10,
+    )
 
 
 @dataclass(frozen=True)
@@ -359,6 +383,11 @@ class OptimizationSettings:
         False,
         "Fit both fields together, from the same initial weights, until the forward loss stops "
         "falling (the authors' code); false: fit each on its own (the paper)",
+    )
+    stacked: bool = _setting(
+        False,
+        "Fit the fields, each on its own, in the same steps as one stack of networks, to the same "
+        "random points. On CUDA always",
     )
     max_iterations: int = _setting(
         150, "Maximum number of iterations per field after a cold start", 1, 100_000
@@ -412,6 +441,9 @@ class FusionSettings:
     )
     num_hidden_layers: int = _setting(3, "Number of hidden layers of the fusion network", 1, 64)
     hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
+    zero_start: bool = _setting(
+        False, "Start the mlp from a flow of zero, whatever its input; false: from a random one"
+    )
     max_iterations: int = _setting(
         100, "Maximum number of iterations after a cold start", 1, 100_000
     )
@@ -457,6 +489,9 @@ class ComputeSettings:
         "elsewhere the default of PyTorch",
         0,
         512,
+    )
+    cuda_graphs: bool = _setting(
+        True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
     )
     seed: int = _setting(0, "Seed of initial weights and random batches", 0, 2_147_483_647)
 

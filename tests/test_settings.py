@@ -61,6 +61,7 @@ def test_setting_of_an_earlier_version_is_explained():
 def test_presets_name_their_method():
     assert {name: preset(name).method.name for name in PRESET_NAMES} == {
         "online": "online",
+        "neural": "mnsf",
         "paper": "mnsf",
         "authors": "mnsf",
     }
@@ -121,7 +122,7 @@ def test_true_false_and_words_are_taken_as_they_are():
 
 def test_range_text():
     assert declared_setting("crop.max_range_m").range_text() == "1 to 1000"
-    assert declared_setting("distance.kind").range_text() == "grid, tree"
+    assert declared_setting("distance.kind").range_text() == "grid, tree, auto"
     assert declared_setting("ground.remove").range_text() == ""
 
 
@@ -250,6 +251,8 @@ def test_paper_preset_is_the_paper():
 
 def test_unknown_preset():
     with pytest.raises(
-        SettingsError, match=r"^unknown preset 'fast', expected one of online, paper, authors$"
+        SettingsError,
+        match=r"^unknown preset 'fast', expected one of online, neural, paper, "
+        "authors$",
     ):
         preset("fast")

@@ -84,7 +84,7 @@ class Arguments:
         self.value(
             "--preset",
             "settings to start from: paper is the method as published, authors its released "
-            "code, online the default of the live node",
+            "code, neural its networks made fast, online the default of the live node",
             default="paper",
             choices=PRESET_NAMES,
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import nn
 
@@ -19,6 +21,8 @@ class Batches:
         self._rows = rows
         self._size = size
         self._generator = generator
+        self._loaded: torch.Tensor | None = None  # [T, size] rows of the next batches
+        self._turn = torch.zeros(1, dtype=torch.int64, device=rows.device)
 
     @property
     def are_whole(self) -> bool:
@@ -29,8 +33,43 @@ class Batches:
         """The next batch."""
         if self.are_whole:
             return self._rows
-        indices = torch.randint(len(self._rows), (self._size,), generator=self._generator)
-        return self._rows[indices.to(self._rows.device)]
+        if self._loaded is not None:
+            indices = self._loaded.index_select(0, self._turn)[0]
+            self._turn.add_(1)
+            return self._rows.index_select(0, indices)
+        return self._rows[self._next_indices().to(self._rows.device)]
+
+    def _next_indices(self) -> torch.Tensor:
+        return torch.randint(len(self._rows), (self._size,), generator=self._generator)
+
+    def _load(self, indices: torch.Tensor, capacity: int) -> None:
+        if self._loaded is None:
+            shape = (capacity, self._size)
+            self._loaded = torch.zeros(shape, dtype=torch.int64, device=self._rows.device)
+        source = indices.pin_memory() if self._rows.is_cuda else indices
+        self._loaded[: len(indices)].copy_(source, non_blocking=True)
+        self._turn.zero_()
+
+    def unload(self) -> None:
+        """Forgets the batches that `preload` has drawn."""
+        self._loaded = None
+
+
+def preload(sources: Sequence[Batches], number: int, capacity: int) -> None:
+    """Draws the next batches of each source, so that `draw` needs nothing of the host.
+
+    They are those that would be drawn in turn, one of each source. Later calls put theirs in the
+    same place of the device.
+
+    Args:
+        sources: What to draw from; those that are whole are left as they are.
+        number: Batches of each.
+        capacity: The largest number of all calls until `unload`.
+    """
+    random = [source for source in sources if not source.are_whole]
+    drawn = [[source._next_indices() for source in random] for _ in range(number)]
+    for source, indices in zip(random, zip(*drawn, strict=True), strict=True):
+        source._load(torch.stack(indices), capacity)
 
 
 @torch.no_grad()

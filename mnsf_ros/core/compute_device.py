@@ -5,7 +5,9 @@ PyTorch is imported only when it is needed: that takes seconds, and `online` doe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import ComputeSettings
@@ -43,6 +45,31 @@ def check_device(settings: ComputeSettings) -> None:
     """
     if settings.device == "cuda":
         compute_device(settings)
+
+
+def on_device(array: NDArray[Any], device: torch.device) -> torch.Tensor:
+    """Returns a copy of an array on a device, by a transfer that the host does not wait for.
+
+    On the CPU the tensor shares its memory with the array if that can be written.
+    """
+    import torch
+
+    if device.type == "cpu":
+        return torch.from_numpy(array) if array.flags.writeable else torch.tensor(array)
+    return torch.tensor(array).pin_memory().to(device, non_blocking=True)
+
+
+def on_host(tensor: torch.Tensor) -> NDArray[Any]:
+    """Returns the values of a tensor, without gradient, as an array."""
+    import torch
+
+    if tensor.is_cuda:
+        pinned = torch.empty(tensor.shape, dtype=tensor.dtype, pin_memory=True)
+        pinned.copy_(tensor, non_blocking=True)
+        torch.cuda.current_stream(tensor.device).synchronize()
+        tensor = pinned
+    array: NDArray[Any] = tensor.numpy()
+    return array
 
 
 def limit_threads(settings: ComputeSettings) -> None:

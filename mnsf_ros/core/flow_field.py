@@ -41,6 +41,12 @@ def _linear(num_inputs: int, num_outputs: int, generator: torch.Generator) -> nn
     return layer
 
 
+def start_at_zero(network: nn.Sequential) -> None:
+    """Makes the output of a fresh perceptron zero, whatever its input."""
+    for weights in network[-1].parameters():
+        nn.init.zeros_(weights)
+
+
 class FlowField(nn.Module):
     """Flow at any position: (M, 3) metres in, (M, 3) metres out.
 
@@ -54,6 +60,12 @@ class FlowField(nn.Module):
         self._layers = perceptron(
             num_inputs, settings.num_hidden_layers, settings.hidden_width, generator
         )
+        if settings.zero_start:
+            start_at_zero(self._layers)
+
+    def linear_layers(self) -> list[nn.Linear]:
+        """The layers with weights, in order."""
+        return [layer for layer in self._layers if isinstance(layer, nn.Linear)]
 
     def forward(self, positions: torch.Tensor) -> torch.Tensor:
         """Flow at the positions, or at positions and times."""

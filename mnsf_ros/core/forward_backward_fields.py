@@ -8,12 +8,10 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches
+from mnsf_ros.core.device_optimization import minimize_on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult
-from mnsf_ros.core.optimization import (
-    Learner,
-    PartlyJudgedLoss,
-    minimize,
-)
+from mnsf_ros.core.learner import Learner, PartlyJudgedLoss
+from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 
@@ -43,7 +41,8 @@ def fit_field(
         points = batches.draw()
         return target.mean(points + field.network(points))
 
-    return minimize(field, loss_of, schedule, keep_best=keep_best and batches.are_whole)
+    keep_best = keep_best and batches.are_whole
+    return minimize(field, loss_of, schedule, keep_best=keep_best, sources=[batches])
 
 
 def fit_jointly(
@@ -70,11 +69,43 @@ def fit_jointly(
 
     networks = nn.ModuleList(field.network for field in fields)
     together = Learner(networks, fields[0].optimizer)
-    result = minimize(together, loss_of, schedule, keep_best=keep_best and batches.are_whole)
+    keep_best = keep_best and batches.are_whole
+    result = minimize(together, loss_of, schedule, keep_best=keep_best, sources=[batches])
     with torch.no_grad():
         for field, loss in zip(fields, _losses(fields, batches, targets), strict=True):
             field.last_loss = loss.item()
     return result
+
+
+def fit_stacked(
+    stack: Learner,
+    fields: Sequence[Learner],
+    batches: Batches,
+    targets: Sequence[TargetDistance],
+    schedule: Schedule,
+    *,
+    keep_best: bool = True,
+) -> list[OptimizationResult]:
+    """Fits each field to its own target as `fit_field` does, all of them in the same steps.
+
+    The fields are those of the stack. Each draws the same points, and is judged by itself.
+
+    Raises:
+        OptimizationError: If a loss is not finite.
+        CancelledError: If the schedule says so.
+    """
+
+    def losses_of() -> torch.Tensor:
+        points = batches.draw()
+        flows = stack.network(points)  # [K, M, 3]
+        pairs = zip(targets, flows, strict=True)
+        return torch.stack([target.mean(points + flow) for target, flow in pairs])
+
+    keep_best = keep_best and batches.are_whole
+    results = minimize_on_device(stack, losses_of, schedule, keep_best=keep_best, sources=[batches])
+    for field, result in zip(fields, results, strict=True):
+        field.last_loss = result.loss_m
+    return results
 
 
 def _losses(

@@ -5,53 +5,18 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
 from torch import nn
 
+from mnsf_ros.core.batches import Batches
+from mnsf_ros.core.device_optimization import minimize_on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
+from mnsf_ros.core.learner import Learner, PartlyJudgedLoss, checked_loss
 from mnsf_ros.core.schedule import Schedule
-from mnsf_ros.errors import CancelledError, OptimizationError
-
-
-@dataclass
-class Learner:
-    """A network with its optimizer, so that both can be carried from triplet to triplet.
-
-    Attributes:
-        network: What is optimized.
-        optimizer: Adam over the network's weights, with its moments; None if it has no weights.
-        last_loss: Loss at the end of the last optimization, metres; None for a fresh network.
-    """
-
-    network: nn.Module
-    optimizer: torch.optim.Adam | None
-    last_loss: float | None = None
-
-    @classmethod
-    def fresh(cls, network: nn.Module, weight_decay: float = 0.0) -> Learner:
-        """A learner whose optimizer has seen nothing yet."""
-        weights = list(network.parameters())
-        if not weights:
-            return cls(network, None)
-        # Fused: one pass over all weights; for networks this small that is a tenth of a step.
-        return cls(network, torch.optim.Adam(weights, weight_decay=weight_decay, fused=True))
-
-
-@dataclass(frozen=True)
-class PartlyJudgedLoss:
-    """A sum of losses of which one alone decides when to stop.
-
-    Attributes:
-        total: What is made small; the weights of its lowest value are the best ones.
-        judged: What early stopping looks at.
-    """
-
-    total: torch.Tensor
-    judged: torch.Tensor
+from mnsf_ros.errors import CancelledError
 
 
 class EarlyStopping:
@@ -90,8 +55,9 @@ def minimize(
     schedule: Schedule,
     *,
     keep_best: bool,
+    sources: Sequence[Batches] = (),
 ) -> OptimizationResult:
-    """Optimizes the learner's network in place.
+    """Optimizes the learner's network in place, on CUDA without waiting for each step.
 
     Args:
         learner: Network and optimizer. Gets the final loss as `last_loss`.
@@ -99,6 +65,7 @@ def minimize(
         schedule: Number and size of the steps, and when to stop.
         keep_best: Whether to return to the weights of the lowest loss. Meaningful only if
             `loss_of` means the same thing at each call, not for random batches.
+        sources: The batches that `loss_of` draws from, in the order of drawing.
 
     Raises:
         OptimizationError: If the loss is not finite and there are no better weights to return to.
@@ -106,7 +73,11 @@ def minimize(
     """
     if learner.optimizer is None:
         loss, _ = _parts(loss_of())
-        return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
+        return OptimizationResult(checked_loss(loss.item()), 0, StopReason.CONVERGED)
+    if next(learner.network.parameters()).is_cuda:
+        return minimize_on_device(learner, loss_of, schedule, keep_best=keep_best, sources=sources)[
+            0
+        ]
     best = _BestWeights(learner.network)
     stopping = EarlyStopping(schedule.patience, schedule.min_delta_m)
     loss = torch.tensor(math.nan)
@@ -151,13 +122,7 @@ def _final_loss(loss: torch.Tensor, best: _BestWeights) -> float:
     if best.loss < math.inf:
         best.restore()
         return best.loss
-    return _checked(loss.item())
-
-
-def _checked(loss: float) -> float:
-    if not math.isfinite(loss):
-        raise OptimizationError(f"the loss became {loss}, expected a finite number of metres")
-    return loss
+    return checked_loss(loss.item())
 
 
 class _BestWeights:

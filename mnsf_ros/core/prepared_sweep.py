@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device
+from mnsf_ros.core.compute_device import compute_device, on_device, on_host
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
@@ -47,7 +48,9 @@ class PreparedSweep:
             )
         self._xyz = sweep.xyz
         self._settings = settings.distance
-        self.points = torch.from_numpy(sweep.xyz[self.kept]).to(compute_device(settings.compute))
+        self._field = settings.field
+        self._is_ego_motion_removed = settings.ego_motion.removed
+        self.points = on_device(sweep.xyz[self.kept], compute_device(settings.compute))
 
     @cached_property
     def positions(self) -> torch.Tensor:
@@ -59,7 +62,7 @@ class PreparedSweep:
         if self._is_chosen:
             return self.points
         low, high = self.points.min(dim=0).values, self.points.max(dim=0).values
-        all_points = torch.tensor(self._xyz, device=self.points.device)
+        all_points = on_device(self._xyz, self.points.device)
         return torch.minimum(torch.maximum(all_points, low), high)
 
     @property
@@ -69,18 +72,71 @@ class PreparedSweep:
             return torch.arange(len(self.points))
         return torch.from_numpy(self.kept).nonzero().view(-1)
 
+    def everywhere(
+        self, flow_at: Callable[[torch.Tensor], torch.Tensor], rows: torch.Tensor
+    ) -> torch.Tensor:
+        """Returns the flow at `positions`, (P, 3), of a function of rows (M, C) to (M, 3).
+
+        With `field.cell_size_m` the positions in one cell have the flow of one of them; with
+        `field.rest_is_static` those that are not kept have none.
+
+        Args:
+            flow_at: The function.
+            rows: (P, C) its input for each position.
+        """
+        if self._places is None:
+            return flow_at(rows)
+        chosen, place_of = self._places
+        found = flow_at(rows[chosen])
+        return torch.cat([found, found.new_zeros(1, 3)])[place_of]
+
+    @cached_property
+    def _places(self) -> tuple[torch.Tensor, torch.Tensor] | None:
+        """Where functions are evaluated, None if everywhere.
+
+        That is rows of `positions` (Q,), and for each position which of them has its flow (P,); Q
+        itself for those that have none.
+        """
+        cell_size_m = self._field.cell_size_m
+        rest_is_static = self._field.rest_is_static and self._is_ego_motion_removed
+        if not cell_size_m and not rest_is_static:
+            return None
+        device, number = self.points.device, len(self.positions)
+        chosen = torch.arange(number, device=device)
+        if rest_is_static:
+            chosen = self.kept_positions.to(device)
+        first = cell_of = torch.arange(len(chosen), device=device)
+        if cell_size_m:
+            first, cell_of = _cells_of(self.positions[chosen], cell_size_m)
+        place_of = torch.full((number,), len(first), device=device)
+        place_of[chosen] = cell_of
+        return chosen[first], place_of
+
     def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
         """Returns the flow at `positions` (P, 3) for all points (N, 3); NaN where not asked for."""
         if not self._is_chosen:
-            return flow.cpu().numpy()
+            return on_host(flow)
         whole = np.full(self._xyz.shape, np.nan, dtype=np.float32)
-        whole[self.kept] = flow.cpu().numpy()
+        whole[self.kept] = on_host(flow)
         return whole
 
     @cached_property
     def distance(self) -> TargetDistance:
         """D(p, S) with this sweep as the target S."""
         return TargetDistance.to_points(self.points, self._settings)
+
+
+def _cells_of(positions: torch.Tensor, cell_size_m: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """A row of each cell that has positions (Q,), and the cell of each position (P,)."""
+    low = positions.min(dim=0).values
+    # A millimetre: the number of cells must be an int64.
+    cells = ((positions - low) / max(cell_size_m, 0.001)).long()
+    _, ny, nz = cells.max(dim=0).values + 1
+    flat = (cells[:, 0] * ny + cells[:, 1]) * nz + cells[:, 2]
+    found, cell_of = flat.unique(return_inverse=True)
+    rows = torch.arange(len(flat), device=flat.device)
+    first = torch.full_like(found, len(flat)).scatter_reduce_(0, cell_of, rows, "amin")
+    return first, cell_of
 
 
 class SweepPreparation:

@@ -25,6 +25,7 @@ class Schedule:
         min_delta_m: A smaller fall of the loss is no improvement.
         deadline: `time.monotonic()` value after which no further step starts.
         cancelled: Asked before each step; True abandons the estimate.
+        records_steps: Whether CUDA may record a step and replay it.
     """
 
     max_iterations: int
@@ -34,6 +35,7 @@ class Schedule:
     min_delta_m: float = 0.0
     deadline: float = math.inf
     cancelled: Callable[[], bool] = lambda: False
+    records_steps: bool = True
 
     def learning_rate_at(self, iteration: int) -> float:
         """Step size of an iteration, counted from 0."""
@@ -106,4 +108,5 @@ class Schedules:
             min_delta_m=self.settings.early_stopping.min_delta_m,
             deadline=self.started_s + done * (budget_ms / 1e3 or math.inf),
             cancelled=self.cancelled,
+            records_steps=self.settings.compute.cuda_graphs,
         )

@@ -10,8 +10,9 @@ from torch import nn
 
 from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.flow_estimate import OptimizationResult
-from mnsf_ros.core.flow_field import perceptron
-from mnsf_ros.core.optimization import Learner, minimize
+from mnsf_ros.core.flow_field import perceptron, start_at_zero
+from mnsf_ros.core.learner import Learner
+from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.settings import FusionSettings
@@ -29,6 +30,8 @@ class MlpFusion(nn.Module):
         self._layers = perceptron(
             num_inputs, settings.num_hidden_layers, settings.hidden_width, generator
         )
+        if settings.zero_start:
+            start_at_zero(self._layers)
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
         """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
@@ -95,4 +98,4 @@ def fit_fusion(
         rows = batches.draw()
         return target.mean(rows[:, :3] + fusion.network(rows[:, 3:]))
 
-    return minimize(fusion, loss_of, schedule, keep_best=batches.are_whole)
+    return minimize(fusion, loss_of, schedule, keep_best=batches.are_whole, sources=[batches])

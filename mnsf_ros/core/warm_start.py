@@ -10,7 +10,8 @@ from torch import nn
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.flow_field import FlowField
-from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.learner import Learner, adam
+from mnsf_ros.core.stacked_fields import StackedFields
 from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
@@ -23,10 +24,12 @@ class Learners:
     Attributes:
         fields: The forward field and the backward fields: to t-1, t-2 ...
         fusion: What makes one flow of theirs.
+        stack: The fields as one network, if they are to be fitted in the same steps.
     """
 
     fields: tuple[Learner, ...]
     fusion: Learner
+    stack: Learner | None = None
 
     @property
     def forward(self) -> Learner:
@@ -42,13 +45,17 @@ class Learners:
         num_fields: int = 2,
     ) -> Learners:
         """Networks with random weights."""
+        stack = None
         if settings.optimization.joint:
             fields = _fields_with_one_optimizer(settings, generator, device, num_fields)
         else:
-            networks = [FlowField(settings.field, generator) for _ in range(num_fields)]
-            fields = tuple(Learner.fresh(network.to(device)) for network in networks)
+            networks = [FlowField(settings.field, generator).to(device) for _ in range(num_fields)]
+            if num_fields > 1 and (settings.optimization.stacked or device.type == "cuda"):
+                stack = Learner.fresh(StackedFields(networks))
+                stack.num_networks = num_fields
+            fields = tuple(Learner.fresh(network) for network in networks)
         fusion = fusion_network(settings.fusion, generator, num_fields)
-        return cls(fields, Learner.fresh(fusion.to(device)))
+        return cls(fields, Learner.fresh(fusion.to(device)), stack)
 
 
 def _fields_with_one_optimizer(
@@ -57,7 +64,7 @@ def _fields_with_one_optimizer(
     """Fields that start from the same weights, as in the authors' code."""
     first = FlowField(settings.field, generator).to(device)
     networks = nn.ModuleList([first, *(copy.deepcopy(first) for _ in range(number - 1))])
-    optimizer = torch.optim.Adam(networks.parameters(), fused=True)
+    optimizer = adam(networks.parameters())
     return tuple(Learner(network, optimizer) for network in networks)
 
 

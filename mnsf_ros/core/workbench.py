@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 
 import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock, Start
-from mnsf_ros.core.optimization import (
-    Learner,
-    PartlyJudgedLoss,
-    minimize,
-)
+from mnsf_ros.core.learner import Learner, PartlyJudgedLoss
+from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.temporal_fusion import fit_fusion
@@ -76,6 +74,7 @@ class Workbench:
         self.triplet = triplet
         self.settings = settings
         self.device = device
+        self._sources: list[Batches] = []
         self.fits: dict[str, OptimizationResult] = {}
         self.warm_start = warm_start or WarmStart()
         self.start = Start.COLD_BY_SETTING
@@ -95,7 +94,9 @@ class Workbench:
 
     def batches(self, rows: torch.Tensor) -> Batches:
         """Rows (M, C) to draw from, as the settings ask."""
-        return Batches(rows, self.settings.optimization.batch_points, self.generator)
+        batches = Batches(rows, self.settings.optimization.batch_points, self.generator)
+        self._sources.append(batches)
+        return batches
 
     def sampled_points(self, sweep: PreparedSweep) -> torch.Tensor:
         """(M, 3) metres, the points of another sweep that fits may use."""
@@ -121,7 +122,9 @@ class Workbench:
         """
         with self.stage(stage):
             keep_best = self.points.are_whole if keep_best is None else keep_best
-            self.fits[stage] = minimize(learner, loss_of, schedule, keep_best=keep_best)
+            self.fits[stage] = minimize(
+                learner, loss_of, schedule, keep_best=keep_best, sources=self._sources
+            )
 
     def flow(
         self, stage: str, network: nn.Module, rows: torch.Tensor | None = None
@@ -134,7 +137,8 @@ class Workbench:
             OptimizationError: If the flow is not finite.
         """
         with self.stage(stage):
-            flow = evaluate(network, self.current.positions if rows is None else rows)
+            rows = self.current.positions if rows is None else rows
+            flow = self.current.everywhere(partial(evaluate, network), rows)
             # The loss may be finite all the same: it is that of the step before, or truncated.
             if not torch.isfinite(flow).all():
                 raise OptimizationError(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from mnsf_ros.core.flow_field import FlowField
-from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field, penalty, schedule_for

@@ -13,9 +13,14 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, still_fits
+from mnsf_ros.core.forward_backward_fields import (
+    fit_field,
+    fit_jointly,
+    fit_stacked,
+    still_fits,
+)
+from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.motion_inversion import invert_motion
-from mnsf_ros.core.optimization import Learner
 from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
 from mnsf_ros.core.temporal_fusion import fusion_network
@@ -74,6 +79,8 @@ def _field_flows(bench: Workbench, schedules: Schedules) -> list[torch.Tensor]:
     """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
     fields = bench.learners.fields
     keep_best = bench.settings.fusion.fields == "best"
+    if bench.learners.stack is not None:
+        return _stacked_flows(bench, bench.learners.stack, schedules, keep_best=keep_best)
     if not bench.settings.optimization.joint:
         return _fitted_flows(bench, schedules.fields(len(fields)), keep_best=keep_best)
     with bench.stage("fields"):
@@ -87,6 +94,28 @@ def _field_flows(bench: Workbench, schedules: Schedules) -> list[torch.Tensor]:
     return [bench.flow("fields", field.network) for field in fields]
 
 
+def _stacked_flows(
+    bench: Workbench, stack: Learner, schedules: Schedules, *, keep_best: bool
+) -> list[torch.Tensor]:
+    """The flows of all fields, fitted in the same steps."""
+    fields, targets = bench.learners.fields, (bench.next, *bench.before)
+    with bench.stage("fields"):
+        results = fit_stacked(
+            stack,
+            fields,
+            bench.points,
+            [target.distance for target in targets],
+            schedules.fields(1)[0],
+            keep_best=keep_best,
+        )
+    bench.fits.update(zip(_field_stages(len(fields)), results, strict=True))
+    return [bench.flow("fields", field.network) for field in fields]
+
+
+def _field_stages(number: int) -> list[str]:
+    return ["forward", "backward", *(f"backward {k}" for k in range(2, number))][:number]
+
+
 def _fitted_flows(
     bench: Workbench, schedules: Sequence[Schedule], *, keep_best: bool
 ) -> list[torch.Tensor]:
@@ -94,10 +123,8 @@ def _fitted_flows(
     flows = []
     fields = bench.learners.fields[: len(schedules)]
     targets = (bench.next, *bench.before)[: len(schedules)]
-    for number, (field, target, schedule) in enumerate(
-        zip(fields, targets, schedules, strict=True)
-    ):
-        stage = ("forward", "backward")[number] if number < 2 else f"backward {number}"
+    stages = _field_stages(len(fields))
+    for stage, field, target, schedule in zip(stages, fields, targets, schedules, strict=True):
         with bench.stage(stage):
             bench.fits[stage] = fit_field(
                 field, bench.points, target.distance, schedule, keep_best=keep_best

@@ -100,8 +100,7 @@ class NetworkEstimator:
         if new.compute == old.compute:
             if _networks(new) == _networks(old):
                 other._warm_start = self._warm_start
-            preparing = (new.crop, new.ground, new.distance)
-            if preparing == (old.crop, old.ground, old.distance):
+            if _preparing(new) == _preparing(old):
                 other._preparation = self._preparation
         if new.ego_motion == old.ego_motion:
             other._poses = self._poses
@@ -153,7 +152,14 @@ def _networks(settings: Settings) -> tuple[object, ...]:
     """What must be the same for networks to be carried over."""
     # In another frame the flow is another one.
     is_removed = settings.ego_motion.removed
-    return settings.field, settings.fusion, settings.optimization.joint, is_removed
+    optimization = settings.optimization
+    return settings.field, settings.fusion, optimization.joint, optimization.stacked, is_removed
+
+
+def _preparing(settings: Settings) -> tuple[object, ...]:
+    """What must be the same for sweeps made ready to stay so."""
+    is_removed = settings.ego_motion.removed
+    return settings.crop, settings.ground, settings.distance, settings.field, is_removed
 
 
 def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) -> SweepTriplet:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from mnsf_ros.core.optimization import Learner
+from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from mnsf_ros.core.distance_transform import DistanceTransform, GridBox
+from mnsf_ros.core.distance_transform import DistanceTransform, GridBox, distances_within
 
 CELL_M = 0.5
 
@@ -171,3 +171,27 @@ def test_points_far_from_the_origin(generator):
 def test_position_that_is_no_number_has_a_distance_that_is_none(points):
     positions = torch.tensor([[math.nan, 0.0, 0.0]], device=points.device)
     assert not transform(points)(positions).isfinite().any()
+
+
+@pytest.mark.parametrize("reach_m", [0.3, 1.0, 40.0])
+@pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
+def test_erosion_is_exact_within_its_reach(points, cell_size_m, reach_m):
+    box = GridBox.around(points, cell_size_m)
+    whole = DistanceTransform.from_points(points, box)
+    near = DistanceTransform(distances_within(points, box, reach_m), box)
+    is_near = whole.distances <= reach_m + 2 * cell_size_m
+    torch.testing.assert_close(near.distances[is_near], whole.distances[is_near])
+    assert (near.distances[~is_near] > reach_m).all()
+    positions = points + torch.rand_like(points)
+    limit = torch.tensor(reach_m, device=points.device)
+    torch.testing.assert_close(
+        near(positions).minimum(limit), whole(positions).minimum(limit), atol=1e-5, rtol=0
+    )
+
+
+def test_erosion_around_a_single_point(device):
+    point = torch.tensor([[1.0, 1.0, 1.0]], device=device)
+    box = GridBox.around(point, CELL_M)
+    distances = distances_within(point, box, 100.0)
+    assert distances[2, 2, 2] == 0
+    assert distances[0, 2, 4] == pytest.approx(2 * CELL_M * math.sqrt(2))

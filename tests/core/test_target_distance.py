@@ -77,3 +77,20 @@ def test_mean_is_the_loss_of_the_paper(device):
     # 0, 0.5 and 1 m, and one that counts as 2 m.
     positions = torch.tensor([[0.0, 0, 0], [0.5, 0, 0], [0, 0, -1.0], [0, 9, 0]], device=device)
     assert target.mean(positions).item() == pytest.approx(3.5 / 4)
+
+
+def test_auto_takes_the_grid_on_cuda(points):
+    expected = "grid" if points.is_cuda else "tree"
+    assert distance_to(points, kind="auto").kind == expected
+
+
+@pytest.mark.parametrize("kind", ["grid", "tree"])
+def test_dead_zone_has_no_gradient(points, kind):
+    target = distance_to(points, kind=kind, dead_zone_m=0.4, cell_size_m=0.1)
+    positions = (points[:50] + 0.1).requires_grad_()
+    distances = target(positions)
+    assert (distances == 0.4).all()
+    distances.sum().backward()
+    assert not positions.grad.any()
+    outside = points[:1] + torch.tensor([0.0, 0.0, 20.0], device=points.device)
+    assert target(outside) == 2.0

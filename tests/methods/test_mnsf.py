@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from moving_sweeps import QUICK
 
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
@@ -345,3 +346,41 @@ def test_estimator_recovers_from_an_explosion(triplet):
         estimator.estimate(triplet)
     result = estimator.with_settings(SHORT).estimate(triplet)
     np.testing.assert_array_equal(result.flow, estimate(triplet).flow)
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_fields_of_a_stack_are_those_of_separate_fits(translated, device, number):
+    changes = {"compute.device": device.type, "early_stopping.patience": 8}
+    settings = QUICK.changed(changes)
+    name = f"mnsf-frames{number + 1}"
+    alone = make_method(name, settings).estimate(translated)
+    stacked = make_method(name, settings.changed({"optimization.stacked": True})).estimate(
+        translated
+    )
+    np.testing.assert_allclose(stacked.flow, alone.flow, atol=0.005)
+    assert list(stacked.fits) == list(alone.fits)
+    assert stacked.fits["forward"].iterations == alone.fits["forward"].iterations
+
+
+def test_neural_preset_leaves_what_is_static_and_goes_on_warm(make_scene):
+    scene = make_scene(points_per_box=150)
+    estimator = make_method("mnsf", preset("neural").changed({"compute.device": "cpu"}))
+    first, again = (
+        estimator.estimate(triplet_of(scene, stamps_ms))
+        for stamps_ms in ((0, 100, 200), (100, 200, 300))
+    )
+    assert (first.start, again.start) == (Start.COLD_FIRST, Start.WARM)
+    for result in (first, again):
+        moving, still = mean_errors(result.flow, scene)
+        assert moving < 0.15
+        assert still < 0.05
+        assert result.over_ground is not None
+    assert list(first.fits) == ["forward", "backward", "fusion"]
+    assert not any("time" in reason for reason in again.stop_reasons.values())
+
+
+def test_neural_preset_gives_the_same_digits_again(make_scene):
+    triplet = triplet_of(make_scene())
+    settings = preset("neural").changed({"compute.device": "cpu", "compute.num_threads": 1})
+    flows = [make_method("mnsf", settings).estimate(triplet).flow for _ in range(2)]
+    np.testing.assert_array_equal(*flows)

@@ -1,0 +1,245 @@
+"""Everything about the networks on CUDA in one run: correctness, time, memory.
+
+    python benchmarks/networks_on_cuda.py [--document FILE] [--sweeps N] [--device cuda]
+
+Each method that fits networks is compared with itself on the CPU, then timed on full sweeps with
+its preset, with the memory that it takes. Sweeps are those of KITTI 0005 where it is at hand (see
+online_recordings.py), else those of a simulated street. Without CUDA nothing is measured;
+`--device cpu` tries the script itself, with the stacked fit in place of CUDA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+from marked_section import replace_section
+from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
+from rich.console import Console
+
+from mnsf_ros.core.distance_transform import DistanceTransform, GridBox, distances_within
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.evaluation.scoring import by_motion
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.report.text_table import TextTable
+from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.sweeps.kept_points import crop_mask
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+UNMEASURED: Final = "not measured"
+_SECTION: Final = "cuda"
+_FNSF: Final = ("fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time")
+METHODS: Final = ("mnsf", *_FNSF, "mnsf-cycle", "nsfp", "nsfp-linear")
+# Few steps on the same points: rounding has no time to grow. Coarse grids: fast on a CPU.
+_FEW_STEPS: Final[dict[str, SettingValue]] = {
+    "optimization.max_iterations": 8,
+    "fusion.max_iterations": 8,
+    "distance.cell_size_m": 0.5,
+}
+_MAX_MEAN_DIFFERENCE_MM: Final = 1.0
+_MAX_GRID_DIFFERENCE_MM: Final = 0.01
+_REACH_M: Final = 2.0
+# Estimates before the clock counts: the first ones load kernels.
+_NUM_WARM_UP: Final = 2
+
+
+@dataclass(frozen=True)
+class Timed:
+    """One row of the table of times.
+
+    Attributes:
+        preset: Name of the preset.
+        method: Name of the method.
+        changes: Settings on top.
+        limit_ms: Target of the 95th percentile, or None.
+        share: Estimates of this row, as a share of those asked for.
+    """
+
+    preset: str
+    method: str
+    changes: Mapping[str, SettingValue]
+    limit_ms: float | None = None
+    share: float = 0.1
+
+    @property
+    def name(self) -> str:
+        """What the table calls it."""
+        return " ".join([f"{self.preset}/{self.method}", *(self.changes and ["without graphs"])])
+
+
+TIMED: Final = (
+    Timed("neural", "mnsf", {}, 30.0, 1.0),
+    Timed("neural", "mnsf", {"compute.cuda_graphs": False}, None, 1.0),
+    Timed("paper", "mnsf", {}, 150.0, 0.2),
+    Timed("paper", "mnsf", {"compute.cuda_graphs": False}),
+    Timed("authors", "mnsf", {}),
+    *(Timed("paper", method, {}) for method in METHODS[1:]),
+)
+_TIMES_HEADER: Final = (
+    *("preset/method", "median (ms)", "p95 (ms)", "p95 target", "EPE (m)", "EPE dynamic"),
+    *("EPE static", "memory (MB)", "longest stages (ms)"),
+)
+_CHECKS_HEADER: Final = ("checked against the CPU", "difference (mm)", "at most", "")
+
+
+def main() -> None:
+    """Measures everything, prints the tables, and writes them if asked to."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
+    parser.add_argument("--sweeps", type=int, default=100, help="estimates of the longest row")
+    parser.add_argument("--points", type=int, default=0, help="points of a sweep; 0: all")
+    parser.add_argument("--few-steps", action="store_true", help="8 steps a network, to try it out")
+    parser.add_argument(
+        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
+    )
+    options = parser.parse_args()
+    if options.device == "cuda" and not torch.cuda.is_available():
+        Console().print("torch finds no usable CUDA device: nothing is measured")
+        return
+    sweeps = _sweeps(options.points)
+    texts = [f"Machine: {_machine(options.device)}, {len(sweeps[0].sweep):,} points a sweep.\n"]
+    for table in (
+        checks_table(list(_checks(sweeps, options.device))),
+        times_table(_times(sweeps, options)),
+    ):
+        Console(width=160).print(table)
+        texts.append(f"{table.markdown()}\n")
+    if options.document:
+        replace_section(options.document, _SECTION, "\n".join(texts))
+
+
+def checks_table(rows: Sequence[Sequence[str]] = ()) -> TextTable:
+    """What was compared with the CPU; without rows, what would be."""
+    names = ["distance transform", *(f"{method}, 8 steps" for method in METHODS)]
+    unmeasured = [[name, UNMEASURED, "", ""] for name in names]
+    return TextTable(_CHECKS_HEADER, rows or unmeasured, "Correctness")
+
+
+def times_table(measured: Mapping[str, Sequence[str]]) -> TextTable:
+    """Times, errors and memory of each row; `measured` has the cells behind its name."""
+    nothing = [UNMEASURED, *[""] * (len(_TIMES_HEADER) - 2)]
+    rows = [[row.name, *measured.get(row.name, nothing)] for row in TIMED]
+    return TextTable(_TIMES_HEADER, rows, "Time of an estimate of full sweeps, and its memory")
+
+
+def _sweeps(num_points: int) -> list[TrueSweep]:
+    found = real_sweeps("kitti_0005") or simulated_sweeps(0, 24)
+    return [_thinned(item, num_points) for item in found]
+
+
+def _thinned(item: TrueSweep, num_points: int) -> TrueSweep:
+    xyz, number = item.sweep.xyz, len(item.sweep.xyz)
+    chosen = num_points if 0 < num_points < number else number
+    rows = np.sort(np.random.default_rng(0).permutation(number)[:chosen])
+    # Without times of points: real ones are motion compensated, and registration takes them so.
+    sweep = Sweep(np.ascontiguousarray(xyz[rows]), item.sweep.stamp_ns, item.sweep.frame_id)
+    truth = (item.flow, item.dynamic, item.scored, item.ground)
+    return TrueSweep(sweep, item.pose, *(None if part is None else part[rows] for part in truth))
+
+
+def _machine(device: str) -> str:
+    name = torch.cuda.get_device_name() if device == "cuda" else platform.machine()
+    return f"{name}, torch {torch.__version__}"
+
+
+def _checks(sweeps: Sequence[TrueSweep], device: str) -> Iterator[list[str]]:
+    """One row for each thing that must be on the device what it is on the CPU."""
+    points = torch.from_numpy(sweeps[1].sweep.xyz)
+    points = points[points.norm(dim=1) < 30]
+    box = GridBox.around(points, 0.2)
+    on_cpu = DistanceTransform.from_points(points, box).distances
+    ours = distances_within(points.to(device), box, _REACH_M).cpu()
+    difference_mm = 1e3 * float((on_cpu - ours)[on_cpu <= _REACH_M].abs().max())
+    yield _check("distance transform", difference_mm, _MAX_GRID_DIFFERENCE_MM)
+    three = [_thinned(item, 8192).sweep for item in sweeps[:3]]
+    for method in METHODS:
+        few = preset("paper").changed(_FEW_STEPS)
+        flows = [
+            _estimate(method, few.changed(changes), three).flow
+            for changes in (
+                {"compute.device": "cpu"},
+                {"compute.device": device, "optimization.stacked": True},
+            )
+        ]
+        difference_mm = 1e3 * float(np.linalg.norm(flows[0] - flows[1], axis=1).mean())
+        yield _check(f"{method}, 8 steps", difference_mm, _MAX_MEAN_DIFFERENCE_MM)
+
+
+def _check(name: str, difference_mm: float, limit_mm: float) -> list[str]:
+    # A NaN is no match.
+    verdict = "same" if difference_mm <= limit_mm else "DIFFERS"
+    return [name, f"{difference_mm:.4f}", f"{limit_mm:g}", verdict]
+
+
+def _estimate(method: str, settings: Settings, sweeps: Sequence[Sweep]) -> FlowEstimate:
+    previous, current, following = sweeps
+    return make_method(method, settings).estimate(SweepTriplet(previous, current, following))
+
+
+def _times(sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> dict[str, list[str]]:
+    cells = {}
+    for row in TIMED:
+        settings = preset(row.preset).changed({**row.changes, "compute.device": options.device})
+        if options.few_steps:
+            settings = settings.changed(_FEW_STEPS)
+        number = max(1, round(options.sweeps * row.share))
+        cells[row.name] = _timed(row, settings, sweeps, number)
+    return cells
+
+
+def _timed(row: Timed, settings: Settings, sweeps: Sequence[TrueSweep], number: int) -> list[str]:
+    estimator = make_method(row.method, settings)
+    is_on_cuda = settings.compute.device == "cuda"
+    if is_on_cuda:
+        torch.cuda.empty_cache()
+        torch.cuda.reset_peak_memory_stats()
+    times_ms, stages, errors = [], [], []
+    for count in range(number + _NUM_WARM_UP):
+        # Again and again from the first sweep: time goes back, and the estimate starts cold.
+        index = 1 + count % (len(sweeps) - 2)
+        previous, current, following = (item.sweep for item in sweeps[index - 1 : index + 2])
+        triplet = SweepTriplet(previous, current, following)
+        start = time.perf_counter()
+        estimate = estimator.estimate(triplet)
+        if count < _NUM_WARM_UP:
+            continue
+        times_ms.append(1e3 * (time.perf_counter() - start))
+        stages.append(estimate.times_ms)
+        truth = sweeps[index]
+        if truth.flow is None or truth.dynamic is None or truth.scored is None:
+            continue
+        valid = truth.scored & crop_mask(truth.sweep.xyz, settings.crop)
+        errors.append(by_motion(estimate.flow, truth.flow, truth.dynamic, valid))
+    p95_ms = float(np.percentile(times_ms, 95))
+    verdict = "" if row.limit_ms is None else "met" if p95_ms <= row.limit_ms else "MISSED"
+    return [
+        f"{np.median(times_ms):.1f}",
+        f"{p95_ms:.1f}",
+        "" if row.limit_ms is None else f"{row.limit_ms:g} {verdict}",
+        *(
+            f"{np.nanmean([each[part].epe_m for each in errors]):.3f}"
+            for part in ("all", "dynamic", "static")
+        ),
+        f"{torch.cuda.max_memory_reserved() / 1e6:.0f}" if is_on_cuda else "-",
+        _longest(stages),
+    ]
+
+
+def _longest(stages: Sequence[Mapping[str, float]]) -> str:
+    medians = {name: np.median([each.get(name, 0.0) for each in stages]) for name in stages[-1]}
+    longest = sorted(medians.items(), key=lambda item: -item[1])[:3]
+    return ", ".join(f"{name} {median_ms:.0f}" for name, median_ms in longest)
+
+
+if __name__ == "__main__":
+    main()
