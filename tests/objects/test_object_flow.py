@@ -164,8 +164,8 @@ def test_very_few_points(num_points):
     sweeps = [Sweep(points(num_points), stamp_ns(index)) for index in range(3)]
     result = estimate(SweepTriplet(*sweeps), **{"ground.remove": False})
     np.testing.assert_allclose(result.flow, 0, atol=1e-6)
-    expected = "constant velocity" if num_points < 50 else "registration"
-    assert result.over_ground.source == expected
+    # They are too sparse for surfaces.
+    assert result.over_ground.source == "constant velocity"
 
 
 @pytest.mark.parametrize("num_points", [0, 1, 9])
