@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from pathlib import Path
+
+
+def add_document_option(parser: ArgumentParser) -> None:
+    """Adds `--document`, the file whose section a benchmark replaces."""
+    parser.add_argument(
+        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
+    )
 
 
 def replace_section(document: Path, name: str, text: str) -> None:

@@ -14,11 +14,10 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
 from rich.console import Console
 
@@ -84,9 +83,7 @@ def main() -> None:
     parser.add_argument("--half", nargs="+", choices=_SEEDS, default=["reported"])
     parser.add_argument("--sweeps", type=int, default=24, help="of each simulated street")
     parser.add_argument("--groups", nargs="+", help="only these: scenarios, or names of data")
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
-    )
+    add_document_option(parser)
     options = parser.parse_args()
     console, texts = Console(width=120), []
     for half in options.half:

@@ -15,12 +15,11 @@ import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
 from rich.console import Console
 
@@ -99,9 +98,7 @@ def main() -> None:
     parser.add_argument("--sweeps", type=int, default=100, help="estimates of the longest row")
     parser.add_argument("--points", type=int, default=0, help="points of a sweep; 0: all")
     parser.add_argument("--few-steps", action="store_true", help="8 steps a network, to try it out")
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
-    )
+    add_document_option(parser)
     options = parser.parse_args()
     if options.device == "cuda" and not torch.cuda.is_available():
         Console().print("torch finds no usable CUDA device: nothing is measured")

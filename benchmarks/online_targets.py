@@ -20,7 +20,7 @@ from pathlib import Path
 # Before torch is loaded; the node does the same.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from online_accuracy import accuracy_tables
 from online_cost import cost_tables
 from online_live import live_tables
@@ -42,9 +42,7 @@ def main() -> None:
     )
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--quick", action="store_true", help="a tenth of the work, to try it out")
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
-    )
+    add_document_option(parser)
     options = parser.parse_args()
     console = Console(width=120)
     texts = [_head()]

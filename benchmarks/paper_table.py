@@ -24,7 +24,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from kitti_examples import KittiExample, missing_data, read_example
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from paper_document import document, printed
 from paper_plan import PLAN, Job, done_jobs, method_names, missing, planned
 from paper_settings import PaperRecord, merged_settings, outdated
@@ -47,9 +47,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
     parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:METHODS:SEEDS")
     parser.add_argument("--again", default="", metavar="METHODS", help="drop their rows first")
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the tables"
-    )
+    add_document_option(parser)
     parser.add_argument("--tables", action="store_true", help="only print what is there")
     options = parser.parse_args()
     console = Console(width=120)

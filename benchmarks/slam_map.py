@@ -12,13 +12,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 from kiss_icp.config import KISSConfig
 from kiss_icp.kiss_icp import KissICP
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from numpy.typing import NDArray
 from online_recordings import TrueSweep, simulated_sweeps
 
@@ -58,9 +57,7 @@ def main() -> None:
     parser.add_argument("--sweeps", type=int, default=100)
     parser.add_argument("--beams", type=int, default=32)
     parser.add_argument("--columns", type=int, default=1024)
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the table"
-    )
+    add_document_option(parser)
     options = parser.parse_args()
     rows = []
     for scenario in options.scenarios:

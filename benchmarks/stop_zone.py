@@ -13,11 +13,10 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
-from marked_section import replace_section
+from marked_section import add_document_option, replace_section
 from numpy.typing import NDArray
 
 from mnsf_ros.methods import make_method
@@ -72,9 +71,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
     parser.add_argument("--beams", type=int, default=32)
     parser.add_argument("--columns", type=int, default=1024)
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="Markdown file with a section for the table"
-    )
+    add_document_option(parser)
     options = parser.parse_args()
     rows = []
     for name, speed_m_s in _SPEEDS_M_S.items():

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
+from mnsf_ros.core.compute_device import copy_to
+
 # On a CPU few enough for the layers to stay in the cache of a core.
 _ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
@@ -46,8 +48,7 @@ class Batches:
         if self._loaded is None:
             shape = (capacity, self._size)
             self._loaded = torch.zeros(shape, dtype=torch.int64, device=self._rows.device)
-        source = indices.pin_memory() if self._rows.is_cuda else indices
-        self._loaded[: len(indices)].copy_(source, non_blocking=True)
+        copy_to(self._loaded[: len(indices)], indices)
         self._turn.zero_()
 
     def unload(self) -> None:

@@ -59,6 +59,11 @@ def on_device(array: NDArray[Any], device: torch.device) -> torch.Tensor:
     return torch.tensor(array).pin_memory().to(device, non_blocking=True)
 
 
+def copy_to(place: torch.Tensor, values: torch.Tensor) -> None:
+    """Copies values of the host to a place on any device, without waiting until they are there."""
+    place.copy_(values.pin_memory() if place.is_cuda else values, non_blocking=True)
+
+
 def on_host(tensor: torch.Tensor) -> NDArray[Any]:
     """Returns the values of a tensor, without gradient, as an array."""
     import torch

@@ -17,6 +17,7 @@ from typing import cast
 import torch
 
 from mnsf_ros.core.batches import Batches, preload
+from mnsf_ros.core.compute_device import copy_to
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
 from mnsf_ros.core.learner import Learner, PartlyJudgedLoss, checked_loss
 from mnsf_ros.core.schedule import Schedule
@@ -129,7 +130,7 @@ class _Run:
     def load_rates(self, number: int) -> None:
         """Puts the sizes of the next steps where `step` finds them."""
         rates = [self._schedule.learning_rate_at(self.num_steps + k) for k in range(number)]
-        self._rates[:number].copy_(_pinned(torch.tensor(rates), self.is_on_cuda), non_blocking=True)
+        copy_to(self._rates[:number], torch.tensor(rates))
         self._turn.zero_()
 
     def step(self) -> None:
@@ -248,10 +249,6 @@ class _Judge:
 def _like(which: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     """One value for each network (K,), in the shape of weights that begins with K."""
     return which.view(-1, *(1,) * (weights.ndim - 1))
-
-
-def _pinned(tensor: torch.Tensor, is_for_cuda: bool) -> torch.Tensor:
-    return tensor.pin_memory() if is_for_cuda else tensor
 
 
 class _Recorder:
