@@ -502,9 +502,13 @@ class OutputSettings:
 
     layout: str = _setting(
         "full",
-        "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic "
-        "and confidence; compact: x, y, z, flow and dynamic only, for slow links",
+        "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic, "
+        "confidence, speed and colour; compact: x, y, z, flow and dynamic only, for slow links",
         choices=("full", "compact"),
+    )
+    rgb: bool = _setting(
+        True,
+        "With the field rgb, by which RViz and Foxglove colour the clouds: direction and speed",
     )
 
 

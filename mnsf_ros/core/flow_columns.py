@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.drawing.color_wheel import packed_colors
+from mnsf_ros.settings import OutputSettings
 
 Values = Callable[[FlowEstimate, float], NDArray[Any] | None]
 
@@ -51,6 +54,33 @@ def _velocity(axis: int) -> Values:
     return values
 
 
+def _speed(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
+    known = estimate.over_ground
+    if known is None or interval_s <= 0:
+        return None
+    return _lengths(np.ascontiguousarray(known.motion), np.float32(1 / interval_s))
+
+
+@compiled("float32[::1](float32[:, ::1], float32)")
+def _lengths(motion: NDArray[np.float32], factor: np.float32) -> NDArray[np.float32]:
+    """The lengths (N,) of vectors (N, 3), times a factor."""
+    result = np.empty(len(motion), np.float32)
+    for row in range(len(motion)):
+        x, y, z = motion[row, 0], motion[row, 1], motion[row, 2]
+        result[row] = np.sqrt(x * x + y * y + z * z) * factor
+    return result
+
+
+def _rgb(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
+    """Colours of the motion over ground; of the flow where nobody knows that one."""
+    if interval_s <= 0:
+        return None
+    known = estimate.over_ground
+    motion = estimate.flow if known is None else known.motion
+    # As PCL packs them: the bits of a float32.
+    return packed_colors(motion, FULL_COLOR_M_S * interval_s).view(np.float32)
+
+
 def _dynamic(estimate: FlowEstimate, _interval_s: float) -> NDArray[Any] | None:
     return None if estimate.over_ground is None else estimate.over_ground.dynamic
 
@@ -61,7 +91,13 @@ def _confidence(estimate: FlowEstimate, _interval_s: float) -> NDArray[Any] | No
 
 _FLOW_TEXT: Final = "displacement until the next sweep along {}, ego motion included"
 _VELOCITY_TEXT: Final = "velocity over ground along {}, in the axes of this sweep"
+_RGB_TEXT: Final = (
+    "colour for viewers, 0x00RRGGBB: hue by direction, brightness by speed over ground"
+)
 _CONFIDENCE_TEXT: Final = "probability that the flow is less than 0.1 m off, 0 to 1"
+
+# Colours are full from this speed on.
+FULL_COLOR_M_S: Final = 15.0
 
 # The order is that of the fields in the cloud. The documents have the same table; a test compares.
 FLOW_COLUMNS: Final = (
@@ -73,20 +109,34 @@ FLOW_COLUMNS: Final = (
     FlowColumn("vz", np.float32, np.nan, "m/s", _VELOCITY_TEXT.format("z"), _velocity(2)),
     FlowColumn("dynamic", np.uint8, 0, "", "1 if the point moves over ground, else 0", _dynamic),
     FlowColumn("confidence", np.float32, np.nan, "", _CONFIDENCE_TEXT, _confidence),
+    FlowColumn("speed", np.float32, np.nan, "m/s", "speed over ground", _speed),
+    FlowColumn("rgb", np.float32, 0, "", _RGB_TEXT, _rgb),
 )
 FLOW_NAMES: Final = tuple(column.name for column in FLOW_COLUMNS[:3])
 _COMPACT_NAMES: Final = (*FLOW_NAMES, "dynamic")
+_COLOR_NAME: Final = "rgb"
+
+
+def chosen_columns(output: OutputSettings) -> tuple[FlowColumn, ...]:
+    """Returns the rows of the table that the settings ask for."""
+    if output.layout == "compact":
+        return tuple(column for column in FLOW_COLUMNS if column.name in _COMPACT_NAMES)
+    return tuple(column for column in FLOW_COLUMNS if output.rgb or column.name != _COLOR_NAME)
 
 
 def flow_columns(
-    estimate: FlowEstimate, interval_s: float, measured: NDArray[np.bool_]
+    estimate: FlowEstimate,
+    interval_s: float,
+    measured: NDArray[np.bool_],
+    columns: Sequence[FlowColumn] = FLOW_COLUMNS,
 ) -> dict[str, NDArray[Any]]:
-    """Returns the columns of the table, by name.
+    """Returns columns of the table, by name.
 
     Args:
         estimate: The estimate.
         interval_s: Seconds to the next sweep; where it is not positive there are no velocities.
         measured: (M,) bool, the points of the cloud that are in the sweep, N of them.
+        columns: Rows of the table.
 
     Returns:
         (M,) each, with the missing value where a point is not in the sweep.
@@ -95,25 +145,17 @@ def flow_columns(
         column.name: _in_rows(
             column.dtype, column.missing, column.values(estimate, interval_s), measured
         )
-        for column in FLOW_COLUMNS
+        for column in columns
     }
 
 
-def compact_columns(
-    xyz: NDArray[np.float32], estimate: FlowEstimate, measured: NDArray[np.bool_]
+def position_columns(
+    xyz: NDArray[np.float32], measured: NDArray[np.bool_]
 ) -> dict[str, NDArray[Any]]:
-    """Returns x, y, z, flow and `dynamic`, by name: what slow links have room for.
-
-    The arguments are those of `flow_columns`, and the points (N, 3) of the sweep in metres.
-    """
-    columns = {
+    """Returns x, y, z by name, of the points (N, 3) of a sweep, in metres, as `flow_columns`."""
+    return {
         name: _in_rows(np.float32, np.nan, xyz[:, axis], measured)
         for axis, name in enumerate("xyz")
-    }
-    return columns | {
-        column.name: _in_rows(column.dtype, column.missing, column.values(estimate, 0.0), measured)
-        for column in FLOW_COLUMNS
-        if column.name in _COMPACT_NAMES
     }
 
 

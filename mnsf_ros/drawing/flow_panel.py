@@ -1,4 +1,4 @@
-"""Flow seen from above: its colours with their wheel, and one panel of points and arrows."""
+"""Flow seen from above: one panel of points and arrows, and the wheel of its colours."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-Color = tuple[float, float, float]
+from mnsf_ros.drawing.color_wheel import SLOW, Color, flow_colors
 
 BACKGROUND: Final = "#101216"
 INK: Final = "#e6e6e6"
 FAINT_INK: Final = "#9aa0a8"
 GRID: Final = "#2b3038"
 _FLOOR: Final = "#16191f"
-# RGB of slow points, and of points without flow.
-SLOW: Final[Color] = (0.36, 0.38, 0.42)
+# RGB of points without flow.
 MISSING: Final[Color] = (0.21, 0.22, 0.25)
 # Slower points do not move, metres per sweep.
 SLOW_M: Final = 0.1
@@ -29,36 +28,6 @@ _MIN_POINTS_PER_ARROW: Final = 5
 _WHEEL_PIXELS: Final = 161
 # Scales that people can read off a legend, times a power of ten.
 _STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
-
-
-def flow_colors(
-    flow: NDArray[Any], full_speed_m: float, *, neutral: Color = SLOW
-) -> NDArray[np.float64]:
-    """Returns the colour of each flow vector: direction is the hue, speed is the saturation.
-
-    Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
-    Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
-
-    Args:
-        flow: (N, 2) or wider, metres; only x and y are looked at.
-        full_speed_m: Length of a vector that gets its full colour, metres, above 0. Longer
-            vectors look the same.
-        neutral: RGB of the zero vector, and of vectors that are not finite, each 0 to 1.
-
-    Returns:
-        (N, 3) RGB, each 0 to 1.
-    """
-    x, y = flow[:, 0].astype(np.float64), flow[:, 1].astype(np.float64)
-    speeds = np.hypot(x, y)
-    strengths = np.clip(speeds / full_speed_m, 0.0, 1.0)
-    finite = np.isfinite(speeds)
-    strengths[~finite] = 0.0
-    sixths = np.where(finite, np.arctan2(y, x), 0.0) * (3.0 / np.pi)  # hue, 6 is a full turn
-    # Red, green and blue are the same hat over the hue, a third of a turn apart.
-    from_peak = np.abs((sixths[:, None] - [0.0, 2.0, 4.0] + 3.0) % 6.0 - 3.0)
-    hues = np.clip(2.0 - from_peak, 0.0, 1.0)
-    colors: NDArray[np.float64] = np.asarray(neutral) + strengths[:, None] * (hues - neutral)
-    return colors
 
 
 def wheel_image(num_pixels: int = _WHEEL_PIXELS) -> NDArray[np.float64]:

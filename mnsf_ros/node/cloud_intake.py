@@ -7,10 +7,10 @@ from typing import Any, TypeAlias
 
 from sensor_msgs.msg import PointCloud2
 
-from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.point_times import PointTimes
 

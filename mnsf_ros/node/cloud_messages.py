@@ -1,80 +1,20 @@
-"""PointCloud2 -> Sweep, and flow -> PointCloud2."""
+"""Messages of ROS for parts of sweeps, and for encoded clouds."""
 
 from __future__ import annotations
 
 from array import array
-from dataclasses import asdict, dataclass, replace
-from typing import Final
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from mnsf_ros.core.flow_columns import FLOW_COLUMNS, compact_columns, flow_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
-from msg_utils.cdr import serialized_cloud
+from mnsf_ros.sweeps_io.flow_cloud import CloudSource
 from msg_utils.cloud_layout import CloudLayout
-from msg_utils.point_cloud2 import (
-    EncodedCloud,
-    clash_names,
-    decode_points,
-    encoding_of_columns,
-    encoding_with_columns,
-)
-from msg_utils.point_times import PointTimes
-
-_CLASH_PREFIX: Final = "sensor_"
-
-
-@dataclass(frozen=True)
-class CloudSource:
-    """The message that a sweep was decoded from."""
-
-    message: PointCloud2
-    finite: NDArray[np.bool_]  # (height * width,) the points of the message that are in the sweep
-    times: PointTimes
-
-
-def sweep_from_message(message: PointCloud2, settings: TimeSettings, now_ns: int) -> Sweep:
-    """Returns the finite points of a cloud, with a CloudSource as `source`.
-
-    The stamp is `now_ns` if the message has none.
-
-    Raises:
-        MessageError: If the message cannot be decoded.
-    """
-    cloud = decode_cloud(message, settings, now_ns)
-    return replace(cloud.sweep, source=CloudSource(message, cloud.finite, cloud.times))
-
-
-def flow_cloud(
-    sweep: Sweep, estimate: FlowEstimate, interval_s: float, *, is_compact: bool
-) -> bytes:
-    """Returns the cloud that a sweep came from with the columns of its flow, serialized.
-
-    It has the same header, height, width and order, the fields of the cloud, and those of
-    FLOW_COLUMNS. A field of the cloud that has the name of one of these is kept as `sensor_...`.
-    A compact one has the fields of `compact_columns` only.
-    """
-    source: CloudSource = sweep.source
-    message, measured = source.message, source.finite
-    if is_compact:
-        columns = compact_columns(sweep.xyz, estimate, measured)
-        encoding = encoding_of_columns(columns, message.height, message.width)
-    else:
-        columns = flow_columns(estimate, interval_s, measured)
-        encoding = encoding_with_columns(message, columns, clash_prefix=_CLASH_PREFIX)
-    return serialized_cloud(message.header, encoding, is_dense=bool(measured.all()))
-
-
-def renamed_fields(message: PointCloud2) -> dict[str, str]:
-    """Returns old name -> new name of fields of a cloud that `flow_cloud` renames."""
-    names = [field.name for field in message.fields]
-    return clash_names(names, [column.name for column in FLOW_COLUMNS], _CLASH_PREFIX)
+from msg_utils.point_cloud2 import EncodedCloud, decode_points
 
 
 def part_of(

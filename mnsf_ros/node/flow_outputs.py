@@ -19,10 +19,14 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.node.cloud_messages import flow_cloud, part_of
+from mnsf_ros.node.cloud_messages import part_of
 from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
 from mnsf_ros.node.planner_messages import planner_messages
+from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
+
+_FULL = OutputSettings()
 
 
 class FlowOutputs:
@@ -63,18 +67,18 @@ class FlowOutputs:
         return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
 
     def publish(
-        self, triplet: SweepTriplet, estimate: FlowEstimate, *, is_compact: bool = False
+        self, triplet: SweepTriplet, estimate: FlowEstimate, layout: OutputSettings = _FULL
     ) -> None:
         """Publishes the flow of the triplet's current sweep, as far as anybody subscribes to it."""
         sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
         if self._flow.get_subscription_count() > 0:
-            self._flow.publish(flow_cloud(sweep, estimate, interval_s, is_compact=is_compact))
+            self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
         if known is None:
             return
         for output, wanted in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
             if output.get_subscription_count() > 0:
                 part, its_flow = part_of(sweep, estimate, wanted)
-                output.publish(flow_cloud(part, its_flow, interval_s, is_compact=is_compact))
+                output.publish(flow_cloud(part, its_flow, interval_s, layout))
         header = sweep.source.message.header
         if self._ego_motion.get_subscription_count() > 0:
             message = ego_motion_message(header, self._odom_frame, known, interval_s)

@@ -21,7 +21,6 @@ from std_srvs.srv import SetBool, Trigger
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.cloud_intake import CloudIntake
-from mnsf_ros.node.cloud_messages import renamed_fields
 from mnsf_ros.node.debug_times import DebugTimes
 from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.node.fault_log import FaultLog
@@ -33,6 +32,7 @@ from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
 from mnsf_ros.sweeps.sweep_buffer import Arrival
+from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
 
 NODE_NAME = "scene_flow"
 
@@ -157,13 +157,13 @@ class SceneFlowNode(Node):
 
     def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
         """Runs in the worker thread."""
-        is_compact = self._settings.output.layout == "compact"
-        self._outputs.publish(job.triplet, estimate, is_compact=is_compact)
+        output = self._settings.output
+        self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._memory.after(len(job.triplet.current))
         if self._has_told_renamed:
             return
-        renamed = renamed_fields(job.triplet.current.source.message)
+        renamed = renamed_fields(job.triplet.current.source.message, output)
         if renamed:
             self._has_told_renamed = True
             names = ", ".join(f"{old} as {new}" for old, new in renamed.items())

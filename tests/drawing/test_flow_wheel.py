@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mnsf_ros.drawing import flow_panel
-from mnsf_ros.drawing.flow_panel import SLOW, draw_wheel, wheel_image
+from mnsf_ros.drawing import color_wheel
+from mnsf_ros.drawing.color_wheel import SLOW, packed_colors
+from mnsf_ros.drawing.flow_panel import draw_wheel, wheel_image
 
 NEUTRAL = (0.3, 0.4, 0.5)
 ANGLES = np.linspace(-np.pi, np.pi, 49)
@@ -18,7 +19,7 @@ DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 def flow_colors(flow, full_speed_m, neutral=(1.0, 1.0, 1.0)):
     """Around white, where hue and saturation have their usual meaning."""
-    return flow_panel.flow_colors(flow, full_speed_m, neutral=neutral)
+    return color_wheel.flow_colors(flow, full_speed_m, neutral=neutral)
 
 
 def hsv(colors):
@@ -90,3 +91,38 @@ def test_legend_names_its_scale():
     draw_wheel(axes, 0.5)
     assert "rim: 0.5 m\nper sweep" in [text.get_text() for text in axes.texts]
     assert len(axes.images) == 1
+
+
+def unpacked(colors):
+    return np.column_stack([colors >> 16, colors >> 8 & 0xFF, colors & 0xFF])
+
+
+def test_packed_colors_are_those_of_the_wheel():
+    rng = np.random.default_rng(0)
+    motion = rng.normal(scale=0.5, size=(5000, 3)).astype(np.float32)
+    lengths = np.hypot(motion[:, 0], motion[:, 1])
+    # The root of the length, as the length of a vector of the same direction.
+    vectors = motion[:, :2] * (np.sqrt(lengths / 1.5) / lengths)[:, None]
+    expected = 255 * color_wheel.flow_colors(vectors, 1.0)
+    assert np.abs(unpacked(packed_colors(motion, 1.5)) - expected).max() < 5
+
+
+def test_packed_colors_of_strange_motions():
+    motion = np.array(
+        [
+            [0, 0, 9],
+            [np.nan, 1, 0],
+            [1, np.inf, 0],
+            [-0.0, -0.0, 0],
+            [1e38, 1e38, 0],
+            [-1, -0.0, 0],
+        ],
+        np.float32,
+    )
+    none, *others = packed_colors(motion, 1.0)
+    assert unpacked(np.array([none])).tolist() == [[round(255 * level) for level in SLOW]]
+    assert others[:3] == [none] * 3
+    far, back = unpacked(np.array(others[3:])).tolist()
+    np.testing.assert_allclose(far, [255, 191, 0], atol=3)
+    np.testing.assert_allclose(back, [0, 255, 255], atol=3)
+    assert packed_colors(motion[:0], 1.0).shape == (0,)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from mnsf_ros.drawing.flow_panel import MISSING, SLOW, flow_colors, full_speed
+from mnsf_ros.drawing.color_wheel import SLOW, flow_colors
+from mnsf_ros.drawing.flow_panel import MISSING, full_speed
 from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.errors import MnsfError
 

@@ -9,20 +9,25 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import column, surfaces, xyz_columns, xyz_message
 from waiting import PATIENCE_S
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.node import flow_outputs
-from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.flow_outputs import FlowOutputs
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import OutputSettings, Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import renamed_fields, sweep_from_message
 from msg_utils.point_cloud2 import decode_points
 
 NUM_POINTS = 600
 FULL, MOVING, STANDING = "/clouds/flow", "/clouds/flow/moving", "/clouds/flow/standing"
+FULL_LAYOUT, COMPACT, COLORLESS = (
+    OutputSettings(),
+    OutputSettings("compact"),
+    OutputSettings(rgb=False),
+)
 COMPACT_NAMES = ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
 
 
@@ -123,11 +128,11 @@ def assert_is_part(part, whole, is_dynamic):
         np.testing.assert_array_equal(decode_points(part).ravel()[name], wanted[name])
 
 
-@pytest.mark.parametrize("is_compact", [False, True])
-def test_parts_are_what_the_whole_cloud_has(clouds, is_compact):
+@pytest.mark.parametrize("layout", [FULL_LAYOUT, COMPACT, COLORLESS], ids=str)
+def test_parts_are_what_the_whole_cloud_has(clouds, layout):
     for topic in (FULL, MOVING, STANDING):
         clouds.hear(topic)
-    full, moving, standing = clouds.publish(FULL, MOVING, STANDING, is_compact=is_compact)
+    full, moving, standing = clouds.publish(FULL, MOVING, STANDING, layout=layout)
     assert not full.is_dense
     assert_is_part(moving, full, 1)
     assert_is_part(standing, full, 0)
@@ -158,7 +163,7 @@ def test_subscribers_come_and_go(clouds, built):
 
 def test_the_compact_layout(clouds):
     clouds.hear(FULL)
-    (compact,) = clouds.publish(FULL, is_compact=True)
+    (compact,) = clouds.publish(FULL, layout=COMPACT)
     (full,) = clouds.publish(FULL)
     assert [field.name for field in compact.fields] == COMPACT_NAMES
     assert compact.point_step == 25
@@ -169,10 +174,27 @@ def test_the_compact_layout(clouds):
     assert np.isnan(xyz_columns(compact)[4]).all()
 
 
+def test_colours_can_be_left_out(clouds):
+    clouds.hear(FULL)
+    (full,) = clouds.publish(FULL)
+    (colorless,) = clouds.publish(FULL, layout=COLORLESS)
+    assert [field.name for field in full.fields][:-1] == [f.name for f in colorless.fields]
+    (rgb,) = (field for field in full.fields if field.name == "rgb")
+    assert rgb.datatype == PointField.FLOAT32
+
+
 def test_flow_without_anything_over_ground(clouds):
     """As of methods that do not know the ego motion."""
     clouds.hear(FULL)
-    clouds.outputs.publish(triplet(), replace(estimate(), over_ground=None), is_compact=True)
+    clouds.outputs.publish(triplet(), replace(estimate(), over_ground=None), layout=COMPACT)
     clouds._spin_until(lambda: clouds.heard[FULL])
     assert not column(clouds.heard[FULL][0], "dynamic").any()
     assert np.isfinite(column(clouds.heard[FULL][0], "flow_x")).sum() == NUM_POINTS - 1
+
+
+def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
+    (cloud,) = (triplet().current.source.message,)
+    cloud.fields[-1].name = "rgb"
+    assert renamed_fields(cloud, FULL_LAYOUT) == {"rgb": "sensor_rgb"}
+    assert renamed_fields(cloud, COLORLESS) == {}
+    assert renamed_fields(cloud, COMPACT) == {}

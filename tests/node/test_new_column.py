@@ -13,10 +13,10 @@ from synthetic_clouds import column, surfaces, xyz_message
 from mnsf_ros.core import flow_columns
 from mnsf_ros.core.flow_columns import FLOW_COLUMNS, FlowColumn
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 
 
 def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
@@ -46,5 +46,5 @@ def test_a_row_of_the_table_is_a_field_of_the_published_cloud(monkeypatch):
     finally:
         context.try_shutdown()
     message = deserialize_message(published[0], PointCloud2)
-    assert [field.name for field in message.fields[-2:]] == ["confidence", "flow_length"]
+    assert [field.name for field in message.fields[-2:]] == ["rgb", "flow_length"]
     np.testing.assert_allclose(column(message, "flow_length"), np.sqrt(12), rtol=1e-6)

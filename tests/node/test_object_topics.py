@@ -15,10 +15,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 from waiting import PATIENCE_S
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
-from mnsf_ros.node.cloud_messages import sweep_from_message
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 
 NUM_POINTS = 60
 TOPICS = {"/outputs/objects": PointCloud2, "/outputs/objects/markers": MarkerArray}

@@ -1,0 +1,93 @@
+"""The colours of motion, the same in pictures and in clouds: direction is the hue."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.compiled import compiled
+
+Color = tuple[float, float, float]
+
+# RGB of what does not move.
+SLOW: Final[Color] = (0.36, 0.38, 0.42)
+
+# Directions and lengths that packed colours tell apart, more than eyes do.
+_NUM_HUES: Final = 360
+_NUM_STRENGTHS: Final = 64
+
+
+def flow_colors(
+    flow: NDArray[Any], full_speed_m: float, *, neutral: Color = SLOW
+) -> NDArray[np.float64]:
+    """Returns the colour of each flow vector: direction is the hue, speed is the saturation.
+
+    Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
+    Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
+
+    Args:
+        flow: (N, 2) or wider, metres; only x and y are looked at.
+        full_speed_m: Length of a vector that gets its full colour, metres, above 0. Longer
+            vectors look the same.
+        neutral: RGB of the zero vector, and of vectors that are not finite, each 0 to 1.
+
+    Returns:
+        (N, 3) RGB, each 0 to 1.
+    """
+    x, y = flow[:, 0].astype(np.float64), flow[:, 1].astype(np.float64)
+    speeds = np.hypot(x, y)
+    strengths = np.clip(speeds / full_speed_m, 0.0, 1.0)
+    finite = np.isfinite(speeds)
+    strengths[~finite] = 0.0
+    sixths = np.where(finite, np.arctan2(y, x), 0.0) * (3.0 / np.pi)  # hue, 6 is a full turn
+    # Red, green and blue are the same hat over the hue, a third of a turn apart.
+    from_peak = np.abs((sixths[:, None] - [0.0, 2.0, 4.0] + 3.0) % 6.0 - 3.0)
+    hues = np.clip(2.0 - from_peak, 0.0, 1.0)
+    colors: NDArray[np.float64] = np.asarray(neutral) + strengths[:, None] * (hues - neutral)
+    return colors
+
+
+def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[np.uint32]:
+    """Returns the colours (N,) of motions (N, 3) in metres, packed as 0x00RRGGBB.
+
+    They are those of `flow_colors`, of the root of the length: in a cloud with cars, a pedestrian
+    is still to be seen. From `full_length_m` on, metres above 0, the colour is full.
+    """
+    return _looked_up(np.ascontiguousarray(motion), np.float32(1 / full_length_m), _TABLE)
+
+
+def _table() -> NDArray[np.uint32]:
+    """(_NUM_HUES, _NUM_STRENGTHS) packed colours, from -x around, and from none to full."""
+    angles = (np.arange(_NUM_HUES) + 0.5) * (2 * np.pi / _NUM_HUES) - np.pi
+    strengths = np.linspace(0.0, 1.0, _NUM_STRENGTHS)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    vectors = directions[:, None] * strengths[:, None]
+    levels = np.rint(255 * flow_colors(vectors.reshape(-1, 2), 1.0)).astype(np.uint32)
+    packed: NDArray[np.uint32] = levels @ np.array([2**16, 2**8, 1], np.uint32)
+    return packed.reshape(_NUM_HUES, _NUM_STRENGTHS)
+
+
+@compiled("uint32[::1](float32[:, ::1], float32, uint32[:, ::1])")
+def _looked_up(
+    motion: NDArray[np.float32], per_length: np.float32, table: NDArray[np.uint32]
+) -> NDArray[np.uint32]:
+    """The entry of the table for each motion (N, 3); the first one for none, and for NaN."""
+    num_hues, num_strengths = table.shape
+    result = np.full(len(motion), table[0, 0], np.uint32)
+    for row in range(len(motion)):
+        x, y = np.float64(motion[row, 0]), np.float64(motion[row, 1])
+        if x == 0 and y == 0:  # most points are static
+            continue
+        strength = np.sqrt(np.sqrt(x * x + y * y) * per_length)
+        if not strength < np.inf:
+            continue
+        column = int(min(strength, 1.0) * (num_strengths - 1) + 0.5)
+        turn = (np.arctan2(y, x) + np.pi) / (2 * np.pi)
+        hue = min(max(int(turn * num_hues), 0), num_hues - 1)
+        result[row] = table[hue, column]
+    return result
+
+
+_TABLE: Final = _table()
