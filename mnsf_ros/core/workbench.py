@@ -12,6 +12,7 @@ from torch import nn
 from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock, Start
 from mnsf_ros.core.learner import Learner, PartlyJudgedLoss
+from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
@@ -70,6 +71,7 @@ class Workbench:
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
                 not as many sweeps as the method needs.
+            SettingsError: If to fit to so many points needs more memory than there is.
         """
         self.triplet = triplet
         self.settings = settings
@@ -95,6 +97,7 @@ class Workbench:
     def batches(self, rows: torch.Tensor) -> Batches:
         """Rows (M, C) to draw from, as the settings ask."""
         batches = Batches(rows, self.settings.optimization.batch_points, self.generator)
+        check_memory(self.settings, batches.num_rows)
         self._sources.append(batches)
         return batches
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules
@@ -66,7 +67,8 @@ class NetworkEstimator:
             needs_previous: False if a method of three sweeps can do with two.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there.
+            SettingsError: If the settings ask for a device that is not there, or for more memory
+                than there is.
         """
         self._flow_of = flow_of
         self._fixed = dict(fixed or {})
@@ -77,6 +79,7 @@ class NetworkEstimator:
         is_warm = starts_warm and settings.warm_start.enabled
         self.traits = MethodTraits(num_sweeps, carries_state=is_warm or settings.ego_motion.removed)
         self._device = compute_device(settings.compute)
+        check_memory(settings)
         self._preparation = SweepPreparation(settings)
         self._warm_start = WarmStart()
         self._poses = TripletPoses(settings.ego_motion)
@@ -85,7 +88,8 @@ class NetworkEstimator:
         """Returns an estimator with other settings that keeps what is still valid.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there.
+            SettingsError: If the settings ask for a device that is not there, or for more memory
+                than there is.
         """
         other = NetworkEstimator(
             settings,

@@ -11,6 +11,7 @@ from typing import Any
 
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.scene_flow_estimator import (
     NUM_PREPARED_IN_ORDER,
     PreparingEstimator,
@@ -112,8 +113,10 @@ class OnlinePipeline:
         """Starts both workers. After a failure the next triplet is tried all the same.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there.
+            SettingsError: If the settings ask for a device that is not there, or for more memory
+                than there is.
         """
+        check_memory(settings)
         self.statistics = OnlineStatistics()
         self._plan = _Plan(settings)
         self._on_estimate = on_estimate
@@ -137,11 +140,12 @@ class OnlinePipeline:
         One that is under way for long is abandoned: it could last for hours.
 
         Raises:
-            SettingsError: If they ask for a method or a device that is not there; nothing
-                changes then.
+            SettingsError: If they ask for a method or a device that is not there, or for more
+                memory than there is; nothing changes then.
         """
         check_method(settings.method.name)
         check_device(settings.compute)
+        check_memory(settings)
         if settings != self._plan.settings:
             self._plan = _Plan(settings, self._plan.num_resets)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from mnsf_ros.core import memory_demand
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import SettingsError, SweepError
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
@@ -293,6 +294,20 @@ class TestSettings:
         wait_until(lambda: pipeline.load == 0)
         ((_, estimate),) = recorder.handed_out
         assert estimate.fits["forward"].iterations == 60
+
+    @pytest.mark.parametrize("name", ["field.hidden_width", "fusion.hidden_width"])
+    def test_that_need_more_memory_than_there_is_change_nothing(
+        self, make_pipeline, quick_settings, monkeypatch, name
+    ):
+        pipeline = make_pipeline(quick_settings)
+        monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 10**8)
+        huge = quick_settings.changed({name: 4096, "compute.device": "cpu"})
+        for refused in (huge, huge.changed({"method.name": "mnsf"})):
+            with pytest.raises(SettingsError, match=r"need \d\.\d GB .* has 0\.1 GB: reduce field"):
+                pipeline.change_settings(refused)
+            with pytest.raises(SettingsError, match=r"need \d\.\d GB"):
+                make_pipeline(refused)
+        pipeline.change_settings(quick_settings)
 
     @pytest.mark.parametrize("method", ["online", "mnsf"])
     @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
