@@ -1,6 +1,6 @@
 """Evaluates damaged recordings by the thousand: no crash, no hang, no wrong number in silence.
 
-    python benchmarks/mutated_bags.py [--number 1000] [--seed 0] [--folder DIR]
+    python benchmarks/mutated_bags.py [--number 1000] [--first 0] [--seed 0] [--folder DIR]
 
 Small recordings of each format are damaged at random: flipped bytes, cuts, wrong lengths, blocks
 that are zeroed, doubled or moved. Each is inspected and evaluated with methods whose results are
@@ -13,7 +13,9 @@ known. What comes out is one of:
 * unprotected: rows differ without a warning, but the recording has no checksums, which every
   result says in its notes: bits that flip within a message cannot be noticed by anybody;
 * silent: rows differ, the recording has checksums, and nothing was reported. Must not happen;
-* crash, hang: must not happen either.
+* crash, hang: must not happen either, nor may the process take more than 2 GB.
+
+With `--first` a long run is made in pieces.
 """
 
 from __future__ import annotations
@@ -47,6 +49,7 @@ from mnsf_ros.recording.inspection import inspect_recording
 
 LIMIT_S = 60
 MEMORY_BYTES = 8 * 2**30
+MAX_PEAK_MB = 2000
 METHODS = ("zero", "ego")
 GOOD = ("refused", "same", "partial", "warned", "unprotected")
 BAD = ("silent", "crash", "hang")
@@ -147,7 +150,7 @@ def _hang(_number: int, _frame: FrameType | None) -> None:
 
 
 def run(
-    number: int, seed: int, folder: Path, watch: Callable[[range], Iterable[int]] = iter
+    numbers: range, seed: int, folder: Path, watch: Callable[[range], Iterable[int]] = iter
 ) -> tuple[Counts, Counts, list[str]]:
     """Damages and judges; returns format -> counts, kind of damage -> counts, and what is bad."""
     files = write_originals(folder / "originals")
@@ -159,7 +162,7 @@ def run(
     by_format = {name: Counter() for name in files}
     by_kind, bad = {}, []
     names = list(files)
-    for index in watch(range(number)):
+    for index in watch(numbers):
         random = np.random.default_rng([seed, index])
         name = names[index % len(names)]
         file = files[name]
@@ -195,15 +198,21 @@ def main() -> None:
     """Damages, judges and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--number", type=int, default=1000)
+    parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, help="where to work and to leave what is bad")
     options = parser.parse_args()
     # A length that asks for all memory there is must be an error, not the end of the machine.
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     folder = options.folder or Path(tempfile.mkdtemp(prefix="mutated_bags_"))
-    by_format, by_kind, bad = run(options.number, options.seed, folder, track)
+    numbers = range(options.first, options.first + options.number)
+    by_format, by_kind, bad = run(numbers, options.seed, folder, track)
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    if peak_mb > MAX_PEAK_MB:
+        bad.append(f"memory: {peak_mb:.0f} MB, expected at most {MAX_PEAK_MB} MB")
     console = Console(width=110)
     console.print(_table("by format", by_format), _table("by damage", by_kind))
+    console.print(f"peak memory {peak_mb:.0f} MB")
     for text in bad:
         console.print(text, markup=False)
     raise SystemExit(1 if bad else 0)

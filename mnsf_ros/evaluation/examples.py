@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.evaluation.continuity import Continuity
 from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
@@ -139,13 +140,19 @@ class ExampleBuilder:
         Sweeps hold all finite points and a CloudRows as `source`; None stands where some may be
         missing.
         """
+        continuity = Continuity(self._options.settings.buffer.max_interval_s)
         for sweep in sweeps:
             if sweep is None:
                 self._interrupt()
+                continuity.interrupt()
                 continue
+            cloud: CloudRows = sweep.source
+            continuity.add(sweep.stamp_ns, cloud.num_points)
             example = self._completed_by(sweep)
             if example is not None:
                 yield example
+        self._findings.count(Event.SWEEPS_MISSING, continuity.num_missing)
+        self._findings.count(Event.SIZES_JUMP, continuity.num_jumps)
 
     def _interrupt(self) -> None:
         """Lets no triplet span this place."""

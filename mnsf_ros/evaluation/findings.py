@@ -40,6 +40,14 @@ class Event(Enum):
     GAPS = "gaps", "gaps in time; no triplet spans them"
     FRAME_CHANGES = "frame_changes", "changes of frame_id; no triplet spans them"
     INTERRUPTIONS = "interruptions", "missing sweeps; no triplet spans the gap"
+    SWEEPS_MISSING = (
+        "sweeps_missing",
+        "sweeps missing by the stamps of the others, though no damage was found there",
+    )
+    SIZES_JUMP = (
+        "sizes_jump",
+        "sweeps with less than half or more than twice the points of both neighbours",
+    )
     TRUTH_WITHOUT_SWEEP = "truth_without_sweep", "truth clouds without a sweep"
     TRUTH_UNFIT = (
         "truth_unfit",

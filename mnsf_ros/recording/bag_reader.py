@@ -11,12 +11,14 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.reader import Reader as Ros2Reader
 from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.decompression import decompress
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import recording_files
+from mnsf_ros.recording.bag_files import METADATA_NAME, recording_files
 from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
+from mnsf_ros.recording.contradictions import unfit_counts, unfit_database
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
 from mnsf_ros.recording.metadata import check_metadata
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
@@ -107,6 +109,19 @@ class BagReader:
                 several to choose from.
         """
         return find_topic(self.path, self.topics, name, msgtype)
+
+    def contradictions(self) -> tuple[Damage, ...]:
+        """Returns where the files do not fit metadata.yaml, or a database its own indexes."""
+        source = self._opened()
+        promised: Counter[str] = Counter()
+        for connection in source.connections:
+            promised[connection.topic] += connection.msgcount
+        found = {topic: summary.count for topic, summary in self.topics.items()}
+        damages = list(unfit_counts(self.path / METADATA_NAME, promised, found))
+        for storage in _storages(source):
+            if isinstance(storage, Sqlite3Reader) and storage.dbconn is not None:
+                damages += unfit_database(str(storage.path), storage.dbconn)
+        return tuple(damages)
 
     def messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +14,7 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import MCAP, plain_files
+from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage
@@ -42,7 +42,7 @@ class Inspection:
             `BagReader.readable_messages` finds the rest.
         has_checksums: Whether flipped bits in messages would have been noticed.
         files: The files in the order of time, if they can be read without their index: all of
-            them are mcap, or a ROS 1 bag that has none. Else empty.
+            them are mcap, or ROS 1 bags. Else empty.
         needs_salvage: Whether `files` have to be read so: they are damaged, have no index, or hold
             messages that are not in the order of their receive times.
     """
@@ -108,19 +108,35 @@ def inspect_recording(
     """
     path = Path(path)
     topics: dict[str, TopicSummary] = {}
+    contradictions: tuple[Damage, ...] = ()
     problem: RecordingError | None = None
     try:
         with BagReader(path) as reader:
-            topics = reader.topics
-        files = plain_files(path, MCAP)
-        return _of_mcap(path, topics, files, watch) if files else Inspection(path, topics)
+            topics, contradictions = reader.topics, reader.contradictions()
+        return _with(_of_opened(path, topics, watch), contradictions)
     except RecordingError as error:
         problem = error
     except MCAP_UNREADABLE:
         pass
     from mnsf_ros.recording.salvage.inspection import inspect_damaged
 
-    return inspect_damaged(path, topics, problem, watch)
+    return _with(inspect_damaged(path, topics, problem, watch), contradictions)
+
+
+def _with(inspection: Inspection, damages: tuple[Damage, ...]) -> Inspection:
+    return replace(inspection, damages=(*damages, *inspection.damages))
+
+
+def _of_opened(
+    path: Path, topics: dict[str, TopicSummary], watch: Callable[[int, int], None] | None
+) -> Inspection:
+    if files := plain_files(path, MCAP):
+        return _of_mcap(path, topics, files, watch)
+    if plain_files(path, ROS1):
+        from mnsf_ros.recording.salvage.inspection import inspect_ros1
+
+        return inspect_ros1(path, topics, watch)
+    return Inspection(path, topics)
 
 
 class _IrregularError(ValueError):

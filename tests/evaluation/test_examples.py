@@ -137,7 +137,11 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
     sweeps = [small.sweep(index) for index in range(9) if index != 4]
     examples = list(examples_of(sweeps, truth_of=range(9), findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (5, 6, 7), (6, 7, 8)]
-    assert findings.warnings == {Event.TRUTH_WITHOUT_SWEEP: 1, Event.INTERRUPTIONS: 1}
+    assert findings.warnings == {
+        Event.TRUTH_WITHOUT_SWEEP: 1,
+        Event.INTERRUPTIONS: 1,
+        Event.SWEEPS_MISSING: 1,
+    }
 
 
 def test_motion_from_odometry():

@@ -18,7 +18,7 @@ def mutated_bags(monkeypatch):
 
 
 def test_no_crash_no_hang_and_no_wrong_number_in_silence(mutated_bags, tmp_path):
-    by_format, by_kind, bad = mutated_bags.run(45, 7, tmp_path)
+    by_format, by_kind, bad = mutated_bags.run(range(45), 7, tmp_path)
     assert bad == []
     assert len(by_format) == 9
     assert len(by_kind) == 7

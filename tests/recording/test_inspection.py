@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
+import sqlite3
 import sys
 from pathlib import Path
 
@@ -282,6 +284,73 @@ def test_damaged_message_in_sqlite_costs_nothing_else(tmp_path):
     lost = found.index(LOST)
     assert found == [LOST if index == lost else index for index in ALL]
     assert inspection.damages == ()
+
+
+@pytest.mark.parametrize("write", [tiny_bags.write_sqlite, tiny_bags.write_mcap])
+def test_other_number_of_messages_than_metadata_promises_is_told(tmp_path, write):
+    metadata = write(tmp_path / "bag") / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("message_count: 10", "message_count: 11"))
+    found, inspection = read(metadata.parent)
+    assert found == ALL
+    (damage,) = inspection.damages
+    assert str(damage) == f"{metadata}: promises 11 messages on '/points', 10 are stored"
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "lost"),
+    [
+        ("DELETE FROM messages WHERE id = 4", "promises 10 messages on '/points', 9 are", {3}),
+        ("UPDATE messages SET topic_id = 7 WHERE id = 4", "that belong to no topic: 1", {3}),
+    ],
+)
+def test_rows_lost_from_sqlite_are_told(tmp_path, change, text, lost):
+    path = tiny_bags.write_sqlite(tmp_path / "bag")
+    with contextlib.closing(sqlite3.connect(path / "bag.db3")) as database:
+        database.execute(change)
+        database.commit()
+    found, inspection = read(path)
+    assert found == [index for index in ALL if index not in lost]
+    assert text in " ".join(map(str, inspection.damages))
+
+
+def test_damaged_index_of_sqlite_is_told(tmp_path):
+    """The index of the times has lost a row: messages would come without it."""
+    file = tiny_bags.write_sqlite(tmp_path / "bag", size=400) / "bag.db3"
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        query = "SELECT rootpage FROM sqlite_master WHERE type = 'index'"
+        ((page,),) = database.execute(query).fetchall()
+        ((page_size,),) = database.execute("PRAGMA page_size").fetchall()
+    data = bytearray(file.read_bytes())
+    number_of_cells = (page - 1) * page_size + 3
+    data[number_of_cells : number_of_cells + 2] = (9).to_bytes(2, "big")
+    file.write_bytes(data)
+    damages = inspect_recording(file).damages
+    assert "the database is damaged: " in " ".join(map(str, damages))
+
+
+def test_index_of_a_ros1_bag_that_mixes_up_topics_is_not_used(tmp_path):
+    """The index says of a message of another topic that it is one of the sweeps."""
+    file = tmp_path / "bag.bag"
+    with Ros1Writer(file) as writer:
+        connections = [
+            writer.add_connection(topic, CLOUD_TYPE, typestore=tiny_bags.NOETIC)
+            for topic in ("/points", "/others")
+        ]
+        for index in ALL:
+            raw = tiny_bags.JAZZY.cdr_to_ros1(tiny_bags.cdr(index, LARGE), CLOUD_TYPE)
+            time = tiny_bags.stamp(index) + 5_000_000
+            writer.write(connections[int(index == 4)], time, raw)
+    data = file.read_bytes()
+    index_record, other = b"op=\x04", b"conn=" + connections[1].id.to_bytes(4, "little")
+    places = [place for place in range(len(data)) if data.startswith(index_record, place)]
+    (place,) = [place for place in places if other in data[place - 20 : place + 60]]
+    start = data.index(other, place - 20)
+    wrong = b"conn=" + connections[0].id.to_bytes(4, "little")
+    file.write_bytes(data[:start] + wrong + data[start + len(wrong) :])
+    found, inspection = read(file)
+    assert found == [index for index in ALL if index != 4]
+    told = " ".join(map(str, inspection.damages))
+    assert "promises 10 messages on '/points', 9 are stored" in told
 
 
 @pytest.mark.parametrize("content", [b"", b"x", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + b"\x00" * 500])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.contradictions import unfit_counts
 from mnsf_ros.recording.damage import Damage, reason
 from mnsf_ros.recording.inspection import Inspection, Progress
 from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
@@ -70,6 +71,30 @@ def inspect_damaged(
         has_checksums=all(content.has_checksums for content in contents),
         files=tuple(content.file for content in contents),
         needs_salvage=True,
+    )
+
+
+def inspect_ros1(
+    path: Path, topics: dict[str, TopicSummary], watch: Callable[[int, int], None] | None = None
+) -> Inspection:
+    """Reads ROS 1 bags that can be opened once, and compares what is in them with their index.
+
+    Where the index does not fit what they hold, they are read without it.
+    """
+    files = plain_files(path, ROS1)
+    progress = Progress(files, watch)
+    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
+    found = _merged(contents)
+    damages = [damage for content in contents for damage in content.damages]
+    counts = [{name: one.count for name, one in of.items() if one.count} for of in (topics, found)]
+    damages = damages or list(unfit_counts(path, *counts))
+    is_unfit = counts[0] != counts[1] and sum(counts[1].values()) >= sum(counts[0].values())
+    return Inspection(
+        path=path,
+        topics=found if is_unfit else topics,
+        damages=tuple(damages),
+        files=tuple(content.file for content in contents),
+        needs_salvage=is_unfit,
     )
 
 
