@@ -38,6 +38,11 @@ class NodeProcess:
             raise self.failure(f"the node ended with exit status {status}")
 
     @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
     def memory_mb(self) -> float:
         """Most memory that the process has had so far; NaN where the system does not tell."""
         return self._status_mb("VmHWM")

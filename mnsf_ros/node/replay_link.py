@@ -96,6 +96,10 @@ class ReplayLink:
         self._publisher.publish(raw)
         return stamp_ns
 
+    def publish_bytes(self, raw: bytes) -> None:
+        """Publishes bytes as they are, also those that are no cloud."""
+        self._publisher.publish(raw)
+
     def spin_for(self, duration_s: float) -> None:
         """Handles what arrives during some time."""
         deadline_s = time.monotonic() + duration_s
