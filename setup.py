@@ -96,6 +96,7 @@ setup(
         "console_scripts": [
             "mnsf = mnsf_ros.cli.__main__:main",
             "scene_flow_node = mnsf_ros.node.__main__:main",
+            "scene_flow_lifecycle_node = mnsf_ros.node.__main__:lifecycle_main",
         ]
     },
     zip_safe=False,

@@ -6,17 +6,29 @@ ros2 launch mnsf_ros scene_flow.launch.py points:=/lidar/points
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
+from launch.event_handlers import OnProcessStart
+from launch.events import matches_action
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
+from launch_ros.actions import LifecycleNode, Node
+from launch_ros.event_handlers import OnStateTransition
+from launch_ros.events.lifecycle import ChangeState
 from launch_ros.substitutions import FindPackageShare
+from lifecycle_msgs.msg import Transition
 
-from launch import LaunchContext, LaunchDescription
+from launch import Action, LaunchContext, LaunchDescription
 from mnsf_ros.errors import SettingsError
 
 SHARE = FindPackageShare("mnsf_ros")
 FLOW_TOPICS = ("flow", "flow/moving", "flow/standing")
 SHOWN_TOPICS = (*FLOW_TOPICS, "objects", "objects/markers", "ego_motion")
+
+SWITCHES = ("lifecycle", "autostart", "use_sim_time", "rviz")
 
 # Relative names are in the namespace.
 ARGUMENTS = {
@@ -30,6 +42,8 @@ ARGUMENTS = {
     "name": ("scene_flow", "name of the node"),
     "namespace": ("", "namespace of the node"),
     "odom_frame": ("", "frame of ~/ego_motion; empty: NAMESPACE/scene_flow_odom"),
+    "lifecycle": ("false", "start the node with a life cycle (scene_flow_lifecycle_node)"),
+    "autostart": ("true", "configure and activate a node with a life cycle"),
     "use_sim_time": ("false", "take the time from /clock"),
     "log_level": ("info", "debug, info, warn, error or fatal"),
     "rviz": ("false", "also open RViz"),
@@ -50,15 +64,18 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _nodes(context: LaunchContext) -> list[Node]:
+def _nodes(context: LaunchContext) -> list[Action]:
     """Checks everything before the first process starts, so that none is left behind."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     if not Path(given["params_file"]).is_file():
         raise SettingsError(f"params_file: there is no file {given['params_file']}")
-    if given["rviz"] not in ("true", "false") or given["use_sim_time"] not in ("true", "false"):
-        raise SettingsError("rviz and use_sim_time: expected true or false")
-    nodes = [_rviz(context, given)] if given["rviz"] == "true" else []
-    return [_flow_node(given), *nodes]
+    for name in SWITCHES:
+        if given[name] not in ("true", "false"):
+            raise SettingsError(f"{name}: got {given[name]!r}, expected true or false")
+    rviz = [_rviz(context, given)] if given["rviz"] == "true" else []
+    node = _flow_node(given)
+    is_started = given["lifecycle"] == "true" and given["autostart"] == "true"
+    return [*(_transitions(node) if is_started else ()), node, *rviz]
 
 
 def _flow_node(given: dict[str, str]) -> Node:
@@ -66,9 +83,10 @@ def _flow_node(given: dict[str, str]) -> Node:
     remappings = [("~/points", _points(given["points"])), ("~/odometry", given["odometry"])]
     if given["flow"]:
         remappings += [(f"~/{name}", given["flow"] + name[4:]) for name in FLOW_TOPICS]
-    return Node(
+    has_life_cycle = given["lifecycle"] == "true"
+    return (LifecycleNode if has_life_cycle else Node)(
         package="mnsf_ros",
-        executable="scene_flow_node",
+        executable="scene_flow_lifecycle_node" if has_life_cycle else "scene_flow_node",
         name=given["name"],
         namespace=given["namespace"],
         parameters=[
@@ -79,6 +97,24 @@ def _flow_node(given: dict[str, str]) -> Node:
         ros_arguments=["--log-level", given["log_level"]],
         output="screen",
     )
+
+
+def _transitions(node: LifecycleNode) -> list[Action]:
+    """Configures the node as soon as it runs, and then activates it: once, not after each stop."""
+    change = {
+        number: EmitEvent(
+            event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=number)
+        )
+        for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+    }
+    configured = OnStateTransition(
+        target_lifecycle_node=node,
+        start_state="configuring",
+        goal_state="inactive",
+        entities=[change[Transition.TRANSITION_ACTIVATE]],
+    )
+    started = OnProcessStart(target_action=node, on_start=[change[Transition.TRANSITION_CONFIGURE]])
+    return [RegisterEventHandler(configured), RegisterEventHandler(started)]
 
 
 def _points(topic: str) -> str:

@@ -41,10 +41,14 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     index.mkdir(parents=True)
     for folder in ("config", "launch", "rviz"):
         shutil.copytree(ROOT / folder, prefix / "share" / "mnsf_ros" / folder)
-    for package, executable in (("mnsf_ros", "scene_flow_node"), ("rviz2", "rviz2")):
+    for package, executable in (
+        ("mnsf_ros", "scene_flow_node"),
+        ("mnsf_ros", "scene_flow_lifecycle_node"),
+        ("rviz2", "rviz2"),
+    ):
         (index / package).touch()
         program = prefix / "lib" / package / executable
-        program.parent.mkdir(parents=True)
+        program.parent.mkdir(parents=True, exist_ok=True)
         program.write_text(f'#!/bin/sh\necho started {executable} "$@"\n')
         program.chmod(0o755)
     return prefix
@@ -101,6 +105,13 @@ def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
     assert "--fixed-frame velodyne" in line
     assert "/scene_flow/flow:=/front/scene_flow/flow " in line
     assert "/scene_flow/objects/markers:=/front/scene_flow/objects/markers" in line
+
+
+def test_node_with_a_life_cycle(prefix: Path) -> None:
+    status, output = launched(prefix, "points:=/x", "lifecycle:=true", "autostart:=false")
+    assert status == 0
+    assert "started scene_flow_lifecycle_node" in output
+    assert "started scene_flow_node" not in output
 
 
 @pytest.mark.parametrize(

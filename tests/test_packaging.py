@@ -185,8 +185,13 @@ def test_config_files_hold_the_preset(name: str) -> None:
 def test_launch_file_starts_the_executable_with_files_that_are_there() -> None:
     text = (ROOT / "launch" / "scene_flow.launch.py").read_text()
     compile(text, "scene_flow.launch.py", "exec")
-    assert 'executable="scene_flow_node"' in text
-    assert "scene_flow_node = mnsf_ros.node.__main__:main" in (ROOT / "setup.py").read_text()
+    setup = (ROOT / "setup.py").read_text()
+    for name, function in (
+        ("scene_flow_node", "main"),
+        ("scene_flow_lifecycle_node", "lifecycle_main"),
+    ):
+        assert f'"{name}"' in text
+        assert f'"{name} = mnsf_ros.node.__main__:{function}"' in setup
     for folder, name in re.findall(r'SHARE, "(\w+)", "([\w.]+)"', text):
         assert (ROOT / folder / name).exists()
 

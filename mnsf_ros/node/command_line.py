@@ -11,6 +11,9 @@ Estimates the scene flow of a lidar: how every point of each sweep moves.
 
   in   ~/points (sensor_msgs/PointCloud2), ~/odometry (nav_msgs/Odometry, if asked for)
   out  ~/flow, ~/flow/moving, ~/flow/standing, ~/objects, ~/ego_motion, /diagnostics"""
+_LIFE_CYCLE = """
+
+It starts unconfigured: ros2 lifecycle set /scene_flow configure, then activate."""
 _EPILOG = """\
 ROS arguments:
   -r '~/points:=/lidar/points'    topic of the lidar
@@ -24,15 +27,15 @@ example:
   scene_flow_node --ros-args -r '~/points:=/lidar/points' -p ego_motion.source:=odometry"""
 
 
-def refuse_options(arguments: list[str]) -> None:
+def refuse_options(arguments: list[str], *, has_life_cycle: bool = False) -> None:
     """Answers --help and --version, and refuses what is not between `--ros-args` and `--`.
 
     Raises:
         SystemExit: In all these cases, with status 2 after a mistake.
     """
     parser = argparse.ArgumentParser(
-        prog="scene_flow_node",
-        description=_DESCRIPTION,
+        prog="scene_flow_lifecycle_node" if has_life_cycle else "scene_flow_node",
+        description=_DESCRIPTION + (_LIFE_CYCLE if has_life_cycle else ""),
         epilog=_EPILOG,
         usage="%(prog)s [-h] [--version] [--ros-args ...]",
         formatter_class=argparse.RawDescriptionHelpFormatter,

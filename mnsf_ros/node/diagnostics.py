@@ -21,8 +21,6 @@ from mnsf_ros.online.online_pipeline import (
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
 from mnsf_ros.settings import NodeSettings, Settings
 
-_DISABLED = "disabled, see the service set_enabled"
-
 
 @dataclass(frozen=True)
 class InputState:
@@ -32,7 +30,7 @@ class InputState:
     reliability: str
     num_publishers: int
     times: str = ""  # what the time of each point is read from
-    is_enabled: bool = True  # otherwise clouds are ignored
+    pause: str = ""  # why clouds are ignored; empty if they are not
 
 
 class Diagnostics:
@@ -57,8 +55,8 @@ class Diagnostics:
         ]
         for status in statuses:
             status.hardware_id = state.topic
-            if not state.is_enabled:
-                status.level, status.message = DiagnosticStatus.OK, _DISABLED
+            if state.pause:
+                status.level, status.message = DiagnosticStatus.OK, state.pause
         self._last_counts = snapshot.counts
         return statuses
 

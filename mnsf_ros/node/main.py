@@ -22,7 +22,7 @@ from mnsf_ros.node.ros_log import log_to_ros
 if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
 
-    from mnsf_ros.node.scene_flow_node import SceneFlowNode
+    from mnsf_ros.node.scene_flow_node import SceneFlowLifecycleNode, SceneFlowNode
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
 _CLOSE_TIMEOUT_S = 0.5
@@ -33,14 +33,14 @@ _EXIT_USAGE = 2
 _LOGGER_NAME = "scene_flow"
 
 
-def main() -> None:
-    """Runs the node until SIGINT or SIGTERM.
+def main(*, has_life_cycle: bool = False) -> None:
+    """Runs the node until SIGINT or SIGTERM; one with a life cycle starts unconfigured.
 
     Ends the process: 0 after a signal, 2 if something that the user gave cannot be used, said in
     one line.
     """
     signals = _EndSignals()
-    refuse_options(sys.argv[1:])
+    refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
     prepare_environment()
     keep_memory()
     try:
@@ -48,7 +48,7 @@ def main() -> None:
     except NoRosError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(_EXIT_USAGE)
-    status = _run(signals)
+    status = _run(signals, has_life_cycle=has_life_cycle)
     for stream in (sys.stdout, sys.stderr):
         # None where the caller has closed it.
         if stream is not None:
@@ -80,7 +80,7 @@ class _EndSignals:
             os._exit(0)
 
 
-def _run(signals: _EndSignals) -> int:
+def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.executors import SingleThreadedExecutor
@@ -94,12 +94,12 @@ def _run(signals: _EndSignals) -> int:
         if fault:
             get_logger(_LOGGER_NAME).warning(fault)
         # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
-        from mnsf_ros.node.scene_flow_node import SceneFlowNode
+        from mnsf_ros.node.scene_flow_node import SceneFlowLifecycleNode, SceneFlowNode
 
         # An executor that a signal keeps from being made complains when it is deleted.
         executor = SingleThreadedExecutor()
         signals.leave_to_rclpy()
-        node = SceneFlowNode()
+        node = SceneFlowLifecycleNode() if has_life_cycle else SceneFlowNode()
         executor.add_node(node)
         _spin(executor, node)
     except (SettingsError, ParameterException) as error:
@@ -128,7 +128,7 @@ def _init_ros() -> None:
         raise SettingsError(f"cannot start ROS: {type(error).__name__}: {text}") from None
 
 
-def _spin(executor: SingleThreadedExecutor, node: SceneFlowNode) -> None:
+def _spin(executor: SingleThreadedExecutor, node: SceneFlowNode | SceneFlowLifecycleNode) -> None:
     """Runs the node's callbacks until a signal comes."""
     import rclpy
 

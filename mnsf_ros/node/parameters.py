@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -12,13 +18,46 @@ from rclpy.parameter import Parameter
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import Setting, Settings, declared_settings
 
+# Takes settings that are about to hold; raises SettingsError if they cannot.
+SettingsChange: TypeAlias = Callable[[Settings], None]
 
-def declare_parameters(node: Node) -> Settings:
-    """Declares all settings as parameters of the node and reads what the user gave.
 
-    Raises:
-        SettingsError: If a given value does not fit; one line that names the parameter.
+class NodeParameters:
+    """The settings of a node as its parameters.
+
+    Attributes:
+        settings: As they are now.
     """
+
+    def __init__(self, node: Node) -> None:
+        """Declares the parameters and reads what the user gave.
+
+        Raises:
+            SettingsError: If a given value does not fit; one line that names the parameter.
+        """
+        self.settings = _declared(node)
+        self._on_change: SettingsChange | None = None
+        node.add_on_set_parameters_callback(self._set)
+
+    def follow(self, on_change: SettingsChange | None) -> None:
+        """Calls something before each change from now on, instead of what was called before."""
+        self._on_change = on_change
+
+    def _set(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+        try:
+            settings = _changed(self.settings, parameters)
+            if self._on_change is not None:
+                self._on_change(settings)
+        except SettingsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
+        self.settings = settings
+        return SetParametersResult(successful=True)
+
+
+def _declared(node: Node) -> Settings:
     given: dict[str, object] = {}
     overrides = _overrides(node)
     for setting in declared_settings():
@@ -40,12 +79,8 @@ def undeclared_overrides(node: Node) -> list[str]:
     return sorted(name for name in _overrides(node) if not node.has_parameter(name))
 
 
-def changed_settings(settings: Settings, parameters: list[Parameter]) -> Settings:
-    """Returns the settings after `ros2 param set`; leaves out what is no setting.
-
-    Raises:
-        SettingsError: If a value does not fit.
-    """
+def _changed(settings: Settings, parameters: list[Parameter]) -> Settings:
+    """The settings after `ros2 param set`, without what is no setting."""
     names = {setting.name for setting in declared_settings()}
     return settings.changed({item.name: item.value for item in parameters if item.name in names})
 

@@ -1,242 +1,159 @@
-"""The ROS node: sweeps in, flow out."""
+"""The two kinds of node around the same parts: a plain one, and one with a life cycle."""
 
 from __future__ import annotations
 
-import functools
-import os
-import time
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from sensor_msgs.msg import PointCloud2
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.node.cloud_intake import CloudIntake
-from mnsf_ros.node.debug_times import DebugTimes
-from mnsf_ros.node.diagnostics import Diagnostics, InputState
-from mnsf_ros.node.fault_log import FaultLog
-from mnsf_ros.node.flow_outputs import FlowOutputs
-from mnsf_ros.node.greeting import greeting
-from mnsf_ros.node.parameters import changed_settings, declare_parameters, undeclared_overrides
-from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
-from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
-from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
-from mnsf_ros.settings import REPLACED, Settings
-from mnsf_ros.sweeps.sweep_buffer import Arrival
-from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.added_entities import AddedEntities
+from mnsf_ros.node.parameters import NodeParameters
+from mnsf_ros.node.scene_flow_parts import SceneFlowParts
 
 NODE_NAME = "scene_flow"
 
-_REFRESH_PERIOD_S = 0.2
+_DISABLED = "disabled, see the service set_enabled"
+_INACTIVE = "inactive, see ros2 lifecycle"
+# A transition waits so long for the estimate under way to end.
+_CLEANUP_TIMEOUT_S = 1.0
 
 
 class SceneFlowNode(Node):
-    """Subscribes to `~/points` and, if asked to, `~/odometry`; publishes flow and `/diagnostics`.
+    """Works from its start to its end. Call `close` before destroying it."""
 
-    Callbacks of the executor only decode and hand over; the pipeline's worker thread estimates and
-    publishes. Call `close` before destroying the node.
-    """
-
-    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - handed to rclpy as they are
+    def __init__(self) -> None:
         """Declares the parameters and starts to listen.
 
         Raises:
             SettingsError: If a parameter was given a value that it cannot have.
         """
-        super().__init__(NODE_NAME, **node_options)
-        self._settings = declare_parameters(self)
-        self._faults = FaultLog(self.get_logger())
-        self._memory = MemoryOfLargeSweeps()
-        self._has_told_renamed = False
-        self._is_enabled = True
-        self._pipeline = OnlinePipeline(
-            _with_node_threads(self._settings), self._publish, self._on_failure
-        )
-        self.add_on_set_parameters_callback(self._on_parameters)
-        try:
-            self._join_topics()
-        except RuntimeError as error:
-            if not self.context.ok():
-                raise
-            raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
-        self._diagnostics = Diagnostics(self.get_fully_qualified_name().lstrip("/"))
-        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_service(Trigger, "~/reset", self._on_reset)
+        super().__init__(NODE_NAME)
+        self._parts = SceneFlowParts(self, NodeParameters(self))
         self.create_service(SetBool, "~/set_enabled", self._on_set_enabled)
-        self._start_timers()
-        self._greet()
 
     def close(self, timeout_s: float) -> bool:
         """Abandons the estimate under way; False if it could not be interrupted in time."""
-        return self._pipeline.close(timeout_s)
+        return self._parts.close(timeout_s)
 
     def report_error(self, where: str, error: Exception) -> None:
         """Logs and counts an unexpected error, unless ROS is shutting down."""
-        if not self.context.ok():
-            return
-        self._pipeline.statistics.count(CALLBACK_ERRORS)
-        details = "".join(traceback.format_exception(error))
-        self._faults.error(f"{where} {type(error).__name__}", details)
-
-    def _join_topics(self) -> None:
-        settings = self._settings
-        self._outputs = FlowOutputs(self, settings.node.odom_frame)
-        self._debug_times = DebugTimes(self)
-        self._intake = CloudIntake(
-            self.get_logger(), self._report, lambda: self.get_clock().now().nanoseconds
-        )
-        self._odometry = OdometrySubscription(
-            self, "~/odometry", settings.ego_motion, self._report, self._guarded
-        )
-        reliability = settings.node.input_reliability
-        self._input = InputSubscription(
-            self, "~/points", reliability, self._on_cloud, self._report, self._guarded
-        )
-
-    def _start_timers(self) -> None:
-        # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        for period_s, callback in (
-            (_REFRESH_PERIOD_S, self._refresh_input),
-            (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
-        ):
-            self.create_timer(period_s, self._guarded(callback), clock=clock)
-
-    def _greet(self) -> None:
-        for name in undeclared_overrides(self):
-            instead = f"; {REPLACED[name]}" if name in REPLACED else ""
-            self.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
-        self.get_logger().info(greeting(_with_node_threads(self._settings)))
-        self.get_logger().info(f"sweeps from {self._input.topic}, flow on {self._outputs.topic}")
-
-    def _report(self, event: str, text: str, how_many: int = 1) -> None:
-        self._pipeline.statistics.count(event, how_many)
-        self._faults.warn(event, text)
-
-    def _on_cloud(self, message: PointCloud2) -> None:
-        if not self._is_enabled:
-            return
-        arrived_ns = time.monotonic_ns()
-        sweep = self._intake.sweep(message, self._settings.time)
-        if sweep is None:
-            return
-        sweep = self._odometry.located(sweep)
-        is_watched = self._settings.node.always_estimate or self._outputs.are_watched
-        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
-        if arrival is not Arrival.ACCEPTED:
-            words = arrival.value.replace("_", " ")
-            self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
-
-    def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
-        self._reset()
-        response.success, response.message = True, "all sweeps and tracks are forgotten"
-        return response
+        self._parts.report_error(where, error)
 
     def _on_set_enabled(
         self, request: SetBool.Request, response: SetBool.Response
     ) -> SetBool.Response:
-        if not request.data:
-            self._reset()
-        self._is_enabled = request.data
+        if request.data:
+            self._parts.resume()
+        else:
+            self._parts.pause(_DISABLED)
         response.success, response.message = True, "enabled" if request.data else "disabled"
         self.get_logger().info(response.message)
         return response
 
-    def _reset(self) -> None:
-        self._pipeline.reset()
-        self._odometry.change_settings(self._settings.ego_motion)
 
-    def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
-        """Runs in the worker thread."""
-        output = self._settings.output
-        self._outputs.publish(job.triplet, estimate, output)
-        self._debug_times.publish(estimate.time_ms, job.arrived_ns)
-        self._memory.after(len(job.triplet.current))
-        if self._has_told_renamed:
-            return
-        renamed = renamed_fields(job.triplet.current.source.message, output)
-        if renamed:
-            self._has_told_renamed = True
-            names = ", ".join(f"{old} as {new}" for old, new in renamed.items())
-            self.get_logger().warning(
-                f"the clouds have fields of the same names as the flow; published: {names}"
-            )
+class SceneFlowLifecycleNode(LifecycleNode):
+    """Works while it is active. Call `close` before destroying it.
 
-    def _on_failure(self, job: TripletJob, error: Exception) -> None:
-        """Runs in the worker thread."""
-        if not self.context.ok():
-            return
-        stamp_ns = job.triplet.current.stamp_ns
-        if isinstance(error, MnsfError):
-            self._faults.warn(
-                f"refused {type(error).__name__}", f"no flow for sweep {stamp_ns}: {error}"
-            )
-            return
-        details = "".join(traceback.format_exception(error))
-        text = f"no flow for sweep {stamp_ns}: unexpected error\n{details}"
-        self._faults.error(f"failed {type(error).__name__}", text)
+    Unconfigured it has its parameters only. Configured it listens and tells its state on
+    `/diagnostics`, but ignores clouds until it is activated.
+    """
 
-    def _refresh_input(self) -> None:
-        if self._input.refresh():
-            self.get_logger().info(f"subscribed {self._input.reliability} to {self._input.topic}")
+    def __init__(self) -> None:
+        """Declares the parameters.
 
-    def _publish_diagnostics(self) -> None:
-        message = DiagnosticArray()
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.status = self._diagnostics.statuses(
-            self._pipeline.statistics.snapshot(),
-            InputState(
-                self._input.topic,
-                self._input.reliability,
-                self._input.num_publishers,
-                self._intake.times_source,
-                self._is_enabled,
-            ),
-            self._pipeline.load,
-            self._settings,
-        )
-        self._diagnostics_publisher.publish(message)
+        Raises:
+            SettingsError: If a parameter was given a value that it cannot have.
+        """
+        super().__init__(NODE_NAME)
+        self._own_parameters = NodeParameters(self)
+        self._added = AddedEntities(self)
+        self._parts: SceneFlowParts | None = None
+        self._refuse_invalid_transitions()
 
-    def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+    def close(self, timeout_s: float) -> bool:
+        """Abandons the estimate under way; False if it could not be interrupted in time."""
+        return self._parts is None or self._parts.close(timeout_s)
+
+    def report_error(self, where: str, error: Exception) -> None:
+        """Logs an unexpected error, and counts it while there is something to count with."""
+        if self._parts is not None:
+            self._parts.report_error(where, error)
+        elif self.context.ok():
+            self.get_logger().error(f"{where}: {''.join(traceback.format_exception(error))}")
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Makes the parts; fails if the settings ask for what is not there."""
+        return self._made("configure", self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Takes clouds from now on."""
+        return self._made("activate", self._activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ignores clouds from now on, and forgets the sweeps before."""
+        return self._made("deactivate", self._deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lets go of all but the parameters."""
+        return self._made("clean up", self._clean_up)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lets go of all but the parameters."""
+        return self._made("shut down", self._clean_up)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Lets go of all but the parameters: the node can be configured again."""
+        return self._made("clean up after an error", self._clean_up)
+
+    def _configure(self) -> None:
         try:
-            settings = changed_settings(self._settings, parameters)
-            self._pipeline.change_settings(_with_node_threads(settings))
-            if settings.ego_motion != self._settings.ego_motion:
-                self._odometry.change_settings(settings.ego_motion)
+            self._parts = SceneFlowParts(self, self._own_parameters, _INACTIVE)
+        except BaseException:
+            self._added.destroy()
+            raise
+
+    def _activate(self) -> None:
+        if self._parts is not None:
+            self._parts.resume()
+
+    def _deactivate(self) -> None:
+        if self._parts is not None:
+            self._parts.pause(_INACTIVE)
+
+    def _clean_up(self) -> None:
+        parts, self._parts = self._parts, None
+        if parts is not None:
+            parts.close(_CLEANUP_TIMEOUT_S)
+        self._added.destroy()
+
+    def _made(self, what: str, action: Callable[[], None]) -> TransitionCallbackReturn:
+        """Does what a transition asks for; an error is logged, which rclpy does not."""
+        try:
+            action()
         except SettingsError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
-            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
-        self._settings = settings
-        return SetParametersResult(successful=True)
+            self.get_logger().error(f"cannot {what}: {error}")
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:  # noqa: BLE001 - the life cycle has a state for it
+            self.report_error(what, error)
+            return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
 
-    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Returns a callback that logs and counts errors, which would end the node."""
+    def _refuse_invalid_transitions(self) -> None:
+        """Answers a transition that the state does not have, which rclpy of Jazzy leaves open."""
+        service = self._service_change_state
+        change = service.callback
 
-        # With the signature of the callback: rclpy looks at it.
-        @functools.wraps(callback)
-        def guarded(*arguments: object) -> None:
+        def answer(request: Any, response: Any) -> Any:  # noqa: ANN401 - lifecycle_msgs
             try:
-                callback(*arguments)
-            except Exception as error:  # noqa: BLE001 - see above
-                self.report_error(callback.__name__, error)
+                return change(request, response)
+            except Exception as error:  # noqa: BLE001 - rclpy's class for this is private
+                self.get_logger().warning(f"the transition is refused: {error}")
+                response.success = False
+                return response
 
-        return guarded
-
-
-def _with_node_threads(settings: Settings) -> Settings:
-    """Leaves one core to the executor, where the user does not say how many threads to use."""
-    if settings.compute.num_threads:
-        return settings
-    num_threads = max(1, (os.cpu_count() or 1) - 1)
-    return replace(settings, compute=replace(settings.compute, num_threads=num_threads))
+        service.callback = answer

@@ -76,9 +76,9 @@ def _node_starter(tmp_path_factory):
 
     processes = []
 
-    def start(parameters, *ros_arguments):
+    def start(parameters, *ros_arguments, **options):
         log = tmp_path_factory.mktemp("node") / "log"
-        processes.append(SceneFlowProcess(log, parameters, ros_arguments))
+        processes.append(SceneFlowProcess(log, parameters, ros_arguments, **options))
         return processes[-1]
 
     try:

@@ -45,9 +45,12 @@ LONG_CALLS = NETWORK | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
 # What the process of the tests has set for itself, and the node has to set on its own.
 _PREPARED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "OMP_WAIT_POLICY")
 
+# As the executable scene_flow_lifecycle_node does.
+_LIFE_CYCLE = "from mnsf_ros.node.__main__ import lifecycle_main; lifecycle_main()"
+
 
 class SceneFlowProcess:
-    """`python -m mnsf_ros.node --ros-args ...`; what it writes goes to a file.
+    """`python -m mnsf_ros.node --ros-args ...`, or the node with a life cycle; it writes to a file.
 
     Attributes:
         num_expected_tracebacks: How many of them a test has provoked.
@@ -55,12 +58,13 @@ class SceneFlowProcess:
 
     num_expected_tracebacks = 0
 
-    def __init__(self, log_path, parameters, ros_arguments):
+    def __init__(self, log_path, parameters, ros_arguments, *, has_life_cycle=False):
         self._log_path = log_path
         words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        program = ["-c", _LIFE_CYCLE] if has_life_cycle else ["-m", "mnsf_ros.node"]
         with log_path.open("w") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *ros_arguments, *words],
+                [sys.executable, *program, "--ros-args", *ros_arguments, *words],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

@@ -65,14 +65,12 @@ class Story:
         )
         self.statistics.add_estimate(latency_ms, estimate)
 
-    def statuses(
-        self, load=0, stale_after_s=60.0, wanted="registration", is_enabled=True, **changes
-    ):
+    def statuses(self, load=0, stale_after_s=60.0, wanted="registration", pause="", **changes):
         changes |= {"node.stale_after_s": max(stale_after_s, 0.1), "ego_motion.source": wanted}
         settings = Settings().changed(changes)
         # Less than a user may set, so that a test need not wait.
         node = replace(settings.node, stale_after_s=stale_after_s)
-        state = InputState("/points", "reliable", 1, is_enabled=is_enabled)
+        state = InputState("/points", "reliable", 1, pause=pause)
         snapshot = self.statistics.snapshot()
         return self._diagnostics.statuses(snapshot, state, load, replace(settings, node=node))
 
@@ -193,7 +191,7 @@ class TestLevels:
     def test_while_the_node_is_disabled(self, story):
         story.receive("clouds_missed")
         story.statistics.add_failure("too few points")
-        statuses = story.statuses(is_enabled=False)
+        statuses = story.statuses(pause="disabled, see the service set_enabled")
         assert {(status.level, status.message) for status in statuses} == {
             (OK, "disabled, see the service set_enabled")
         }

@@ -1,0 +1,239 @@
+"""What the node is made of, whatever kind of node it is: sweeps in, flow out."""
+
+from __future__ import annotations
+
+import functools
+import os
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.node.cloud_intake import CloudIntake
+from mnsf_ros.node.debug_times import DebugTimes
+from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.node.fault_log import FaultLog
+from mnsf_ros.node.flow_outputs import FlowOutputs
+from mnsf_ros.node.greeting import greeting
+from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
+from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
+from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
+from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
+from mnsf_ros.settings import REPLACED, Settings
+from mnsf_ros.sweeps.sweep_buffer import Arrival
+from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
+
+_REFRESH_PERIOD_S = 0.2
+
+
+class SceneFlowParts:
+    """Subscribes to `~/points` and, if asked to, `~/odometry`; publishes flow and `/diagnostics`.
+
+    Callbacks of the executor only decode and hand over; the pipeline's worker thread estimates and
+    publishes. Call `close` before destroying the node.
+    """
+
+    def __init__(self, node: Node, parameters: NodeParameters, pause: str = "") -> None:
+        """Starts to listen on behalf of a node, paused if there is a reason to, see `pause`.
+
+        Raises:
+            SettingsError: If the settings ask for what is not there.
+        """
+        self._node = node
+        self._parameters = parameters
+        self._pause = pause
+        self._faults = FaultLog(node.get_logger())
+        self._memory = MemoryOfLargeSweeps()
+        self._has_told_renamed = False
+        self._pipeline = OnlinePipeline(
+            _with_node_threads(self._settings), self._publish, self._on_failure
+        )
+        try:
+            self._join_topics()
+        except Exception as error:
+            self.close(0.0)
+            if isinstance(error, RuntimeError) and node.context.ok():
+                raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
+            raise
+        self._diagnostics = Diagnostics(node.get_fully_qualified_name().lstrip("/"))
+        self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_service(Trigger, "~/reset", self._on_reset)
+        self._start_timers()
+        parameters.follow(self._change_settings)
+        self._greet()
+
+    def pause(self, reason: str) -> None:
+        """Ignores clouds from now on and says the reason; all sweeps are forgotten."""
+        self._pause = reason
+        self.reset()
+
+    def resume(self) -> None:
+        """Takes clouds again."""
+        self._pause = ""
+
+    def reset(self) -> None:
+        """Forgets all sweeps and tracks; an estimate under way is abandoned."""
+        self._pipeline.reset()
+        self._odometry.change_settings(self._settings.ego_motion)
+
+    def close(self, timeout_s: float) -> bool:
+        """Abandons the estimate under way; False if it could not be interrupted in time."""
+        self._parameters.follow(None)
+        return self._pipeline.close(timeout_s)
+
+    def report_error(self, where: str, error: Exception) -> None:
+        """Logs and counts an unexpected error, unless ROS is shutting down."""
+        if not self._node.context.ok():
+            return
+        self._pipeline.statistics.count(CALLBACK_ERRORS)
+        details = "".join(traceback.format_exception(error))
+        self._faults.error(f"{where} {type(error).__name__}", details)
+
+    @property
+    def _settings(self) -> Settings:
+        return self._parameters.settings
+
+    def _join_topics(self) -> None:
+        settings = self._settings
+        self._outputs = FlowOutputs(self._node, settings.node.odom_frame)
+        self._debug_times = DebugTimes(self._node)
+        self._intake = CloudIntake(
+            self._node.get_logger(),
+            self._report,
+            lambda: self._node.get_clock().now().nanoseconds,
+        )
+        self._odometry = OdometrySubscription(
+            self._node, "~/odometry", settings.ego_motion, self._report, self._guarded
+        )
+        reliability = settings.node.input_reliability
+        self._input = InputSubscription(
+            self._node, "~/points", reliability, self._on_cloud, self._report, self._guarded
+        )
+
+    def _start_timers(self) -> None:
+        # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        for period_s, callback in (
+            (_REFRESH_PERIOD_S, self._refresh_input),
+            (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
+        ):
+            self._node.create_timer(period_s, self._guarded(callback), clock=clock)
+
+    def _greet(self) -> None:
+        for name in undeclared_overrides(self._node):
+            instead = f"; {REPLACED[name]}" if name in REPLACED else ""
+            self._node.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
+        self._node.get_logger().info(greeting(_with_node_threads(self._settings)))
+        self._node.get_logger().info(
+            f"sweeps from {self._input.topic}, flow on {self._outputs.topic}"
+        )
+
+    def _report(self, event: str, text: str, how_many: int = 1) -> None:
+        self._pipeline.statistics.count(event, how_many)
+        self._faults.warn(event, text)
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        if self._pause:
+            return
+        arrived_ns = time.monotonic_ns()
+        sweep = self._intake.sweep(message, self._settings.time)
+        if sweep is None:
+            return
+        sweep = self._odometry.located(sweep)
+        is_watched = self._settings.node.always_estimate or self._outputs.are_watched
+        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
+        if arrival is not Arrival.ACCEPTED:
+            words = arrival.value.replace("_", " ")
+            self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
+
+    def _on_reset(self, _request: object, response: Trigger.Response) -> Trigger.Response:
+        self.reset()
+        response.success, response.message = True, "all sweeps and tracks are forgotten"
+        return response
+
+    def _publish(self, job: TripletJob, estimate: FlowEstimate) -> None:
+        """Runs in the worker thread."""
+        output = self._settings.output
+        self._outputs.publish(job.triplet, estimate, output)
+        self._debug_times.publish(estimate.time_ms, job.arrived_ns)
+        self._memory.after(len(job.triplet.current))
+        if self._has_told_renamed:
+            return
+        renamed = renamed_fields(job.triplet.current.source.message, output)
+        if renamed:
+            self._has_told_renamed = True
+            names = ", ".join(f"{old} as {new}" for old, new in renamed.items())
+            self._node.get_logger().warning(
+                f"the clouds have fields of the same names as the flow; published: {names}"
+            )
+
+    def _on_failure(self, job: TripletJob, error: Exception) -> None:
+        """Runs in the worker thread."""
+        if not self._node.context.ok():
+            return
+        stamp_ns = job.triplet.current.stamp_ns
+        if isinstance(error, MnsfError):
+            self._faults.warn(
+                f"refused {type(error).__name__}", f"no flow for sweep {stamp_ns}: {error}"
+            )
+            return
+        details = "".join(traceback.format_exception(error))
+        text = f"no flow for sweep {stamp_ns}: unexpected error\n{details}"
+        self._faults.error(f"failed {type(error).__name__}", text)
+
+    def _refresh_input(self) -> None:
+        if self._input.refresh():
+            self._node.get_logger().info(
+                f"subscribed {self._input.reliability} to {self._input.topic}"
+            )
+
+    def _publish_diagnostics(self) -> None:
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.status = self._diagnostics.statuses(
+            self._pipeline.statistics.snapshot(),
+            InputState(
+                self._input.topic,
+                self._input.reliability,
+                self._input.num_publishers,
+                self._intake.times_source,
+                self._pause,
+            ),
+            self._pipeline.load,
+            self._settings,
+        )
+        self._diagnostics_publisher.publish(message)
+
+    def _change_settings(self, settings: Settings) -> None:
+        self._pipeline.change_settings(_with_node_threads(settings))
+        if settings.ego_motion != self._settings.ego_motion:
+            self._odometry.change_settings(settings.ego_motion)
+
+    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Returns a callback that logs and counts errors, which would end the node."""
+
+        # With the signature of the callback: rclpy looks at it.
+        @functools.wraps(callback)
+        def guarded(*arguments: object) -> None:
+            try:
+                callback(*arguments)
+            except Exception as error:  # noqa: BLE001 - see above
+                self.report_error(callback.__name__, error)
+
+        return guarded
+
+
+def _with_node_threads(settings: Settings) -> Settings:
+    """Leaves one core to the executor, where the user does not say how many threads to use."""
+    if settings.compute.num_threads:
+        return settings
+    num_threads = max(1, (os.cpu_count() or 1) - 1)
+    return replace(settings, compute=replace(settings.compute, num_threads=num_threads))

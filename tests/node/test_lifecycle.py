@@ -1,0 +1,151 @@
+"""The node with a life cycle, through the services that `ros2 lifecycle` uses."""
+
+from __future__ import annotations
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from scene_flow_process import QUICK
+
+NAME = "/managed"
+
+
+@pytest.fixture(scope="module")
+def process(start_node):
+    process = start_node(QUICK, "-r", f"__node:={NAME[1:]}", has_life_cycle=True)
+    yield process
+    assert process.stop() == 0, process.log
+    assert process.log.count("Traceback") == process.num_expected_tracebacks, process.log
+
+
+@pytest.fixture(scope="module")
+def managed(process, make_peer):
+    return ManagedPeer(make_peer(process, node_name=NAME))
+
+
+@pytest.fixture(autouse=True)
+def unconfigured(managed):
+    """Each test finds the node as it was started."""
+    yield
+    for number in {
+        State.PRIMARY_STATE_ACTIVE: (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_CLEANUP,
+        ),
+        State.PRIMARY_STATE_INACTIVE: (Transition.TRANSITION_CLEANUP,),
+    }.get(managed.state, ()):
+        assert managed.change(number)
+
+
+class ManagedPeer:
+    """What a lifecycle manager does with the node."""
+
+    def __init__(self, peer):
+        self.peer = peer
+
+    @property
+    def state(self):
+        return self.peer.call(GetState, "get_state", GetState.Request()).current_state.id
+
+    def change(self, number):
+        request = ChangeState.Request(transition=Transition(id=number))
+        return self.peer.call(ChangeState, "change_state", request).success
+
+    def activate(self):
+        assert self.change(Transition.TRANSITION_CONFIGURE)
+        assert self.change(Transition.TRANSITION_ACTIVATE)
+        self.peer.wait_for_node()
+        self.wait_for_message("", part="input", level=None)
+
+    def wait_for_message(self, words, part="flow", level=DiagnosticStatus.OK):
+        """Until diagnostics that were made from now on have these words."""
+        self.peer.wait_for_diagnostics()
+        self.peer.spin_until(
+            lambda: (
+                words in self.peer.status(part).message
+                and level in (None, self.peer.status(part).level)
+            ),
+            f"diagnostics with {words!r}",
+        )
+
+    def has_topic(self, name):
+        return self.peer.node.count_publishers(f"{NAME}/{name}") > 0
+
+
+def test_flow_goes_out_only_while_active(managed, drive):
+    peer = managed.peer
+    assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert not managed.has_topic("flow")
+    assert managed.change(Transition.TRANSITION_CONFIGURE)
+    peer.wait_for_node()
+    for sweep in drive.sweeps(*range(4)):
+        peer.publish(sweep)
+    managed.wait_for_message("inactive")
+    assert peer.num_clouds == 0
+    assert managed.change(Transition.TRANSITION_ACTIVATE)
+    managed.wait_for_message("waiting for sweeps")
+    sweeps = drive.sweeps(*range(10, 13))
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    assert managed.change(Transition.TRANSITION_DEACTIVATE)
+    managed.wait_for_message("inactive")
+    before, num_flows = peer.num_clouds, len(peer.flows)
+    for sweep in drive.sweeps(*range(20, 24)):
+        peer.publish(sweep)
+    peer.wait_for_diagnostics()
+    assert (peer.num_clouds, len(peer.flows)) == (before, num_flows)
+
+
+def test_cleanup_lets_go_of_all_but_the_parameters(managed, drive):
+    peer = managed.peer
+    peer.set({"crop.max_range_m": 33.0})
+    managed.activate()
+    sweeps = drive.sweeps(*range(3))
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    assert managed.change(Transition.TRANSITION_DEACTIVATE)
+    assert managed.change(Transition.TRANSITION_CLEANUP)
+    peer.spin_until(lambda: not managed.has_topic("flow"), "the end of the topic")
+    peer.spin_until(lambda: peer.num_subscribers == 0, "the end of the subscription")
+    assert peer.get("crop.max_range_m") == 33.0
+    managed.activate()
+    # Counters begin anew, and the estimator, too.
+    assert peer.num_clouds == 0
+    sweeps = drive.sweeps(*range(50, 53))
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    peer.wait_until_settled()
+    assert peer.values("flow")["start"] == "cold: first triplet"
+    peer.set({"crop.max_range_m": 80.0})
+
+
+def test_a_transition_that_the_state_does_not_have_is_refused(managed, process):
+    assert not managed.change(Transition.TRANSITION_ACTIVATE)
+    assert not managed.change(Transition.TRANSITION_CLEANUP)
+    assert not managed.change(77)
+    assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert "the transition is refused" in process.log
+    assert managed.change(Transition.TRANSITION_CONFIGURE)
+    assert not managed.change(Transition.TRANSITION_CONFIGURE)
+    assert managed.state == State.PRIMARY_STATE_INACTIVE
+
+
+def test_settings_that_cannot_be_used_fail_the_configuration(managed, process):
+    assert all(result.successful for result in managed.peer.set({"method.name": "nonsense"}))
+    assert not managed.change(Transition.TRANSITION_CONFIGURE)
+    assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
+    assert "cannot configure" in process.log
+    assert not managed.has_topic("flow")
+    managed.peer.set({"method.name": "online"})
+    assert managed.change(Transition.TRANSITION_CONFIGURE)
+
+
+def test_shutdown_is_the_end(start_node, make_peer):
+    process = start_node(QUICK, "-r", "__node:=ended", has_life_cycle=True)
+    managed = ManagedPeer(make_peer(process, node_name="/ended"))
+    assert managed.change(Transition.TRANSITION_CONFIGURE)
+    assert managed.change(Transition.TRANSITION_INACTIVE_SHUTDOWN)
+    assert managed.state == State.PRIMARY_STATE_FINALIZED
+    assert not managed.change(Transition.TRANSITION_CONFIGURE)
+    assert process.stop() == 0
