@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from mnsf_ros.errors import MnsfError, OptimizationError, SweepError
+from mnsf_ros.errors import MnsfError, OptimizationError, SettingsError, SweepError
 from mnsf_ros.presets import preset
-from mnsf_ros.scene_flow import estimate_flow
+from mnsf_ros.scene_flow import StepReport, estimate_flow
 from mnsf_ros.settings import Settings
 
 SHORT = Settings().changed(
@@ -44,7 +44,7 @@ def estimate(scene, settings=SHORT):
 
 
 def test_flow_leads_from_current_to_next(scene):
-    result = estimate_flow(scene.current, scene.next, scene.previous)
+    result = estimate_flow(scene.current, scene.next, scene.previous, "paper")
     error = np.linalg.norm(result.flow - scene.flow, axis=1)
     assert error[scene.moving].mean() < 0.1
     assert error.mean() < 0.1
@@ -53,15 +53,34 @@ def test_flow_leads_from_current_to_next(scene):
 def test_order_of_the_arguments(make_scene):
     # What comes is the opposite of what goes.
     scene = make_scene(motion=(0.5, 0, 0))
-    back = estimate_flow(scene.current, scene.previous, scene.next)
+    back = estimate_flow(scene.current, scene.previous, scene.next, "paper")
     np.testing.assert_allclose(back.flow[scene.moving].mean(axis=0), (-0.5, 0, 0), atol=0.1)
 
 
-def test_paper_preset_is_used_unless_told_otherwise(scene):
-    default = estimate_flow(scene.current, scene.next)
+def test_presets_have_names_and_the_fast_one_is_the_default(scene):
+    default = estimate_flow(scene.current, scene.next, scene.previous)
+    assert default.over_ground is not None
+    for settings in ("online", preset("online")):
+        again = estimate_flow(scene.current, scene.next, scene.previous, settings)
+        np.testing.assert_array_equal(default.flow, again.flow)
+    by_name = estimate_flow(scene.current, scene.next, settings="paper")
     paper = estimate_flow(scene.current, scene.next, settings=preset("paper"))
-    assert default.distance_kind == "grid"
-    np.testing.assert_array_equal(default.flow, paper.flow)
+    assert by_name.distance_kind == "grid"
+    np.testing.assert_array_equal(by_name.flow, paper.flow)
+    with pytest.raises(SettingsError, match="unknown preset 'slow', expected one of online"):
+        estimate_flow(scene.current, scene.next, settings="slow")
+
+
+def test_long_estimate_says_how_far_it_is(scene):
+    lines = []
+    quiet = estimate_flow(scene.current, scene.next, settings=SHORT)
+    result = estimate_flow(scene.current, scene.next, settings=SHORT, progress=lines.append)
+    np.testing.assert_array_equal(result.flow, quiet.flow)
+    assert lines == []  # it took no two seconds
+    times_s = iter([0.0, 1.0, 2.5, 2.6, 3.0, 4.6])
+    report = StepReport(lines.append, clock=lambda: next(times_s))
+    assert [report() for _ in range(5)] == [False] * 5
+    assert lines == ["estimating: step 2, 2 s", "estimating: step 5, 5 s"]
 
 
 def test_without_previous_it_is_the_two_frame_method(scene):

@@ -79,13 +79,13 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
-    def settings(self) -> None:
-        """Adds `--preset` and `--set`; `chosen_settings` has the result."""
+    def settings(self, default: str = "paper") -> None:
+        """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(
             "--preset",
             "settings to start from: paper is the method as published, authors its released "
             "code, neural its networks made fast, online the default of the live node",
-            default="paper",
+            default=default,
             choices=PRESET_NAMES,
         )
         self._container.add_argument(

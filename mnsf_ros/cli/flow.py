@@ -7,8 +7,11 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import rich.console
+
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 if TYPE_CHECKING:
     from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -19,8 +22,14 @@ if TYPE_CHECKING:
 _EPILOG = """\
 Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .feather (Argoverse 2),
 .bin (KITTI: rows of x, y, z, intensity), .pcd.bin (nuScenes: and ring).
-OUT: .npz, .npy or .ply, row i for row i of CURRENT, NaN where that has no
-point. Each sweep is in its own sensor frame; point + flow is the place in NEXT.
+OUT: .npz, .npy (flow alone) or .ply (coloured), row i for row i of CURRENT, NaN
+where that has no point. Each sweep is in its own sensor frame; point + flow is
+the place in NEXT. Methods that know what moves add velocity over ground (m/s),
+dynamic (0 or 1) and confidence (0 to 1).
+
+Examples:
+  mnsf flow PREVIOUS CURRENT NEXT -o flow.ply
+  mnsf flow PREVIOUS CURRENT NEXT -o flow.npz --preset paper
 """
 
 
@@ -38,9 +47,14 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("sweeps SWEEP", "files in the order of time", nargs="+")
     arguments.value("-o --out OUT", "file to write, see below", Path, required=True)
     arguments.value(
-        "--method NAME", "see docs/evaluation.md (default: that of the preset, mnsf or online)"
+        "--method NAME", "see docs/evaluation.md (default: that of the preset, online or mnsf)"
     )
-    arguments.settings()
+    arguments.settings(default="online")
+    arguments.value(
+        "--interval-s S",
+        "time between the sweeps in seconds, unless each file has a stamp",
+        default=USUAL_INTERVAL_S,
+    )
     arguments.flag("--force", "replace OUT if it is there")
 
 
@@ -49,6 +63,7 @@ def _run(options: argparse.Namespace) -> None:
     # where other programs want the cores, too.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from mnsf_ros.methods import make_method
+    from mnsf_ros.scene_flow import StepReport
     from mnsf_ros.sweeps_io.read_sweep import read_sweep
     from mnsf_ros.sweeps_io.sweep_in_file import triplet_of_files
     from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
@@ -60,43 +75,49 @@ def _run(options: argparse.Namespace) -> None:
     method = options.method or settings.method.name
     estimator = make_method(method, settings)
     sweeps = [read_sweep(name) for name in options.sweeps]
-    triplet = triplet_of_files(sweeps)
+    triplet = triplet_of_files(sweeps, options.interval_s)
     if estimator.traits.needs_poses and triplet.next_from_current is None:
         raise SweepFileError(
             f"method {method!r} needs the poses of the sensor: give CURRENT and NEXT as .npz with "
             "a pose, or use ego-estimated, which estimates them"
         )
-    estimate = estimator.estimate(triplet)
-    flow = _in_rows_of_file(sweeps[-2], estimate, method, estimator.settings)
+    with rich.console.Console(stderr=True).status(f"estimating with {method}") as status:
+        estimate = estimator.estimate(triplet, StepReport(status.update))
+    flow = _in_rows_of_file(sweeps[-2], triplet.interval_s, estimate, method, estimator.settings)
     write_flow(options.out, flow, overwrite=options.force)
     print(_summary(options.out, method, flow, estimate))
 
 
 def _in_rows_of_file(
-    current: SweepInFile, estimate: FlowEstimate, method: str, settings: Settings
+    current: SweepInFile, interval_s: float, estimate: FlowEstimate, method: str, settings: Settings
 ) -> FlowToWrite:
     import numpy as np
 
+    from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
     from mnsf_ros.sweeps_io.write_flow import FlowToWrite
 
-    flow = np.full(current.xyz.shape, np.nan, dtype=np.float32)
-    kept = np.zeros(len(flow), dtype=bool)
-    flow[current.measured], kept[current.measured] = estimate.flow, estimate.kept
-    return FlowToWrite(current.xyz, flow, kept, method, settings.to_mapping())
+    kept = np.zeros(len(current.xyz), dtype=bool)
+    kept[current.measured] = estimate.kept
+    known = [one for one in FLOW_COLUMNS if one.values(estimate, interval_s) is not None]
+    columns = flow_columns(estimate, interval_s, current.measured, known)
+    return FlowToWrite(current.xyz, kept, columns, method, settings.to_mapping())
 
 
 def _summary(out: Path, method: str, flow: FlowToWrite, estimate: FlowEstimate) -> str:
     import numpy as np
 
     lengths = np.linalg.norm(estimate.flow.astype(np.float64), axis=1)
-    missing = len(flow.flow) - len(lengths)
+    missing = len(flow.xyz) - len(lengths)
     stages = ", ".join(
         f"{stage} {fit.stop_reason.value} after {fit.iterations} steps"
         for stage, fit in estimate.fits.items()
     )
+    known = estimate.over_ground
+    dynamic = f", {int(known.dynamic.sum())} dynamic" if known is not None else ""
+    ego_motion = f"; ego motion: {known.source}" if known is not None else ""
     return (
         f"{out}: {len(lengths)} points{f' and {missing} rows without' if missing else ''}, "
-        f"{int(flow.kept.sum())} kept; {method}: flow {np.median(lengths):.3f} m (median), "
-        f"{lengths.max():.3f} m (largest); {estimate.time_ms / 1e3:.1f} s"
+        f"{int(flow.kept.sum())} kept{dynamic}; {method}: flow {np.median(lengths):.3f} m "
+        f"(median), {lengths.max():.3f} m (largest){ego_motion}; {estimate.time_ms / 1e3:.1f} s"
         f"{f' ({stages})' if stages else ''}"
     )

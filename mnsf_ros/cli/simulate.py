@@ -38,4 +38,10 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.demo.console_progress import simulate_with_progress
 
     settings = SimulationSettings(**{name: getattr(options, name) for name in _OPTIONS})
-    simulate_with_progress(settings, options.out, Console(), overwrite=options.force)
+    console = Console()
+    simulate_with_progress(settings, options.out, console, overwrite=options.force)
+    console.say(
+        f"{options.out}: {settings.num_sweeps} sweeps of the scenario {settings.scenario} with "
+        f"true flow, seed {settings.seed}",
+        soft_wrap=True,
+    )

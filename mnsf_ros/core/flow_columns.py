@@ -114,14 +114,14 @@ FLOW_COLUMNS: Final = (
 )
 FLOW_NAMES: Final = tuple(column.name for column in FLOW_COLUMNS[:3])
 _COMPACT_NAMES: Final = (*FLOW_NAMES, "dynamic")
-_COLOR_NAME: Final = "rgb"
+COLOR_NAME: Final = "rgb"
 
 
 def chosen_columns(output: OutputSettings) -> tuple[FlowColumn, ...]:
     """Returns the rows of the table that the settings ask for."""
     if output.layout == "compact":
         return tuple(column for column in FLOW_COLUMNS if column.name in _COMPACT_NAMES)
-    return tuple(column for column in FLOW_COLUMNS if output.rgb or column.name != _COLOR_NAME)
+    return tuple(column for column in FLOW_COLUMNS if output.rgb or column.name != COLOR_NAME)
 
 
 def flow_columns(

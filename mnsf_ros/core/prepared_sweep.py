@@ -42,9 +42,10 @@ class PreparedSweep:
         )
         num_kept = int(np.count_nonzero(self.kept))
         if num_kept < _MIN_POINTS:
+            choice = ", ground removal and the choice of points" if self._is_chosen else None
             raise SweepError(
-                f"sweep {sweep.stamp_ns}: {num_kept} of {len(sweep)} points are left after crop "
-                f"and ground removal, expected at least {_MIN_POINTS}"
+                f"sweep {sweep.stamp_ns}: {num_kept} of {len(sweep)} points are left after crop"
+                f"{choice or ' and ground removal'}, expected at least {_MIN_POINTS}"
             )
         self._xyz = sweep.xyz
         self._settings = settings.distance

@@ -62,7 +62,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if not path.exists() and not path.is_symlink():
         return
     if not overwrite:
-        raise RecordingError(f"{path}: exists already")
+        raise RecordingError(f"{path}: exists already; --force replaces it")
     if path.suffix == MCAP:
         return
     # A wrong path must not cost anybody their other files.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # More than lidars measure of a point; that many columns and fewer rows are points side by side.
 _MAX_COLUMNS: Final = 16
+_MIN_INTERVAL_S: Final = 0.001
+_MAX_INTERVAL_S: Final = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +74,17 @@ def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float
     return xyz_of_columns(path, table.T[:3])
 
 
-def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:
+def triplet_of_files(
+    sweeps: Sequence[SweepInFile], interval_s: float = USUAL_INTERVAL_S
+) -> SweepTriplet:
     """Makes a triplet of two sweeps or more in the order of time.
 
     The last one is the next sweep, the one before it the current one. If these two have poses,
-    they say how the sensor moved.
+    they say how the sensor moved. Unless each of them has a stamp, they are `interval_s` apart.
 
     Raises:
         SweepFileError: There are fewer than two, one has no point, their stamps are out of
-            order, or a pose cannot be inverted.
+            order, the interval is not one, or a pose cannot be inverted.
     """
     if len(sweeps) < 2:
         raise SweepFileError(f"got {len(sweeps)} sweeps, expected two at least")
@@ -88,7 +92,9 @@ def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:
         if not sweep.measured.any():
             raise SweepFileError(f"sweep {number} of {len(sweeps)} has no finite point")
     stamps = [sweep.stamp_ns for sweep in sweeps]
-    if all(stamps) and stamps != sorted(set(stamps)):
+    if not all(stamps):
+        sweeps = _with_stamps(sweeps, interval_s)
+    elif stamps != sorted(set(stamps)):
         raise SweepFileError(f"the sweeps are not in the order of time: {stamps} ns")
     *before, current, following = sweeps
     motion = None
@@ -107,3 +113,13 @@ def triplet_of_files(sweeps: Sequence[SweepInFile]) -> SweepTriplet:
         earlier=tuple(newest_first[1:]),
         next_from_current=motion,
     )
+
+
+def _with_stamps(sweeps: Sequence[SweepInFile], interval_s: float) -> list[SweepInFile]:
+    if not _MIN_INTERVAL_S <= interval_s <= _MAX_INTERVAL_S:
+        raise SweepFileError(
+            f"interval between sweeps: got {interval_s:g} s, expected {_MIN_INTERVAL_S:g} to "
+            f"{_MAX_INTERVAL_S:g} s"
+        )
+    step_ns = round(interval_s * NANOSECONDS)
+    return [replace(sweep, stamp_ns=number * step_ns) for number, sweep in enumerate(sweeps, 1)]

@@ -7,31 +7,45 @@ import os
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_columns import COLOR_NAME, FLOW_NAMES
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.settings import SettingValue
 
-_PLY_COLUMNS: Final = ("x", "y", "z", "flow_x", "flow_y", "flow_z")
+# Arrays of an npz file, and the columns that they are made of.
+_VECTORS: Final = {"flow": FLOW_NAMES, "velocity": ("vx", "vy", "vz")}
+_PLY_TYPES: Final = {"f": "float", "u": "uchar"}
 
 
 @dataclass(frozen=True, eq=False)
 class FlowToWrite:
-    """What is written: points (N, 3) of the current sweep and their flow (N, 3), both in metres.
+    """What is written of the N points of the current sweep, row for row.
 
-    The flow is NaN where there is no point. `kept` (N,) are the points inside the crop that are not
-    ground, `settings` have full names.
+    Attributes:
+        xyz: (N, 3) metres.
+        kept: (N,) the points inside the crop that are not ground.
+        columns: Those of `flow_columns` that the method knows, by name, (N,) each. The flow must
+            be among them.
+        method: Name of the method.
+        settings: Its settings, by full name.
     """
 
     xyz: NDArray[np.float32]
-    flow: NDArray[np.float32]
     kept: NDArray[np.bool_]
+    columns: Mapping[str, NDArray[Any]]
     method: str = ""
     settings: Mapping[str, SettingValue] = field(default_factory=dict)
+
+    @property
+    def flow(self) -> NDArray[np.float32]:
+        """(N, 3) metres until the next sweep, NaN where there is no point."""
+        return np.column_stack([self.columns[name] for name in FLOW_NAMES])
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
@@ -43,7 +57,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     if path.suffix.lower() not in WRITERS:
         raise SweepFileError(f"{path}: expected a file that ends with {', '.join(WRITERS)}")
     if path.is_dir() or (path.exists() and not overwrite):
-        raise SweepFileError(f"{path}: exists already")
+        raise SweepFileError(f"{path}: exists already; --force replaces it")
     if not path.absolute().parent.is_dir():
         raise SweepFileError(f"{path}: there is no folder {path.parent}")
 
@@ -66,7 +80,7 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
         else:
             _put_in_place(draft, path)
     except FileExistsError as error:
-        raise SweepFileError(f"{path}: exists already") from error
+        raise SweepFileError(f"{path}: exists already; --force replaces it") from error
     except OSError as error:
         raise SweepFileError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
@@ -87,14 +101,18 @@ def _put_in_place(draft: Path, path: Path) -> None:
 
 
 def _write_npz(stream: IO[bytes], flow: FlowToWrite) -> None:
-    np.savez_compressed(
-        stream,
-        xyz=flow.xyz,
-        flow=flow.flow,
-        kept=flow.kept,
-        method=np.array(flow.method),
-        settings=np.array(json.dumps(dict(flow.settings))),
-    )
+    apart = {COLOR_NAME, *chain.from_iterable(_VECTORS.values())}
+    arrays: dict[str, Any] = {
+        "xyz": flow.xyz,
+        "kept": flow.kept,
+        "method": np.array(flow.method),
+        "settings": np.array(json.dumps(dict(flow.settings))),
+        **{name: values for name, values in flow.columns.items() if name not in apart},
+    }
+    for name, parts in _VECTORS.items():
+        if parts[0] in flow.columns:
+            arrays[name] = np.column_stack([flow.columns[part] for part in parts])
+    np.savez_compressed(stream, **arrays)
 
 
 def _write_npy(stream: IO[bytes], flow: FlowToWrite) -> None:
@@ -102,16 +120,30 @@ def _write_npy(stream: IO[bytes], flow: FlowToWrite) -> None:
 
 
 def _write_ply(stream: IO[bytes], flow: FlowToWrite) -> None:
+    columns = dict(zip("xyz", flow.xyz.T, strict=True)) | _with_colors_apart(flow.columns)
+    kinds = [(name, values.dtype.newbyteorder("<")) for name, values in columns.items()]
+    table = np.empty(len(flow.xyz), dtype=kinds)
+    for name, values in columns.items():
+        table[name] = values
     header = [
         "ply",
         "format binary_little_endian 1.0",
         f"comment flow of {flow.method}: metres until the next sweep",
         f"element vertex {len(flow.xyz)}",
-        *(f"property float {name}" for name in _PLY_COLUMNS),
+        *(f"property {_PLY_TYPES[values.dtype.kind]} {name}" for name, values in columns.items()),
         "end_header\n",
     ]
     stream.write("\n".join(header).encode())
-    stream.write(np.hstack([flow.xyz, flow.flow]).astype("<f4").tobytes())
+    stream.write(table.tobytes())
+
+
+def _with_colors_apart(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The columns with red, green and blue, as programs for meshes call them, for packed ones."""
+    result = dict(columns)
+    packed = np.ascontiguousarray(result.pop(COLOR_NAME), dtype=np.float32).view(np.uint32)
+    for name, shift in (("red", 16), ("green", 8), ("blue", 0)):
+        result[name] = (packed >> shift).astype(np.uint8)
+    return result
 
 
 WRITERS: Final[Mapping[str, Callable[[IO[bytes], FlowToWrite], None]]] = {

@@ -34,11 +34,12 @@ def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixtu
             "/truth/flow": 3,
             "/truth/odometry": 3,
         }
-    capsys.readouterr()
+    said = capsys.readouterr().out.splitlines()[-1]
+    assert said == f"{out}: 3 sweeps of the scenario street with true flow, seed 0"
     assert run(["simulate", str(out), *small]) == EXIT_USAGE
     ended = capsys.readouterr()
     assert ended.out == "", "no bar of what will not be done"
-    assert ended.err == f"mnsf: {out}: exists already\n"
+    assert ended.err == f"mnsf: {out}: exists already; --force replaces it\n"
     assert run(["simulate", str(out), *small, "--force"]) == 0
 
 

@@ -111,6 +111,14 @@ def test_too_few_points(points, left):
         PreparedSweep(Sweep.from_array(points, stamp_ns=1700), NO_GROUND)
 
 
+def test_too_few_points_are_chosen():
+    points = ring(50)
+    sweep = Sweep(points.astype(np.float32), kept=np.arange(50) < 5)
+    text = "5 of 50 points are left after crop, ground removal and the choice of points, expected"
+    with pytest.raises(SweepError, match=text):
+        PreparedSweep(sweep, NO_GROUND)
+
+
 def test_nothing_but_ground():
     plane = np.stack(np.meshgrid(np.arange(30), np.arange(30), 0), axis=-1).reshape(-1, 3)
     with pytest.raises(SweepError, match=r"^sweep 0: 0 of 900 points are left"):

@@ -10,11 +10,13 @@ import sys
 
 import numpy as np
 import pytest
+from box_street import BoxStreet, pose
 
 from mnsf_ros.cli import flow
 from mnsf_ros.errors import MnsfError, SettingsError, SweepError, SweepFileError
 
 FAST = [
+    *("--preset", "paper"),
     *("--set", "optimization.max_iterations=5", "--set", "fusion.max_iterations=5"),
     *("--set", "field.hidden_width=16", "--set", "distance.kind=tree"),
     *("--set", "compute.device=cpu", "--set", "compute.num_threads=1"),
@@ -73,6 +75,41 @@ def test_two_sweeps(run, files, tmp_path, capsys):
     np.testing.assert_array_equal(np.load(tmp_path / "fnsf.npy"), np.load(tmp_path / "out.npy"))
 
 
+def test_without_options_it_is_the_fast_method(run, tmp_path, capsys):
+    street = BoxStreet()
+    for number in range(3):
+        car = (5 + 0.8 * number, 0)
+        np.save(tmp_path / f"{number}.npy", street.xyz(pose(x=0.4 * number), number, cars=[car]))
+    files = [tmp_path / f"{number}.npy" for number in range(3)]
+    run(*files, "-o", tmp_path / "out.npz")
+    with np.load(tmp_path / "out.npz") as arrays:
+        velocity, dynamic, confidence = (
+            arrays[name] for name in ("velocity", "dynamic", "confidence")
+        )
+    said = capsys.readouterr().out
+    assert "; online: flow " in said
+    assert "; ego motion: registration; " in said
+    assert f", {dynamic.sum()} dynamic; " in said
+    assert dynamic[-400:].mean() > 0.7  # what is nearest to the ground counts as ground
+    assert dynamic[:-400].mean() < 0.01
+    assert not velocity[dynamic == 0].any()
+    # As there are no stamps, 0.1 s lie between the sweeps.
+    np.testing.assert_allclose(np.median(velocity[-400:], axis=0), (8, 0, 0), atol=0.5)
+    assert ((confidence >= 0) & (confidence <= 1)).all()
+    run(*files, "-o", tmp_path / "slow.npz", "--interval-s", "0.2")
+    with np.load(tmp_path / "slow.npz") as arrays:
+        slow = np.median(arrays["velocity"][-400:], axis=0)
+    np.testing.assert_allclose(slow, (4, 0, 0), atol=0.25)
+    with pytest.raises(SweepFileError, match=r"got 0 s, expected 0.001 to 60 s"):
+        run(*files, "-o", tmp_path / "no.npz", "--interval-s", "0")
+
+
+def test_method_that_does_not_know_what_moves(run, files, tmp_path):
+    run(*files[1:], "-o", tmp_path / "out.npz", "--method", "zero")
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert set(arrays) == {"xyz", "flow", "kept", "method", "settings"}
+
+
 def test_four_sweeps(run, files, tmp_path, capsys):
     run(*files, "-o", tmp_path / "out.ply", "--method", "mnsf-frames4", *FAST)
     assert "backward 2 iteration_limit" in capsys.readouterr().out
@@ -128,7 +165,7 @@ def test_sweeps_out_of_order(run, tmp_path):
 
 
 def test_settings_and_preset_reach_the_method(run, files, tmp_path, capsys):
-    run(*files[1:], "-o", tmp_path / "out.npz", "--preset", "authors", *FAST)
+    run(*files[1:], "-o", tmp_path / "out.npz", *FAST, "--preset", "authors")
     assert "fields iteration_limit after 5 steps" in capsys.readouterr().out
 
 
@@ -150,7 +187,10 @@ def test_what_cannot_be_used(run, files, tmp_path, arguments, error, text):
 
 def test_output_is_checked_before_the_work(run, files, tmp_path):
     (tmp_path / "out.npy").touch()
-    for out, text in ((tmp_path / "out.npy", "exists already"), (tmp_path / "o.pcd", "ends with")):
+    for out, text in (
+        (tmp_path / "out.npy", "exists already; --force replaces"),
+        (tmp_path / "o.pcd", "ends with"),
+    ):
         with pytest.raises(SweepFileError, match=text):
             run("missing.npy", "missing.npy", "-o", out)
     run(*files[2:], "-o", tmp_path / "out.npy", "--force", *FAST)

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sweep_files import XYZ
 
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps_io.ply import read_vertices
 from mnsf_ros.sweeps_io.read_sweep import read_sweep
 from mnsf_ros.sweeps_io.write_flow import FlowToWrite, write_flow
 
 FLOW = np.array([[0.5, 0, -0.25], [np.nan] * 3, [1, 2, 3], [0, 0, 0]], dtype=np.float32)
 KEPT = np.array([True, False, False, True])
-RESULT = FlowToWrite(XYZ, FLOW, KEPT, "fnsf", {"fusion.kind": "mlp", "compute.seed": 3})
+COLUMNS = dict(zip(("flow_x", "flow_y", "flow_z"), FLOW.T, strict=True))
+# Grey where nothing moves.
+COLUMNS["rgb"] = np.uint32([0x0000FF, 0x5C616B, 0xFF0000, 0x5C616B]).view(np.float32)
+RESULT = FlowToWrite(XYZ, KEPT, COLUMNS, "fnsf", {"fusion.kind": "mlp", "compute.seed": 3})
+VELOCITY = np.float32([[0, -9, 0], [np.nan] * 3, [8, 0, 0], [0, 0, 0]])
+MOTION = {
+    **dict(zip(("vx", "vy", "vz"), VELOCITY.T, strict=True)),
+    "dynamic": np.uint8([1, 0, 1, 0]),
+    "confidence": np.float32([0.5, np.nan, 0.25, 1]),
+}
+WITH_MOTION = replace(RESULT, columns=COLUMNS | MOTION)
 
 
 def test_npz(tmp_path):
@@ -33,23 +45,36 @@ def test_npy(tmp_path):
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), FLOW)
 
 
-def test_ply(tmp_path):
-    write_flow(tmp_path / "OUT.PLY", RESULT)
-    header, _, body = (tmp_path / "OUT.PLY").read_bytes().partition(b"end_header\n")
-    assert header.splitlines()[:2] == [b"ply", b"format binary_little_endian 1.0"]
-    assert b"element vertex 4" in header
-    assert [line.split()[-1] for line in header.splitlines() if b"float" in line] == [
-        *(b"x", b"y", b"z", b"flow_x", b"flow_y", b"flow_z"),
-    ]
-    rows = np.frombuffer(body, "<f4").reshape(4, 6)
-    np.testing.assert_array_equal(rows, np.hstack([XYZ, FLOW]))
+def test_what_moves_in_npz(tmp_path):
+    write_flow(tmp_path / "out.npz", WITH_MOTION)
+    with np.load(tmp_path / "out.npz", allow_pickle=False) as arrays:
+        np.testing.assert_array_equal(arrays["velocity"], VELOCITY)
+        for name in ("dynamic", "confidence"):
+            np.testing.assert_array_equal(arrays[name], MOTION[name])
+            assert arrays[name].dtype == MOTION[name].dtype
+        assert not {"vx", "flow_x", "rgb"} & set(arrays)
+
+
+@pytest.mark.parametrize("result", [RESULT, WITH_MOTION])
+def test_ply(tmp_path, result):
+    write_flow(tmp_path / "OUT.PLY", result)
+    header = (tmp_path / "OUT.PLY").read_bytes().partition(b"end_header\n")[0].splitlines()
+    assert header[:2] == [b"ply", b"format binary_little_endian 1.0"]
+    assert b"property uchar red" in header
+    columns = read_vertices(tmp_path / "OUT.PLY")
+    colors = {"red": [0, 0x5C, 255, 0x5C], "green": [0, 0x61, 0, 0x61], "blue": [255, 107, 0, 107]}
+    expected = {**dict(zip("xyz", XYZ.T, strict=True)), **result.columns, **colors}
+    del expected["rgb"]
+    assert columns.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(columns[name], values)
     np.testing.assert_array_equal(read_sweep(str(tmp_path / "OUT.PLY")).xyz, XYZ)
 
 
 def test_what_is_there_is_not_replaced_unless_told(tmp_path):
     path = tmp_path / "out.npy"
     path.write_bytes(b"precious")
-    with pytest.raises(SweepFileError, match=f"^{path}: exists already$"):
+    with pytest.raises(SweepFileError, match=f"^{path}: exists already"):
         write_flow(path, RESULT)
     assert path.read_bytes() == b"precious"
     write_flow(path, RESULT, overwrite=True)
@@ -65,7 +90,7 @@ class Racing:
 
     def __array__(self, *_, **__):
         self.path.write_bytes(b"precious")
-        return FLOW
+        return FLOW[:, 0]
 
 
 @pytest.mark.parametrize("links", [True, False])
@@ -76,8 +101,8 @@ def test_file_that_appears_meanwhile_is_not_replaced(tmp_path, monkeypatch, link
     if not links:
         monkeypatch.setattr("pathlib.Path.hardlink_to", no_links)
     path = tmp_path / "out.npy"
-    with pytest.raises(SweepFileError, match=f"^{path}: exists already$"):
-        write_flow(path, FlowToWrite(XYZ, Racing(path), KEPT))
+    with pytest.raises(SweepFileError, match=f"^{path}: exists already"):
+        write_flow(path, FlowToWrite(XYZ, KEPT, dict.fromkeys(COLUMNS, Racing(path))))
     assert path.read_bytes() == b"precious"
     assert [path.name for path in tmp_path.iterdir()] == ["out.npy"]
 
@@ -113,7 +138,7 @@ def test_failure_half_way_leaves_nothing(tmp_path):
         def __array__(self, *_, **__):
             raise OSError(28, "No space left on device")
 
-    broken = FlowToWrite(XYZ, Unwritable(), KEPT)
+    broken = FlowToWrite(XYZ, KEPT, dict.fromkeys(COLUMNS, Unwritable()))
     with pytest.raises(SweepFileError, match=r"cannot be written: No space left on device$"):
         write_flow(tmp_path / "out.npy", broken)
     assert list(tmp_path.iterdir()) == []
