@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mnsf_ros.node import diagnostics
+from mnsf_ros.node import diagnostics, scene_flow_node
 from mnsf_ros.online import flow_watch
 from mnsf_ros.online.busy_watch import busy_text
 
@@ -71,5 +71,6 @@ def test_a_busy_computer_is_in_the_table():
     assert any(level == "WARN" and start in shown for level, shown in ROWS)
 
 
-def test_a_disabled_node_is_in_the_table():
-    assert ("OK", f"`{diagnostics._DISABLED}`") in ROWS
+@pytest.mark.parametrize("reason", [scene_flow_node._DISABLED, scene_flow_node._INACTIVE])
+def test_a_node_that_ignores_clouds_is_in_the_table(reason):
+    assert ("OK", f"`{reason}`") in ROWS
