@@ -11,11 +11,22 @@ from contextlib import suppress
 from types import FrameType
 
 from mnsf_ros import __version__
-from mnsf_ros.cli import convert, demo, evaluate, explain, flow, parameters, report, simulate, study
+from mnsf_ros.cli import (
+    convert,
+    demo,
+    evaluate,
+    explain,
+    flow,
+    parameters,
+    play,
+    report,
+    simulate,
+    study,
+)
 from mnsf_ros.cli.arguments import IntermixedParser
 from mnsf_ros.errors import MnsfError
 
-_SUBCOMMANDS = (demo, flow, evaluate, explain, report, study, simulate, convert, parameters)
+_SUBCOMMANDS = (demo, play, flow, evaluate, explain, report, study, simulate, convert, parameters)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import secrets
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,7 +17,7 @@ from mnsf_ros.core.flow_columns import FLOW_NAMES
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.demo.node_process import node_process
-from mnsf_ros.demo.replay import FLOW_TOPIC, ReplayLog, replay
+from mnsf_ros.demo.replay import DIAGNOSTICS_TOPIC, FLOW_TOPIC, ReplayLog, replay
 from mnsf_ros.drawing.top_view import save_top_view
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
@@ -38,6 +39,8 @@ from msg_utils.point_cloud2 import decode_points
 
 _GROUND, _OTHERS = "ground", "without ground"
 _NANOSECONDS: Final = 1e9
+_NUM_DOMAINS: Final = 101  # from 1 on; above, ports of Linux are used for something else
+_ENOUGH: Final = 0.95  # of the flows that there can be
 
 
 def run_demo(
@@ -70,7 +73,8 @@ def run_demo(
     if errors is not None:
         console.print(errors)
     console.print(f"picture   {picture}")
-    console.print(f"flow      {flow_bag} (mcap, for Foxglove or `ros2 bag play`)")
+    console.print(f"flow      {flow_bag} (mcap: opens coloured in Foxglove; or `mnsf play`)")
+    console.print(verdict(log), markup=False, highlight=False, soft_wrap=True)
 
 
 def _replayed(
@@ -82,12 +86,17 @@ def _replayed(
 ) -> ReplayLog:
     prepare_environment()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    # Of its own: neither a robot nor another demo is to be heard, and none is to hear this.
+    domain, namespace = 1 + secrets.randbelow(_NUM_DOMAINS), f"/mnsf_demo_{secrets.token_hex(4)}"
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
     parameter_file = folder / "parameters.yaml"
     parameter_file.write_text(settings_yaml(settings, "Settings of the demo."))
-    domain = os.environ.get("ROS_DOMAIN_ID", "0")
     topic, path = recording.points, recording.path
-    console.print(f"replaying {topic} of {path}; live on ROS domain {domain}")
+    live = f"live on ROS domain {domain}, {namespace}{FLOW_TOPIC}"
+    console.print(f"replaying {topic} of {path}; {live}", soft_wrap=True)
+    remappings = (f"__ns:={namespace}", f"{DIAGNOSTICS_TOPIC}:={namespace}{DIAGNOSTICS_TOPIC}")
     arguments = ["--params-file", str(parameter_file)]
+    arguments += [word for remapping in remappings for word in ("-r", remapping)]
     with (
         recording.open() as reader,
         node_process(arguments, folder / "node.log") as node,
@@ -100,7 +109,7 @@ def _replayed(
             text = f"sweeps in, {num_flows} flows out"
             progress.update(task, completed=num_sweeps, description=text)
 
-        log = replay(reader, topic, node, writer, show)
+        log = replay(reader, topic, node, writer, show, namespace)
         if not log.arrived_s:
             raise node.failure(
                 f"no flow came out of {len(log.published_s)} sweeps "
@@ -177,6 +186,20 @@ def figures_table(log: ReplayLog) -> TextTable:
         latency_ms = float(np.percentile(latencies_ms, percentile))
         rows.append((f"latency {name} (ms)", format_number(latency_ms, 0)))
     return TextTable(("figure", "value"), rows, "Replay")
+
+
+def verdict(log: ReplayLog) -> str:
+    """Returns one line: how many flows came, how late they were, and whether that is enough."""
+    flows = f"{len(log.arrived_s)} of {log.num_possible} flows"
+    latencies_ms = log.latencies_ms
+    late = f", p95 {np.percentile(latencies_ms, 95):.0f} ms" if latencies_ms else ""
+    if len(log.arrived_s) >= _ENOUGH * log.num_possible:
+        return f"{flows}{late}: keeps up"
+    if log.num_dropped:
+        used = f"the node used {log.cores_used:.1f} of {os.cpu_count() or 1} cores"
+        return f"{flows}{late}: this machine is too busy; {used}"
+    others = [f"{count} {name}" for name, count in log.losses.items() if count > 0]
+    return f"{flows}{late}: {', '.join(others) or 'the node did not say why'}"
 
 
 def drop_hint(log: ReplayLog) -> str | None:

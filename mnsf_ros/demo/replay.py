@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
+from mnsf_ros.demo.pace import paced
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
@@ -19,12 +20,12 @@ from mnsf_ros.recording.bag_writer import BagWriter
 POINTS_TOPIC = "/scene_flow/points"
 FLOW_TOPIC = "/scene_flow/flow"
 DIAGNOSTICS_TOPIC = "/diagnostics"
+MARKERS_TOPIC = "/scene_flow/objects/markers"
 
 _START_TIMEOUT_S = 120.0
 _LAST_FLOW_TIMEOUT_S = 120.0
 # So many messages on /diagnostics without any change: whatever is missing will not come any more.
 _QUIET_STATUSES = 5
-_NANOSECONDS = 1e9
 
 
 @dataclass
@@ -37,6 +38,7 @@ class ReplayLog:
         counts: Event to how often it happened, as the node counted on /diagnostics.
         last_failure: Text of the last estimate that failed, as the node says.
         estimate_ms: Median of what an estimate took, as the node says; NaN if it does not.
+        cores_used: CPU time of the node over the time that the sweeps took; NaN if unknown.
     """
 
     published_s: dict[int, float] = field(default_factory=dict)
@@ -44,6 +46,12 @@ class ReplayLog:
     counts: Mapping[str, int] = field(default_factory=dict)
     last_failure: str = "unknown"
     estimate_ms: float = math.nan
+    cores_used: float = math.nan
+
+    @property
+    def num_possible(self) -> int:
+        """Sweeps that have one before and one after them: so many flows there can be."""
+        return max(len(self.published_s) - 2, len(self.arrived_s))
 
     @property
     def interval_ms(self) -> float:
@@ -100,10 +108,12 @@ def replay(
     node: NodeProcess,
     writer: BagWriter,
     progress: Callable[[int, int], None],
+    namespace: str = "",
 ) -> ReplayLog:
-    """Publishes all sweeps of a topic, records flow and diagnostics, waits for the last flow.
+    """Publishes all sweeps of a topic, records what comes, waits for the last flow.
 
-    `progress` is called with the numbers of sweeps published and of flows received.
+    `progress` is called with the numbers of sweeps published and of flows received. All topics
+    of the node are in the namespace, also /diagnostics; they are recorded without it.
 
     Raises:
         RecordingError: If damage is met in the recording.
@@ -112,6 +122,8 @@ def replay(
     log = ReplayLog()
 
     def on_flow(flow: ReceivedFlow) -> None:
+        if flow.stamp_ns not in log.published_s:
+            return
         log.arrived_s[flow.stamp_ns] = flow.arrived_s
         writer.write_raw(FLOW_TOPIC, CLOUD_TYPE, flow.stamp_ns, flow.raw)
 
@@ -123,13 +135,22 @@ def replay(
                 DIAGNOSTICS_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", newest_ns, raw
             )
 
-    with ReplayLink(POINTS_TOPIC, FLOW_TOPIC, on_flow, on_diagnostics) as link:
+    def on_markers(stamp_ns: int, raw: bytes) -> None:
+        if stamp_ns in log.published_s:
+            writer.write_raw(MARKERS_TOPIC, "visualization_msgs/msg/MarkerArray", stamp_ns, raw)
+
+    names = [namespace + name for name in (POINTS_TOPIC, FLOW_TOPIC, DIAGNOSTICS_TOPIC)]
+    with ReplayLink(names[0], names[1], on_flow, on_diagnostics, names[2]) as link:
+        link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
         _wait_for_node(link, node)
-        for raw in _paced(reader, topic, link):
+        start_s, cpu_before_s = time.monotonic(), node.cpu_s
+        for _, raw in paced(reader.raw_messages(topic), link.spin_for, time.monotonic):
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s
             progress(len(log.published_s), len(log.arrived_s))
+        if time.monotonic() > start_s:
+            log.cores_used = (node.cpu_s - cpu_before_s) / (time.monotonic() - start_s)
         _wait_for_last_flow(link, node, log)
         progress(len(log.published_s), len(log.arrived_s))
         log.last_failure = link.flow_values.get("last failure", log.last_failure)
@@ -144,15 +165,6 @@ def _wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
         if time.monotonic() > deadline_s:
             raise node.failure(f"the node was not there after {_START_TIMEOUT_S:.0f} s")
         link.spin_for(0.1)
-
-
-def _paced(reader: BagReader, topic: str, link: ReplayLink) -> Iterator[bytes]:
-    """The serialized messages, each at its time."""
-    start_s, first_ns = time.monotonic(), 0
-    for received_ns, raw in reader.raw_messages(topic):
-        first_ns = first_ns or received_ns
-        link.spin_for(start_s + (received_ns - first_ns) / _NANOSECONDS - time.monotonic())
-        yield raw
 
 
 def _wait_for_last_flow(link: ReplayLink, node: NodeProcess, log: ReplayLog) -> None:

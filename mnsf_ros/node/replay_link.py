@@ -6,14 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import MarkerArray
 
+from mnsf_ros.node.raw_topics import RawTopics
 from msg_utils.stamps import decode_stamp
 
 FLOW_STATUS = ": flow"
@@ -28,10 +26,8 @@ class ReceivedFlow:
     raw: bytes  # the serialized message
 
 
-class ReplayLink:
-    """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
-
-    Use it as a context manager.
+class ReplayLink(RawTopics):
+    """Publishes sweeps to the node and hears what it says of them.
 
     Attributes:
         flow_values: Key to value of the node's latest `flow` status on /diagnostics.
@@ -45,41 +41,39 @@ class ReplayLink:
         flow_topic: str,
         on_flow: Callable[[ReceivedFlow], None],
         on_diagnostics: Callable[[bytes], None],
+        diagnostics_topic: str = "/diagnostics",
     ) -> None:
-        """Joins the ROS graph; `on_diagnostics` gets each serialized message on /diagnostics."""
+        """Joins the ROS graph; `on_diagnostics` gets each serialized message of diagnostics."""
+        super().__init__("mnsf_replay")
         self._on_flow = on_flow
         self._on_diagnostics = on_diagnostics
         self.flow_values: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         self.num_statuses = 0
-        self._context = Context()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node("mnsf_replay", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        reliable = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-        self._publisher = self._node.create_publisher(PointCloud2, points_topic, reliable)
-        self._flow = self._node.create_subscription(
-            PointCloud2, flow_topic, self._receive_flow, reliable, raw=True
-        )
-        self._node.create_subscription(
-            DiagnosticArray, "/diagnostics", self._receive_diagnostics, 10, raw=True
+        self._publisher = self.publisher(points_topic, "sensor_msgs/msg/PointCloud2")
+        self._flow_topic = flow_topic
+        self.subscribe(flow_topic, "sensor_msgs/msg/PointCloud2", self._receive_flow)
+        self.subscribe(
+            diagnostics_topic,
+            "diagnostic_msgs/msg/DiagnosticArray",
+            self._receive_diagnostics,
+            depth=10,
         )
 
-    def __enter__(self) -> ReplayLink:
-        """Returns itself."""
-        return self
+    def watch_markers(self, topic: str, on_markers: Callable[[int, bytes], None]) -> None:
+        """Calls `on_markers` with the stamp and the bytes of markers, if there are any."""
 
-    def __exit__(self, *_error: object) -> None:
-        """Leaves the ROS graph."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        def receive(raw: bytes) -> None:
+            markers = deserialize_message(raw, MarkerArray).markers
+            if markers:
+                on_markers(decode_stamp(markers[0].header.stamp), raw)
+
+        self.subscribe(topic, "visualization_msgs/msg/MarkerArray", receive)
 
     @property
     def is_connected(self) -> bool:
         """Whether the scene flow node listens and will be heard."""
-        return self.is_heard and bool(self._node.count_publishers(self._flow.topic_name))
+        return self.is_heard and self.num_publishers(self._flow_topic) > 0
 
     @property
     def is_heard(self) -> bool:
@@ -99,12 +93,6 @@ class ReplayLink:
     def publish_bytes(self, raw: bytes) -> None:
         """Publishes bytes as they are, also those that are no cloud."""
         self._publisher.publish(raw)
-
-    def spin_for(self, duration_s: float) -> None:
-        """Handles what arrives during some time."""
-        deadline_s = time.monotonic() + duration_s
-        while (left_s := deadline_s - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left_s)
 
     def _receive_flow(self, raw: bytes) -> None:
         arrived_s = time.monotonic()

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability
 from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.reader import Reader as Ros2Reader
 from rosbags.rosbag2.storage_mcap import McapReader
@@ -305,10 +306,21 @@ def _summaries(path: Path, source: AnyReader) -> dict[str, TopicSummary]:
         )
     if not any(counts.values()):
         raise RecordingError(f"{path}: holds no messages")
+    latched = {connection.topic for connection in source.connections if _is_latched(connection)}
     return {
-        topic: TopicSummary(" and ".join(sorted(types[topic])), counts[topic])
+        topic: TopicSummary(" and ".join(sorted(types[topic])), counts[topic], topic in latched)
         for topic in sorted(types)
     }
+
+
+def _is_latched(connection: Connection) -> bool:
+    extension = connection.ext
+    if isinstance(extension, ConnectionExtRosbag1):
+        return bool(extension.latching)
+    return any(
+        profile.durability is QosDurability.TRANSIENT_LOCAL
+        for profile in extension.offered_qos_profiles
+    )
 
 
 def _storages(source: AnyReader) -> list[Any]:

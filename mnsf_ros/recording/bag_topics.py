@@ -30,10 +30,12 @@ class TopicSummary:
     Attributes:
         msgtype: For example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags.
         count: Number of messages that are stored.
+        is_latched: Whether those who subscribe later got the last message, too.
     """
 
     msgtype: str
     count: int
+    is_latched: bool = False
 
 
 @dataclass(frozen=True)

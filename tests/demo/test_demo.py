@@ -1,6 +1,7 @@
 """The demo with a small simulated street: the real node over real DDS."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,21 +20,34 @@ from msg_utils.point_cloud2 import decode_points
 SMALL = SimulationSettings(num_beams=16, num_columns=360, duration_s=2.0)
 
 
-def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def start_demo(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     environment = os.environ | {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 101),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_LOG_DIR": str(folder / "ros_log"),
         "COLUMNS": "120",
     }
-    return subprocess.run(
+    return subprocess.Popen(
         [sys.executable, "-m", "mnsf_ros.cli", "demo", "--out", str(folder / "demo"), *arguments],
         env=environment,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=300,
-        check=False,
     )
+
+
+def end_of(demo: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    with demo:
+        stdout, stderr = demo.communicate(timeout=300)
+    return subprocess.CompletedProcess(demo.args, demo.returncode, stdout, stderr)
+
+
+def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return end_of(start_demo(folder, *arguments))
+
+
+def flows_and_more(folder: Path) -> dict[str, int]:
+    with BagReader(folder / "demo" / "flow") as reader:
+        return {topic: summary.count for topic, summary in reader.topics.items()}
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +69,30 @@ def test_demo_shows_records_and_draws_the_flow(street: Path, tmp_path: Path) -> 
     with BagReader(tmp_path / "demo" / "flow") as reader:
         topic = reader.find_topic(None, CLOUD_TYPE)
         names = {field.name for field in next(reader.messages(topic)).fields}
-        assert {"x", "y", "z", "intensity", "ring", "flow_x", "flow_y", "flow_z"} <= names
+        assert {"x", "y", "z", "intensity", "ring", "flow_x", "flow_y", "flow_z", "rgb"} <= names
+        assert reader.topics["/scene_flow/objects/markers"].count > 0
         assert reader.topics["/diagnostics"].count > 0
 
 
-def test_recorded_flow_belongs_to_sweeps_of_the_recording(street: Path, tmp_path: Path) -> None:
-    assert run_demo(tmp_path, "--bag", str(street), "--topic", "/points").returncode == 0
+def test_two_demos_at_once_do_not_mix(street: Path, tmp_path: Path) -> None:
+    """Of the same sweeps, at the same time: each has only the flows of its own node."""
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for folder in folders:
+        folder.mkdir()
+    demos = [start_demo(folder, "--bag", str(street), "--topic", "/points") for folder in folders]
+    ends = [end_of(demo) for demo in demos]
+    assert [end.returncode for end in ends] == [0, 0], ends[0].stderr + ends[1].stderr
+    places = [re.search(r"live on ROS domain (\S+), (\S+)", end.stdout) for end in ends]
+    assert places[0][2] != places[1][2]
+    for folder, end in zip(folders, ends, strict=True):
+        verdict = end.stdout.strip().splitlines()[-1]
+        num_flows, num_possible = map(int, re.match(r"(\d+) of (\d+) flows, ", verdict).groups())
+        assert num_possible == SMALL.num_sweeps - 2
+        assert num_flows == flows_and_more(folder)["/scene_flow/flow"] <= num_possible
+        _stamps_are_of_the_recording(street, folder)
 
+
+def _stamps_are_of_the_recording(street: Path, tmp_path: Path) -> None:
     def stamped(path: Path, topic: str) -> dict[tuple[int, int], object]:
         with BagReader(path) as reader:
             return {

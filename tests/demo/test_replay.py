@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from mnsf_ros.demo import replay as replay_module
-from mnsf_ros.demo.demo_run import drop_hint, figures_table
+from mnsf_ros.demo.demo_run import drop_hint, figures_table, verdict
 from mnsf_ros.demo.replay import ReplayLog, replay
 from mnsf_ros.node.replay_link import ReceivedFlow
 
@@ -35,6 +35,9 @@ class LateLink:
         self.num_published += 1
         return raw
 
+    def watch_markers(self, topic, on_markers):
+        pass
+
     def spin_for(self, duration_s):
         self.clock_s += max(duration_s, 0.0)
         if self.num_published < NUM_SWEEPS:
@@ -59,7 +62,7 @@ def replayed(monkeypatch, events):
     """The log of a replay; `events`: seconds to what happens, a flow's stamp or counts."""
     links = []
 
-    def link(points, flow, on_flow, on_diagnostics):
+    def link(points, flow, on_flow, on_diagnostics, diagnostics):
         links.append(LateLink(events, on_flow))
         return links[0]
 
@@ -69,7 +72,7 @@ def replayed(monkeypatch, events):
     stamps = [100_000_000 * number for number in range(1, NUM_SWEEPS + 1)]
     reader = SimpleNamespace(raw_messages=lambda topic: zip(stamps, stamps, strict=True))
     writer = SimpleNamespace(write_raw=lambda *_: None)
-    node = SimpleNamespace(check=lambda: None)
+    node = SimpleNamespace(check=lambda: None, cpu_s=2.0)
     log = replay(reader, "/points", node, writer, lambda *_: None)
     return log, dict(figures_table(log).rows)
 
@@ -127,3 +130,28 @@ def test_without_drops_sweeps_are_flows_and_two_more(monkeypatch):
     log, figures = replayed(monkeypatch, flows | {1.0: counts(6, 4, 4)})
     assert log.is_complete
     assert list(itertools.islice(figures.values(), 3)) == ["6", "4", "0"]
+
+
+def finished(num_flows, counts, cores_used=1.04):
+    """A log of 60 sweeps, whose flows came 88 ms after the next sweep."""
+    stamps = [100_000_000 * number for number in range(60)]
+    published_s = {stamp: stamp / 1e9 for stamp in stamps}
+    arrived_s = {stamp: stamp / 1e9 + 0.188 for stamp in stamps[1 : 1 + num_flows]}
+    return ReplayLog(published_s, arrived_s, counts, cores_used=cores_used)
+
+
+def test_the_verdict_is_one_line(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    received = {"sweeps_received": 60}
+    assert verdict(finished(57, received)) == "57 of 58 flows, p95 88 ms: keeps up"
+    assert verdict(finished(18, received | {"triplets_dropped": 40, "flows_out": 18})) == (
+        "18 of 58 flows, p95 88 ms: this machine is too busy; the node used 1.0 of 2 cores"
+    )
+    failed = received | {"estimates_failed": 20, "flows_out": 38}
+    assert verdict(finished(38, failed)) == "38 of 58 flows, p95 88 ms: 20 failed estimates"
+
+
+def test_flows_of_other_sweeps_do_not_count(monkeypatch):
+    flows = {0.6: 200_000_000, 0.65: 77, 0.7: 300_000_000}
+    _, figures = replayed(monkeypatch, flows | {1.0: counts(6, 4, 2, dropped=2)})
+    assert figures["flows out"] == "2"

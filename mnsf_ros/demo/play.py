@@ -1,0 +1,115 @@
+"""Plays a recording to whoever listens, as `ros2 bag play` does."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Final
+
+from mnsf_ros.demo.pace import Pace
+from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import known_topic
+
+# Subscribers need a while to find the publishers.
+_SETTLE_S: Final = 1.0
+_CLOCK_PERIOD_S: Final = 0.025
+
+Publish = Callable[[bytes], None]
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """How a recording is played.
+
+    Attributes:
+        topics: Only these; all if empty.
+        rate: Speed over that of the recording, above 0.
+        loop: Start again at the end.
+        clock: Publish the time of the recording on /clock, for `use_sim_time`.
+    """
+
+    topics: Sequence[str] = ()
+    rate: float = 1.0
+    loop: bool = False
+    clock: bool = False
+
+
+def play(
+    reader: BagReader,
+    options: PlayOptions,
+    on_message: Callable[[int], None],
+    on_left_out: Callable[[str], None],
+) -> None:
+    """Publishes the messages of a recording, each when it is due.
+
+    Args:
+        reader: The recording, open.
+        options: How.
+        on_message: Called with the number of messages published so far.
+        on_left_out: Called once for each topic that cannot be published, with the reason.
+
+    Raises:
+        RecordingError: A topic is not in the recording, or damage is met.
+        MessageTypeError: No topic can be published.
+    """
+    for topic in options.topics:
+        known_topic(reader.path, reader.topics, topic)
+    with RawTopics("mnsf_play") as ros:
+        publishers = _publishers(reader, ros, options.topics, on_left_out)
+        tell_time = ros.clock() if options.clock else _nothing
+        ros.spin_for(_SETTLE_S)
+        number = 0
+        for _ in itertools.count() if options.loop else range(1):
+            pace: Pace | None = None
+            for time_ns, topic, raw in _in_order(reader, list(publishers)):
+                pace = pace or Pace(time_ns, options.rate)
+                _wait(ros, pace, time_ns, tell_time)
+                publishers[topic](raw)
+                number += 1
+                on_message(number)
+        ros.spin_for(_SETTLE_S)  # what was published last is still under way
+
+
+def _publishers(
+    reader: BagReader,
+    ros: RawTopics,
+    chosen: Sequence[str],
+    on_left_out: Callable[[str], None],
+) -> dict[str, Publish]:
+    publishers: dict[str, Publish] = {}
+    for topic in dict.fromkeys(chosen) or reader.topics:
+        summary = reader.topics[topic]
+        try:
+            publisher = ros.publisher(topic, summary.msgtype, is_latched=summary.is_latched)
+        except MessageTypeError as error:
+            on_left_out(f"{topic} is left out: {error}")
+        else:
+            publishers[topic] = publisher.publish
+    if not publishers:
+        raise MessageTypeError(f"{reader.path}: no topic can be published")
+    return publishers
+
+
+def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, str, bytes]]:
+    """Time, topic and serialized message, of several topics in the order of time."""
+
+    def of(topic: str) -> Iterator[tuple[int, str, bytes]]:
+        return ((time_ns, topic, raw) for time_ns, raw in reader.raw_messages(topic))
+
+    return heapq.merge(*map(of, topics), key=itemgetter(0))
+
+
+def _wait(ros: RawTopics, pace: Pace, time_ns: int, tell_time: Callable[[int], None]) -> None:
+    while (left_s := pace.left_s(time_ns)) > _CLOCK_PERIOD_S:
+        tell_time(min(pace.now_ns, time_ns))
+        ros.spin_for(min(left_s, _CLOCK_PERIOD_S))
+    ros.spin_for(left_s)
+    tell_time(time_ns)
+
+
+def _nothing(_time_ns: int) -> None:
+    """Nobody asked for the time."""

@@ -1,0 +1,114 @@
+"""Messages as bytes, in and out of ROS."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import time
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from mnsf_ros.errors import MnsfError
+
+_TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
+_DEPTH: Final = 5
+
+Self = TypeVar("Self", bound="RawTopics")
+
+
+class MessageTypeError(MnsfError):
+    """The package of a message type is not installed."""
+
+
+def message_class(msgtype: str) -> Any:  # noqa: ANN401 - a class of ROS
+    """Returns the class of a type such as `sensor_msgs/msg/PointCloud2`.
+
+    Raises:
+        MessageTypeError: It cannot be imported.
+    """
+    match = _TYPE_NAME.fullmatch(msgtype)
+    try:
+        found = getattr(importlib.import_module(f"{match[1]}.msg"), match[2]) if match else None
+    except (ImportError, AttributeError):
+        found = None
+    if not inspect.isclass(found) or not hasattr(found, "_TYPE_SUPPORT"):
+        raise MessageTypeError(f"the message type {msgtype} is not installed")
+    return found
+
+
+class RawTopics:
+    """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
+
+    Use it as a context manager.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Joins the ROS graph as a node of this name."""
+        self._context = Context()
+        rclpy.init(args=[], context=self._context)
+        self._node = rclpy.create_node(name, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def __enter__(self: Self) -> Self:
+        """Returns itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Leaves the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def publisher(self, topic: str, msgtype: str, *, is_latched: bool = False) -> Any:  # noqa: ANN401
+        """Returns a reliable publisher; its `publish` takes serialized messages.
+
+        Raises:
+            MessageTypeError: The type is not installed.
+        """
+        return self._node.create_publisher(message_class(msgtype), topic, _qos(is_latched))
+
+    def subscribe(
+        self, topic: str, msgtype: str, on_message: Callable[[bytes], None], depth: int = _DEPTH
+    ) -> Any:  # noqa: ANN401
+        """Calls `on_message` with each serialized message of a topic; returns the subscription.
+
+        Raises:
+            MessageTypeError: The type is not installed.
+        """
+        return self._node.create_subscription(
+            message_class(msgtype), topic, on_message, _qos(depth=depth), raw=True
+        )
+
+    def clock(self) -> Callable[[int], None]:
+        """Returns what publishes a time in nanoseconds on /clock."""
+        publisher = self._node.create_publisher(Clock, "/clock", _DEPTH)
+
+        def publish(time_ns: int) -> None:
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(time_ns, 10**9)
+            publisher.publish(message)
+
+        return publish
+
+    def num_publishers(self, topic: str) -> int:
+        """How many nodes publish on a topic."""
+        return int(self._node.count_publishers(topic))
+
+    def spin_for(self, duration_s: float) -> None:
+        """Handles what arrives during some time."""
+        deadline_s = time.monotonic() + duration_s
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left_s)
+
+
+def _qos(is_latched: bool = False, depth: int = _DEPTH) -> QoSProfile:
+    kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)

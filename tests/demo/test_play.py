@@ -1,0 +1,135 @@
+"""A recording is published as it was recorded, by the real command over real DDS."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+
+from mnsf_ros.demo.pace import Pace
+from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+
+SMALL = SimulationSettings(num_beams=16, num_columns=90, duration_s=1.5)
+HEARD = {
+    "/points": "sensor_msgs/msg/PointCloud2",
+    "/truth/odometry": "nav_msgs/msg/Odometry",
+    "/clock": "rosgraph_msgs/msg/Clock",
+}
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With a message of a type that is not installed beside its own."""
+    folder = tmp_path_factory.mktemp("recording")
+    write_recording(SMALL, folder / "plain")
+    with BagReader(folder / "plain") as reader, BagWriter(folder / "street") as writer:
+        for topic, summary in reader.topics.items():
+            for time_ns, raw in reader.raw_messages(topic):
+                writer.write_raw(topic, summary.msgtype, time_ns, raw)
+        writer.write_raw("/tf", "tf2_msgs/msg/TFMessage", time_ns, bytes(8))
+    return folder / "street"
+
+
+@pytest.fixture(autouse=True)
+def _own_domain(monkeypatch, tmp_path):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "mnsf_ros.cli", "play", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def ended(play: subprocess.Popen[str]) -> tuple[int, str]:
+    with play:
+        _, stderr = play.communicate(timeout=60)
+    return play.returncode, stderr
+
+
+def heard_of(*arguments: str, until=lambda heard: False) -> tuple[dict[str, list[bytes]], str]:
+    """What came on each topic, up to the end of the command or a condition."""
+    heard: dict[str, list[bytes]] = {topic: [] for topic in HEARD}
+    with RawTopics("listener") as ros:
+        for topic, msgtype in HEARD.items():
+            ros.subscribe(topic, msgtype, heard[topic].append, depth=1000)
+        play = start(*arguments)
+        give_up_s = time.monotonic() + 60
+        while play.poll() is None and not until(heard):
+            assert time.monotonic() < give_up_s
+            ros.spin_for(0.05)
+        play.kill()
+        return heard, ended(play)[1]
+
+
+def test_messages_come_as_they_are_stored_and_at_their_times(street: Path) -> None:
+    heard, said = heard_of(str(street), "--clock", "--rate", "2")
+    with BagReader(street) as reader:
+        for topic in ("/points", "/truth/odometry"):
+            stored = [raw for _, raw in reader.raw_messages(topic)]
+            # DDS pads messages to multiples of four bytes.
+            sizes = [len(raw) for raw in stored]
+            assert [raw[:size] for raw, size in zip(heard[topic], sizes, strict=True)] == stored
+        times_ns = [time_ns for time_ns, _ in reader.raw_messages("/points")]
+    clocks = [deserialize_message(raw, Clock).clock for raw in heard["/clock"]]
+    clock_ns = [clock.sec * 10**9 + clock.nanosec for clock in clocks]
+    assert clock_ns == sorted(clock_ns)
+    assert set(times_ns) <= set(clock_ns)
+    assert len(clock_ns) > len(times_ns)
+    assert "/tf is left out: the message type tf2_msgs/msg/TFMessage is not installed" in said
+
+
+def test_topics_are_chosen_and_repeated(street: Path) -> None:
+    arguments = (str(street), "--topics", "/points", "--loop", "--rate", "100")
+    num_sweeps = SMALL.num_sweeps
+    heard, _ = heard_of(*arguments, until=lambda heard: len(heard["/points"]) > 2 * num_sweeps)
+    points = heard["/points"]
+    assert points[:num_sweeps] == points[num_sweeps : 2 * num_sweeps]
+    assert heard["/truth/odometry"] == heard["/clock"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--topics", "/tf"], "no topic can be published"),
+        (["--topics", "/nothing"], "no topic '/nothing'"),
+        (["--rate", "0"], "expected 0.01 to 100"),
+        (["--rate", "nan"], "expected 0.01 to 100"),
+    ],
+)
+def test_what_cannot_be_played_is_said(street: Path, arguments: list[str], words: str) -> None:
+    status, said = ended(start(str(street), *arguments))
+    assert status == 2
+    assert words in said.splitlines()[-1]
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    "name", ["os/msg/Path", "x", "../msg/A", "std_msgs/msg/numpy", "sensor_msgs/msg/No"]
+)
+def test_types_of_hostile_recordings_are_not_installed(name: str) -> None:
+    with pytest.raises(MessageTypeError, match="is not installed"):
+        message_class(name)
+
+
+def test_pace() -> None:
+    now_s = [10.0]
+    pace = Pace(5_000_000_000, 2.0, lambda: now_s[0])
+    assert pace.left_s(6_000_000_000) == pytest.approx(0.5)
+    now_s[0] = 11.0
+    assert pace.now_ns == 7_000_000_000
+    assert pace.left_s(6_000_000_000) == pytest.approx(-0.5)
