@@ -11,10 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
+from mnsf_ros.evaluation.movers import STOPPED_M_S, MoverRow, ObjectRow
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-_STOPPED_M_S: Final = 0.1
 # An object that was away for longer comes into view anew.
 _MAX_AWAY_S: Final = 0.5
 _TINY_S: Final = 1e-3
@@ -94,7 +93,8 @@ class MoverSummary:
         ghost_sweeps: Share of sweeps with a false mover.
         velocity_error_m_s: Median over tracked objects and sweeps.
         direction_error_deg: Likewise.
-        after_stop_s: Longest time that an object was called a mover after it had stopped.
+        after_stop_s: Longest time that an object was called a mover after it had stopped; 0 if
+            none of those that stopped was. NaN: nothing stopped in view.
         confidence: Lower limit of a band of confidence to mean confidence, share of points with
             less than 0.1 m of error, and number of points.
         groups: Name of a group of movers to figures; those without movers are missing.
@@ -139,7 +139,7 @@ def summarize_movers(rows: Iterable[StampedRow]) -> MoverSummary | None:
         ghost_sweeps=float((ghosts > 0).mean()),
         velocity_error_m_s=_median([item.velocity_error_m_s for item in objects]),
         direction_error_deg=math.degrees(_median([item.direction_error_rad for item in objects])),
-        after_stop_s=max((_after_stop_s(run) for run in runs), default=math.nan),
+        after_stop_s=float(np.fmax.reduce([_after_stop_s(run) for run in runs], initial=math.nan)),
         confidence=_calibration([row.confidence for _, _, row in rows]),
         groups={name: group for name, group in groups.items() if group is not None},
         lost=dict(
@@ -164,6 +164,10 @@ def _runs(rows: Sequence[StampedRow]) -> list[_Run]:
                 run = current[key] = []
                 runs.append(run)
             run.append((time_s, item))
+        for object_id in row.standing:
+            key, time_s = (recording, object_id), stamp_ns / NANOSECONDS
+            if key in current and time_s - current[key][-1][0] <= _MAX_AWAY_S:
+                current[key].append((time_s, ObjectRow(object_id, "", False, 0.0, 0.0, 0, 0.0)))
     return runs
 
 
@@ -198,9 +202,9 @@ def _after_stop_s(run: _Run) -> float:
     for time_s, item in run:
         if item.moves:
             has_moved, stopped_s = True, math.nan
-        elif has_moved and item.is_found and item.speed_m_s < _STOPPED_M_S:
+        elif has_moved and item.speed_m_s < STOPPED_M_S:
             stopped_s = time_s if math.isnan(stopped_s) else stopped_s
-            longest_s = np.fmax(longest_s, time_s - stopped_s)
+            longest_s = np.fmax(longest_s, time_s - stopped_s if item.is_found else 0.0)
     return float(longest_s)
 
 

@@ -34,6 +34,8 @@ _CREEPING_M_S: Final = 0.25
 # Velocities count after this time of being followed, directions from this speed on.
 _SETTLED_S: Final = 0.5
 _MIN_DIRECTED_M_S: Final = 1.0
+# What is slower stands still.
+STOPPED_M_S: Final = 0.1
 _TINY_S: Final = 1e-3
 # From a start that is less wrong, a fit should find the motion.
 _GOOD_START_M: Final = 0.3
@@ -101,12 +103,14 @@ class MoverRow:
         confidence: Lower limit of a band of confidence, as text, to number of points called
             dynamic, sum of their confidence, and number of those with less than 0.1 m of error.
         objects: Objects of the truth that move or are called movers; empty without object ids.
+        standing: Numbers of the objects of the truth that stand still and are not called movers.
     """
 
     points: tuple[int, int, int]
     num_ghosts: int
     confidence: dict[str, list[float]] = field(default_factory=dict)
     objects: list[ObjectRow] = field(default_factory=list)
+    standing: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +159,7 @@ def mover_row(
             item if reason_of is None else _with_loss(item, truth, own, reason_of(rows[own]))
             for item, own in _object_rows(truth, called, tracks, said.objects)
         ],
+        standing=_standing(truth, called),
     )
 
 
@@ -222,6 +227,19 @@ def _object_rows(
             direction_error_rad=error_rad,
         )
         yield item, own
+
+
+def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
+    """The objects that stand still in truth, and are not called movers."""
+    if truth.object_id is None:
+        return []
+    ids, owners, counts = np.unique(truth.object_id, return_inverse=True, return_counts=True)
+    owners = owners.ravel()  # NumPy 2.0 returned it with the shape of a column
+    speeds = np.sqrt((truth.velocity**2).sum(axis=1))
+    mean_m_s, share = (np.bincount(owners, each) / counts for each in (speeds, called))
+    stands = (ids > 0) & (counts >= _MIN_POINTS) & (mean_m_s < STOPPED_M_S)
+    numbers: list[int] = ids[stands & (share < _FOUND_SHARE)].tolist()
+    return numbers
 
 
 def _with_loss(

@@ -33,6 +33,8 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 # Fewer standing points, or such that lie closer together or on a line, do not fix the sensor's
 # motion: the second largest of their standard deviations counts.
 _MIN_STANDING = 20
+# A sweep is taken for so many moments.
+_NUM_TIMES = 12
 _MIN_SPREAD_M = 1.0
 
 
@@ -100,14 +102,29 @@ def true_motion(
 
     The length is that of the way until the next sweep; the truth must be valid for all points.
     """
-    truth, xyz = truth.of_points(rows), example.triplet.current.xyz[rows]
-    motion = _sensor_motion(xyz, truth.flow, truth.dynamic, example.triplet.next_from_current)
-    own = truth.flow.astype(np.float64) - rigid_flow(xyz, motion)
+    current, odometry = example.triplet.current, example.triplet.next_from_current
+    truth, xyz = truth.of_points(rows), current.xyz[rows]
+    own = truth.flow.astype(np.float64)
+    for part in _of_one_time(None if current.times_s is None else current.times_s[rows], len(rows)):
+        motion = _sensor_motion(xyz[part], truth.flow[part], truth.dynamic[part], odometry)
+        # Turned back into the axes of the current sweep.
+        own[part] = (own[part] - rigid_flow(xyz[part], motion)) @ motion[:3, :3]
     interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
-    # Turned back into the axes of the current sweep.
-    velocity = own @ motion[:3, :3] / interval_s
+    velocity = own / interval_s
     known = (velocity, truth.dynamic, truth.class_id, truth.object_id, interval_s)
     return TrueMotion(xyz, *known), np.linalg.norm(own, axis=1)
+
+
+def _of_one_time(
+    times_s: NDArray[np.float32] | None, number: int
+) -> list[slice] | list[NDArray[np.int64]]:
+    """Points that were measured at about one time; all if that is not known.
+
+    In a bend the sensor moves otherwise at the end of a sweep than at its beginning.
+    """
+    if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
+        return [slice(None)]
+    return np.array_split(np.argsort(times_s, kind="stable"), _NUM_TIMES)
 
 
 def _sensor_motion(

@@ -112,6 +112,12 @@ class ObjectPoints:
         centers: NDArray[np.float32] = np.divide(sums, self.counts[:, None], dtype=np.float32)
         return centers
 
+    @cached_property
+    def variances(self) -> tuple[NDArray[np.float64], ...]:
+        """Four times (K,) square metres, of each object's points: xx, yy, xy, zz."""
+        x, y, z = (self.positions - self.centers[self.owners]).T.astype(np.float64)
+        return tuple(self.sums(each) / self.counts for each in (x * x, y * y, x * y, z * z))
+
     @property
     def thicknesses(self) -> NDArray[np.float64]:
         """(K,) metres, the height of each object, or its width if that is smaller.
@@ -119,8 +125,7 @@ class ObjectPoints:
         Strips of walls and single rings on crowns of trees and tables are thin: what is seen of
         them changes from sweep to sweep as if they moved.
         """
-        x, y, z = (self.positions - self.centers[self.owners]).T.astype(np.float64)
-        xx, yy, xy, zz = (self.sums(each) / self.counts for each in (x * x, y * y, x * y, z * z))
+        xx, yy, xy, zz = self.variances
         across = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
         # The variance of points spread evenly is a twelfth of the squared width.
         thicknesses: NDArray[np.float64] = np.sqrt(12 * np.maximum(np.minimum(across, zz), 0.0))

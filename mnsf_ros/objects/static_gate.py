@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.settings import ObjectSettings
 
-# A motion is accepted if it is long enough,
+# A motion is accepted if it is long enough over ground,
 _MIN_MOTION_M: Final = 0.02
 # if it explains the object well,
 _MAX_COST_M: Final = 0.25
@@ -34,7 +34,7 @@ def moves(
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         settings: Settings of the objects.
     """
-    lengths = np.sqrt((moving.motions**2).sum(axis=1))
+    lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
     may_move = moving.total < settings.max_unexplained * standing.total
     may_move &= (lengths > _MIN_MOTION_M) & (moving.cost < _MAX_COST_M)
     may_move &= np.abs(moving.motions[:, 2]) < _MAX_CLIMB_M

@@ -204,6 +204,29 @@ def test_time_after_a_stop_is_told():
     assert math.isnan(summarize_movers(at_10_hz([moving] * 5)).after_stop_s)
 
 
+def test_what_is_called_standing_at_once_after_a_stop_has_a_time_after_it():
+    moving, stands = seen(True), MoverRow((0, 0, 0), 0, standing=[1])
+    assert summarize_movers(at_10_hz([moving, moving, stands, stands])).after_stop_s == 0.0
+    slow = seen(True, 0.05, moves=False)
+    rows = [moving, stands, slow, slow]
+    assert summarize_movers(at_10_hz(rows)).after_stop_s == pytest.approx(0.2)
+    # Another one that never stops does not hide it.
+    other = [("other", stamp, row) for _, stamp, row in at_10_hz([moving] * 4)]
+    assert summarize_movers(other + at_10_hz(rows)).after_stop_s == pytest.approx(0.2)
+    # Something else that stands is not the mover, and one that comes back later neither.
+    elsewhere = MoverRow((0, 0, 0), 0, standing=[2])
+    assert math.isnan(summarize_movers(at_10_hz([moving, elsewhere])).after_stop_s)
+    later = [*at_10_hz([moving]), ("drive", 2 * SECOND, stands)]
+    assert math.isnan(summarize_movers(later).after_stop_s)
+
+
+def test_standing_objects_are_told_by_number():
+    ids = np.repeat([0, 1, 2, 3], 25)
+    called = np.isin(ids, [2])
+    row = row_of(true_motion(ids, {1: 4.0}), said(called))
+    assert row.standing == [3]
+
+
 def test_nothing_to_judge_is_no_number():
     assert summarize_movers([]) is None
     summary = summarize_movers([("drive", 0, MoverRow((0, 0, 0), 0))])

@@ -17,6 +17,7 @@ from mnsf_ros.evaluation.scoring import (
     landing_distances,
     reversed_pair,
     scored_row,
+    true_motion,
 )
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -128,6 +129,29 @@ def test_wrong_odometry_does_not_change_who_moves_how_fast():
     assert right.by_speed.keys() == {"0.5", "5"}
     assert right.sums.keys() == {*wrong.sums}
     assert right.bucketed["CAR"]["dynamic"] == pytest.approx(wrong.bucketed["CAR"]["dynamic"])
+
+
+def test_in_a_bend_each_moment_of_a_sweep_has_its_own_motion_of_the_sensor():
+    """The sensor turns by 0.02 rad more at the end of the sweep: nothing moves by that."""
+    random, number = np.random.default_rng(0), 2000
+    times_s = np.linspace(0, 0.1, number).astype(np.float32)
+    angles = 2 * np.pi * times_s / 0.1
+    ranges, turns = random.uniform(10, 40, number), 0.2 * times_s
+    xyz = np.stack(
+        [ranges * np.cos(angles), ranges * np.sin(angles), random.uniform(-1, 1, number)]
+    )
+    x, y, z = xyz
+    turned = np.stack(
+        [x * np.cos(turns) + y * np.sin(turns), y * np.cos(turns) - x * np.sin(turns), z]
+    )
+    flow, none = (turned - xyz).T.astype(np.float32), np.zeros(number, bool)
+    triplet = triplet_of(xyz.T.astype(np.float32), flow, np.eye(4))
+    triplet = replace(triplet, current=replace(triplet.current, times_s=times_s))
+    truth = FlowTruth(100_000_000, flow, ~none, none, none, np.full(number, 6, np.uint8))
+    known, own_m = true_motion(Example("drive", 1, triplet, truth), truth, np.arange(number))
+    # With one motion for all it would be 2 m/s.
+    assert np.linalg.norm(known.velocity, axis=1).max() < 0.5
+    assert own_m.max() < 0.05
 
 
 def test_standing_points_in_one_place_do_not_overrule_odometry():

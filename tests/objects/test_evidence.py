@@ -20,7 +20,7 @@ def judged(motion, near, past):
     return JudgedMotions(rows(motion), np.array([near]), np.array([past]), nothing)
 
 
-def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0)):
+def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0), reflects=False):
     """Logarithm of the odds that one object without a track moves.
 
     `standing` and `moving` are residuals in the neighbouring and in the older sweeps.
@@ -29,7 +29,7 @@ def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0)):
     unknown = Expectation(np.zeros(1, bool), rows((0, 0, 0)), np.zeros(1))
     still = judged((0, 0, 0), *standing)
     suspects = Suspects(np.zeros(1, np.int64), objects, still, unknown)
-    seen = Visibility(np.array([free]), np.array([visible]))
+    seen = Visibility(np.array([free]), np.array([visible]), np.array([reflects]))
     return moving_scores(evidence(suspects, judged(motion, *moving), seen))[0]
 
 
@@ -39,14 +39,14 @@ class TestSlowWalker:
     STANDING, MOVING = ((0.005, 0.005), (0.1, 0.3)), ((0.004, 0.005), (0.005, 0.01))
 
     def test_moves_by_the_older_sweeps_alone(self):
-        assert score(PERSON, (0.06, 0, 0), self.STANDING, self.MOVING) > 0.5
+        assert score(PERSON, (0.06, 0, 0), self.STANDING, self.MOVING, free=0.2) > 0.5
 
     def test_is_less_likely_where_it_may_have_been_hidden(self):
         open_, hidden = (
             score(PERSON, (0.06, 0, 0), self.STANDING, self.MOVING, visible=visible)
             for visible in ((1.0, 1.0), (0.0, 0.0))
         )
-        assert hidden < open_ - 1
+        assert hidden < min(open_ - 1, 0)
 
     @pytest.mark.parametrize("size", [(0.5, 0.01, 2.0), (0.5, 0.6, 0.01)], ids=["wall", "crown"])
     def test_is_no_strip_of_a_wall_and_no_single_ring(self, size):
@@ -61,10 +61,19 @@ def test_part_of_a_wall_that_came_into_view_does_not_move():
     assert score(PERSON, (0.8, 0, 0), standing, moving, free=2.0) > 2
 
 
+def test_what_a_window_reflects_does_not_move():
+    standing, moving = ((0.1, 0.1), (0.3, 0.3)), ((0.01, 0.02), (0.02, 0.02))
+    seen, reflected = (
+        score((4.0, 0.1, 1.5), (0.8, 0, 0), standing, moving, free=0.5, reflects=reflects)
+        for reflects in (False, True)
+    )
+    assert reflected < 0 < seen
+
+
 def test_none_at_all():
     objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
     nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.float32))
     unknown = Expectation(np.zeros(0, bool), rows(), np.zeros(0))
     suspects = Suspects(np.zeros(0, np.int64), objects, nothing, unknown)
-    seen = Visibility(np.zeros(0), np.zeros((0, 2)))
+    seen = Visibility(np.zeros(0), np.zeros((0, 2)), np.zeros(0, bool))
     assert moving_scores(evidence(suspects, nothing, seen)).shape == (0,)

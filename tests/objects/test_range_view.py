@@ -108,11 +108,15 @@ class TestVisibility:
     def test_what_was_behind_something_was_not_visible_in_the_past(self, past, visible):
         current = prepared(wall(20.0), self.BOX)
         older = target(prepared(wall(20.0), past), current, -3.0)
-        seen = Visibility.of(objects_of(current), Targets([], [older]), rows((0, 0, 0)))
+        seen = Visibility.of(
+            objects_of(current), Targets([target(current, current, 1.0)], [older]), rows((0, 0, 0))
+        )
         assert seen.visible_past == pytest.approx(np.full((1, 1), visible), abs=0.05)
 
     def test_none_at_all(self):
-        current = prepared(wall(20.0))
-        seen = Visibility.of(objects_of(current), Targets([], []), rows())
+        current = prepared(wall(20.0), self.BOX)
+        near = [target(current, current, 1.0)]
+        nothing = objects_of(current).only(np.zeros(1, bool))
+        seen = Visibility.of(nothing, Targets(near, []), rows())
         assert seen.free.shape == (0,)
         assert seen.visible_past.shape == (0, 0)

@@ -64,6 +64,9 @@ class TestMoves:
     def test_must_be_longer_than_two_centimetres(self, length_m, is_moving):
         assert gate(self.STANDING, judged((0, 0), (0, -length_m, 0)))[1] is is_moving
 
+    def test_must_not_be_up_or_down_alone(self):
+        assert gate(self.STANDING, judged((0, 0), (0.01, 0.01, 0.1))) == (False, False)
+
     @pytest.mark.parametrize(("cost_m", "is_moving"), [(0.249, True), (0.251, False)])
     def test_must_explain_the_object_indeed(self, cost_m, is_moving):
         assert gate(judged((0.5, 0.5)), judged((cost_m, cost_m)))[1] is is_moving

@@ -1,0 +1,43 @@
+"""Windows are seen where they face the sensor: what they show goes along with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import objects_of, prepared, rows, surface
+
+from mnsf_ros.objects.reflections import are_reflections
+
+SENSOR = np.array([0.8, 0.0, 0.0])
+PANE = {"center": (1.0, 12.0, 0.5), "size": (3.0, 0.05, 1.5)}
+
+
+def reflects(motion, sensor=SENSOR, *, center, size):
+    objects = objects_of(prepared(surface(center, size=size)))
+    return are_reflections(objects, rows(motion), sensor).tolist()
+
+
+def test_a_pane_beside_the_sensor_that_goes_as_fast_is_one():
+    assert reflects((0.8, 0.0, 0.0), **PANE) == [True]
+    assert reflects((0.85, 0.01, 0.02), **PANE) == [True]
+
+
+@pytest.mark.parametrize(
+    ("change", "motion", "sensor"),
+    [
+        ({}, (0.3, 0.0, 0.0), SENSOR),
+        ({}, (0.0, 0.8, 0.0), SENSOR),
+        ({}, (0.0, 0.0, 0.0), np.zeros(3)),
+        ({"size": (3.0, 1.7, 1.5)}, (0.8, 0.0, 0.0), SENSOR),
+        ({"center": (9.0, 12.0, 0.5)}, (0.8, 0.0, 0.0), SENSOR),
+        ({"center": (12.0, 1.0, 0.5), "size": (0.05, 1.8, 1.5)}, (0.8, 0.0, 0.0), SENSOR),
+    ],
+    ids=["slower", "away", "standing sensor", "car", "far ahead", "rear of a car ahead"],
+)
+def test_what_moves_otherwise_or_looks_otherwise_is_none(change, motion, sensor):
+    assert reflects(motion, sensor, **{**PANE, **change}) == [False]
+
+
+def test_none_at_all():
+    objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
+    assert are_reflections(objects, rows(), SENSOR).tolist() == []
