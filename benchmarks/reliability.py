@@ -5,19 +5,21 @@ from __future__ import annotations
 import argparse
 import os
 
-from reliability_live import PROMISES
+import reliability_ends
+import reliability_live
 from rich.console import Console
 from rich.table import Table
 
+_PROMISES = {**reliability_live.PROMISES, **reliability_ends.PROMISES}
 # The length or number that the promise is about.
 _HOURS = {"soak": 24.0, "overload": 1.0}
-_NUMBERS = {"clouds": 10_000, "parameters": 5_000, "kills": 100, "signals": 200}
+_NUMBERS = {"clouds": 10_000, "parameters": 5_000, "kills": 100, "signals": 200, "disk": 20}
 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     promises = parser.add_subparsers(dest="promise", required=True, metavar="PROMISE")
-    for name, measure in PROMISES.items():
+    for name, measure in _PROMISES.items():
         promise = promises.add_parser(name, help=measure.__doc__.splitlines()[0])
         if name in _HOURS:
             promise.add_argument("--hours", type=float, default=_HOURS[name])
@@ -36,7 +38,7 @@ def main() -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     table = Table("", "measured", "", title=f"{options.promise}, {os.cpu_count()} cores")
     is_held = True
-    for name, text, is_met in PROMISES[options.promise](options):
+    for name, text, is_met in _PROMISES[options.promise](options):
         table.add_row(name, text, "met" if is_met else "MISSED")
         is_held = is_held and is_met
     Console(width=140).print(table)

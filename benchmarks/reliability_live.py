@@ -70,7 +70,8 @@ class LiveNode:
             now = (dict(self.link.counts), len(self.arrived_s))
             if now != last:
                 last, before = now, self.link.num_statuses
-            if self.link.num_statuses - before >= _QUIET_STATUSES:
+            is_idle = self.link.flow_values.get("busy") == "False"
+            if is_idle and self.link.num_statuses - before >= _QUIET_STATUSES:
                 return
             self.link.spin_for(0.1)
 
