@@ -15,7 +15,7 @@ known. What comes out is one of:
 * silent: rows differ, the recording has checksums, and nothing was reported. Must not happen;
 * crash, hang: must not happen either, nor may the process take more than 2 GB.
 
-With `--first` a long run is made in pieces.
+With `--first` a long run is made in pieces. One that is interrupted shows what it has done.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -162,21 +163,22 @@ def run(
     by_format = {name: Counter() for name in files}
     by_kind, bad = {}, []
     names = list(files)
-    for index in watch(numbers):
-        random = np.random.default_rng([seed, index])
-        name = names[index % len(names)]
-        file = files[name]
-        whole = file.read_bytes()
-        data, kind = mutated(whole, random)
-        file.write_bytes(data)
-        verdict, text = judge(_recording(file), expected[name])
-        if verdict in BAD:
-            kept = folder / f"bad_{index}_{file.name}"
-            kept.write_bytes(data)
-            bad.append(f"{verdict}: {name}, {kind}, number {index}: {text}")
-        file.write_bytes(whole)
-        by_format[name][verdict] += 1
-        by_kind.setdefault(kind, Counter())[verdict] += 1
+    with suppress(KeyboardInterrupt):
+        for index in watch(numbers):
+            random = np.random.default_rng([seed, index])
+            name = names[index % len(names)]
+            file = files[name]
+            whole = file.read_bytes()
+            data, kind = mutated(whole, random)
+            file.write_bytes(data)
+            verdict, text = judge(_recording(file), expected[name])
+            if verdict in BAD:
+                kept = folder / f"bad_{index}_{file.name}"
+                kept.write_bytes(data)
+                bad.append(f"{verdict}: {name}, {kind}, number {index}: {text}")
+            file.write_bytes(whole)
+            by_format[name][verdict] += 1
+            by_kind.setdefault(kind, Counter())[verdict] += 1
     return by_format, by_kind, bad
 
 
