@@ -92,15 +92,15 @@ class SurfaceMap:
             pose: (4, 4) of the sensor.
             within_m: Points farther from the surface of their cell do not count.
         """
-        gradient, curvature = np.zeros(6), np.zeros((6, 6))
+        equations, on_surfaces, elsewhere = np.zeros((6, 7)), 0, 0
         moved = self._moved(points, pose)
-        if moved is None:
-            return Comparison(0, 0, gradient, curvature)
-        cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
-        on_surfaces, elsewhere = compare(
-            moved, cells, self._surfaces, sensor, within_m, gradient, curvature
-        )
-        return Comparison(on_surfaces, on_surfaces + elsewhere, gradient, curvature)
+        if moved is not None:
+            cells, sensor = self._cells_of(moved, adding=False), pose[:3, 3] - self._origin
+            on_surfaces, elsewhere = compare(
+                moved, cells, self._surfaces, tuple(sensor.tolist()), within_m, equations
+            )
+        found = on_surfaces, on_surfaces + elsewhere
+        return Comparison(*found, gradient=equations[:, 6], curvature=equations[:, :6])
 
     def _moved(
         self, points: NDArray[np.float32], pose: NDArray[np.float64]

@@ -145,69 +145,56 @@ def fit_surfaces(
                 surfaces[cell, 1 + first, second] = total
 
 
-@compiled("float64(int64, float64[:, ::1], int64, float64[:, :, ::1], float64[::1], float64[::1])")
-def _squared_distance(
-    row: int,
-    points: NDArray[np.float64],
-    cell: int,
-    surfaces: NDArray[np.float64],
-    off: NDArray[np.float64],
-    pull: NDArray[np.float64],
-) -> float:
-    """How far a point is from the surface of a cell; `pull` becomes half of its derivative."""
-    squared = 0.0
-    for axis in range(3):
-        off[axis] = points[row, axis] - surfaces[cell, 0, axis]
-    for axis in range(3):
-        pull[axis] = 0.0
-        for other in range(3):
-            pull[axis] += surfaces[cell, 1 + axis, other] * off[other]
-        squared += pull[axis] * off[axis]
-    return squared
+@compiled("UniTuple(float64, 3)(UniTuple(float64, 3), float64, float64, float64)")
+def _cross(arm: tuple[float, float, float], x: float, y: float, z: float) -> tuple[float, ...]:
+    """The product of an arm and a vector, which is at right angles to both."""
+    across, along, up = arm
+    return along * z - up * y, up * x - across * z, across * y - along * x
 
 
 @compiled(
-    "void(float64, float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[::1],"
-    " float64[:, ::1])"
+    "void(float64, UniTuple(float64, 3), UniTuple(float64, 3), float64[:, ::1], float64[:, ::1])"
 )
 def _add_equations(
     weight: float,
-    arm: NDArray[np.float64],
-    pull: NDArray[np.float64],
+    arm: tuple[float, float, float],
+    pull: tuple[float, float, float],
     weights: NDArray[np.float64],
-    turned: NDArray[np.float64],
-    gradient: NDArray[np.float64],
-    curvature: NDArray[np.float64],
+    equations: NDArray[np.float64],
 ) -> None:
     """Adds what one point says; a turn moves it by its product with the arm to the sensor."""
-    for first in range(3):
-        second, third = (first + 1) % 3, (first + 2) % 3
-        gradient[first] += weight * pull[first]
-        gradient[3 + first] += weight * (arm[second] * pull[third] - arm[third] * pull[second])
-        for axis in range(3):
-            product = arm[second] * weights[axis, third] - arm[third] * weights[axis, second]
-            turned[axis, first] = weight * product
-            curvature[first, axis] += weight * weights[first, axis]
-    for first in range(3):
-        second, third = (first + 1) % 3, (first + 2) % 3
-        for axis in range(3):
-            product = arm[second] * turned[third, axis] - arm[third] * turned[second, axis]
-            curvature[3 + first, 3 + axis] += product
-            curvature[first, 3 + axis] += turned[first, axis]
+    turn = _cross(arm, *pull)
+    one, two, three = weights[0], weights[1], weights[2]
+    by_x = _cross(arm, one[0], one[1], one[2])
+    by_y = _cross(arm, two[0], two[1], two[2])
+    by_z = _cross(arm, three[0], three[1], three[2])
+    for axis in range(3):
+        x, y, z = weight * by_x[axis], weight * by_y[axis], weight * by_z[axis]
+        turns = _cross(arm, x, y, z)
+        equations[axis, 6] += weight * pull[axis]
+        equations[3 + axis, 6] += weight * turn[axis]
+        equations[0, axis] += weight * one[axis]
+        equations[1, axis] += weight * two[axis]
+        equations[2, axis] += weight * three[axis]
+        equations[0, 3 + axis] += x
+        equations[1, 3 + axis] += y
+        equations[2, 3 + axis] += z
+        equations[3, 3 + axis] += turns[0]
+        equations[4, 3 + axis] += turns[1]
+        equations[5, 3 + axis] += turns[2]
 
 
 @compiled(
-    "UniTuple(int64, 2)(float64[:, ::1], int32[::1], float64[:, :, ::1], float64[::1], float64,"
-    " float64[::1], float64[:, ::1])"
+    "UniTuple(int64, 2)(float64[:, ::1], int32[::1], float64[:, :, ::1], UniTuple(float64, 3),"
+    " float64, float64[:, ::1])"
 )
 def compare(
     points: NDArray[np.float64],
     cells: NDArray[np.int32],
     surfaces: NDArray[np.float64],
-    sensor: NDArray[np.float64],
+    sensor: tuple[float, float, float],
     within_m: float,
-    gradient: NDArray[np.float64],
-    curvature: NDArray[np.float64],
+    equations: NDArray[np.float64],
 ) -> tuple[int, int]:
     """Compares points with the surfaces of their cells.
 
@@ -215,36 +202,38 @@ def compare(
         points: (N, 3) metres.
         cells: (N,) their cells, -1 for none.
         surfaces: (C, 4, 3) the center of each surface, and its weights.
-        sensor: (3,) metres, what a turn is about.
+        sensor: Metres, what a turn is about.
         within_m: Points farther from their surface do not count.
-        gradient: (6,) becomes that of half the squared distances by a shift, then a turn.
-        curvature: (6, 6) becomes its derivative.
+        equations: (6, 7) zeros; becomes the derivative of the gradient by a shift, then a turn, and
+            in the last column the gradient of half the squared distances.
 
     Returns:
         How many points are on surfaces, and how many are in cells that have none.
     """
-    off, arm, pull = np.empty(3), np.empty(3), np.empty(3)
-    turned = np.empty((3, 3))
     on_surfaces, elsewhere, reach = 0, 0, within_m * within_m
-    gradient[:] = 0.0
-    curvature[:] = 0.0
     for row in range(len(points)):
         cell = int(cells[row])
         if cell < 0:
             continue
-        if surfaces[cell, 1, 0] + surfaces[cell, 2, 1] + surfaces[cell, 3, 2] == 0.0:
+        center, weights = surfaces[cell, 0], surfaces[cell, 1:]
+        if weights[0, 0] + weights[1, 1] + weights[2, 2] == 0.0:
             elsewhere += 1
             continue
-        squared = _squared_distance(row, points, cell, surfaces, off, pull)
+        px, py, pz = points[row, 0], points[row, 1], points[row, 2]
+        x, y, z = px - center[0], py - center[1], pz - center[2]
+        # Half of the derivative of the squared distance.
+        pull_x = weights[0, 0] * x + weights[0, 1] * y + weights[0, 2] * z
+        pull_y = weights[1, 0] * x + weights[1, 1] * y + weights[1, 2] * z
+        pull_z = weights[2, 0] * x + weights[2, 1] * y + weights[2, 2] * z
+        squared = pull_x * x + pull_y * y + pull_z * z
         if squared >= reach:
             continue
         on_surfaces += 1
-        for axis in range(3):
-            arm[axis] = points[row, axis] - sensor[axis]
+        arm = px - sensor[0], py - sensor[1], pz - sensor[2]
         # Tukey's weight: what is nearly too far off hardly counts.
         weight = (1 - squared / reach) ** 2
-        _add_equations(weight, arm, pull, surfaces[cell, 1:], turned, gradient, curvature)
+        _add_equations(weight, arm, (pull_x, pull_y, pull_z), weights, equations)
     for first in range(3):
         for axis in range(3):
-            curvature[3 + axis, first] = curvature[first, 3 + axis]
+            equations[3 + axis, first] = equations[first, 3 + axis]
     return on_surfaces, elsewhere

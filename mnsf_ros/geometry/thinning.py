@@ -23,40 +23,47 @@ def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
     over all places as evenly as all are.
     """
     means, keys = _means_of_cells(np.require(xyz, requirements=("C", "W")), 1 / cell_m)
-    return means[np.argsort(keys)]
+    # np.take is several times faster than means[...].
+    return np.take(means, np.argsort(keys), axis=0)
+
+
+@compiled("int64(float32, float64)")
+def _index(place_m: np.float32, cells_per_m: float) -> int:
+    """The number of a cell along an axis, from 0 on."""
+    return int(np.floor(min(max(place_m * cells_per_m, -_HALF), _HALF - 1))) + _HALF
 
 
 @compiled("Tuple((float32[:, ::1], int64[::1]))(float32[:, ::1], float64)")
 def _means_of_cells(
     xyz: NDArray[np.float32], cells_per_m: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    # A table with open addressing: half of its places stay free.
+    # A table with open addressing: a third of its places stays free at least.
     size = 16
-    while size < 2 * len(xyz):
+    while 2 * size < 3 * len(xyz):
         size *= 2
     keys, cells = np.full(size, -1, np.int64), np.empty(size, np.int32)
-    sums, counts = np.zeros((len(xyz), 3)), np.zeros(len(xyz), np.int32)
-    own_keys = np.empty(len(xyz), np.int64)
+    # Of x, y, z and 1.
+    sums, own_keys = np.empty((len(xyz), 4)), np.empty(len(xyz), np.int64)
     number = 0
     for row in range(len(xyz)):
-        key, place = np.int64(0), np.int64(0)
-        for axis, factor in enumerate((_ACROSS, _ALONG, _UP)):
-            scaled = min(max(xyz[row, axis] * cells_per_m, -_HALF), _HALF - 1)
-            index = int(np.floor(scaled)) + _HALF
-            key |= index << 21 * axis
-            place ^= index * factor
-        place &= size - 1
-        while keys[place] not in (key, -1):
+        x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
+        across, along = _index(x, cells_per_m), _index(y, cells_per_m)
+        up = _index(z, cells_per_m)
+        key = across | along << 21 | up << 42
+        place = (across * _ACROSS ^ along * _ALONG ^ up * _UP) & size - 1
+        while keys[place] != key and keys[place] != -1:
             place = place + 1 & size - 1
         if keys[place] == -1:
             keys[place], cells[place], own_keys[number] = key, number, key
+            sums[number] = 0.0
             number += 1
-        cell = cells[place]
-        counts[cell] += 1
-        for axis in range(3):
-            sums[cell, axis] += xyz[row, axis]
+        total = sums[cells[place]]
+        total[0] += x
+        total[1] += y
+        total[2] += z
+        total[3] += 1.0
     means = np.empty((number, 3), np.float32)
     for cell in range(number):
         for axis in range(3):
-            means[cell, axis] = sums[cell, axis] / counts[cell]
+            means[cell, axis] = sums[cell, axis] / sums[cell, 3]
     return means, own_keys[:number]

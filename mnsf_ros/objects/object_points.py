@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.settings import ObjectSettings
 
@@ -37,24 +38,17 @@ class ObjectPoints:
     @classmethod
     def of(cls, sweep: ObjectSweep, settings: ObjectSettings) -> ObjectPoints:
         """Chooses points of each object that is neither too small nor too large to move."""
-        # Sorting short numbers is several times faster.
-        fits = sweep.num_objects <= np.iinfo(np.uint16).max
-        keys = sweep.thinned_objects.astype(np.uint16 if fits else np.int64)
-        order = np.argsort(keys, kind="stable")
-        points, numbers = sweep.thinned[order], sweep.thinned_objects[order]
-        counts = np.bincount(numbers, minlength=sweep.num_objects)
-        starts = np.cumsum(counts) - counts
-        is_object = (counts >= settings.min_points) & (np.arange(len(counts)) > 0)
-        is_object &= _sizes(points, starts, counts) < settings.max_size_m
-        # Evenly over the object: every rank where the share of those wanted makes a step.
-        rows = np.flatnonzero(is_object[numbers])
-        ranks, count = rows - starts[numbers[rows]], counts[numbers[rows]]
-        wanted = np.minimum(count, settings.points_per_object)
-        rows = rows[ranks * wanted // count != (ranks + 1) * wanted // count]
-        chosen, owners = points[rows], np.cumsum(is_object)[numbers[rows]] - 1
+        numbers, chosen, owners = _chosen(
+            sweep.thinned,
+            sweep.thinned_objects,
+            sweep.num_objects,
+            settings.min_points,
+            np.float32(settings.max_size_m),
+            settings.points_per_object,
+        )
         ranges = np.sqrt((chosen * chosen).sum(axis=1))
         spacing = (_SPACING_M + _SPACING_PER_M * ranges).astype(np.float32)
-        return cls(np.flatnonzero(is_object), chosen, owners, spacing)
+        return cls(numbers, chosen, owners, spacing)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -67,11 +61,8 @@ class ObjectPoints:
 
     def only(self, wanted: NDArray[np.bool_]) -> ObjectPoints:
         """Returns the objects of the (K,) mask."""
-        is_chosen = wanted[self.owners]
-        owners = (np.cumsum(wanted) - 1)[self.owners[is_chosen]]
-        return ObjectPoints(
-            self.numbers[wanted], self.positions[is_chosen], owners, self.spacing[is_chosen]
-        )
+        owners = (np.cumsum(wanted) - 1)[self.owners]
+        return self._with_points(np.flatnonzero(wanted[self.owners]), self.numbers[wanted], owners)
 
     def are_nearest(self, number: int) -> NDArray[np.bool_]:
         """Returns a (K,) mask of the objects nearest to the sensor, up to a number."""
@@ -85,12 +76,15 @@ class ObjectPoints:
         """Returns the same objects with fewer points each."""
         step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]
         is_chosen = (np.arange(len(self.owners)) - self.starts[self.owners]) % step == 0
-        return ObjectPoints(
-            self.numbers,
-            self.positions[is_chosen],
-            self.owners[is_chosen],
-            self.spacing[is_chosen],
-        )
+        return self._with_points(np.flatnonzero(is_chosen), self.numbers, self.owners)
+
+    def _with_points(
+        self, rows: NDArray[np.int64], numbers: NDArray[np.int64], owners: NDArray[np.int64]
+    ) -> ObjectPoints:
+        """Returns some points of the objects left, by their rows; (P,) owners of all points."""
+        # np.take is several times faster than positions[rows].
+        positions = np.take(self.positions, rows, axis=0)
+        return ObjectPoints(numbers, positions, owners[rows], self.spacing[rows])
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
@@ -138,13 +132,54 @@ class ObjectPoints:
         return np.add.reduceat(values, self.starts, axis=0)
 
 
-def _sizes(
-    points: NDArray[np.float32], starts: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.float32]:
-    """(K,) metres, the longer horizontal side of the box around each object; 0 without points."""
-    has_points = counts > 0
-    low = np.minimum.reduceat(points[:, :2], starts[has_points], axis=0)
-    high = np.maximum.reduceat(points[:, :2], starts[has_points], axis=0)
-    sizes = np.zeros(len(counts), np.float32)
-    sizes[has_points] = (high - low).max(axis=1)
-    return sizes
+@compiled(
+    "Tuple((int64[::1], float32[:, ::1], int64[::1]))"
+    "(float32[:, ::1], int64[::1], int64, int64, float32, int64)"
+)
+def _chosen(
+    points: NDArray[np.float32],
+    objects: NDArray[np.int64],
+    num_objects: int,
+    min_points: int,
+    max_size_m: np.float32,
+    max_points: int,
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
+    """Chooses points (T, 3) of objects (T,) that are neither too small nor too large to move.
+
+    Returns:
+        (K,) the objects, (P, 3) their points, at most so many of each, and (P,) from 0 to K - 1.
+    """
+    counts = np.zeros(num_objects, np.int64)
+    low = np.full((num_objects, 2), np.float32(np.inf))
+    high = np.full((num_objects, 2), np.float32(-np.inf))
+    for row in range(len(points)):
+        number = objects[row]
+        counts[number] += 1
+        for axis in range(2):
+            low[number, axis] = min(low[number, axis], points[row, axis])
+            high[number, axis] = max(high[number, axis], points[row, axis])
+    owner_of, first_of = np.full(num_objects, -1, np.int64), np.zeros(num_objects, np.int64)
+    num_owners, num_chosen = 0, 0
+    for number in range(1, num_objects):
+        size = max(high[number, 0] - low[number, 0], high[number, 1] - low[number, 1])
+        if counts[number] >= min_points and size < max_size_m:
+            owner_of[number], first_of[number] = num_owners, num_chosen
+            num_owners += 1
+            num_chosen += min(counts[number], max_points)
+    ranks = np.zeros(num_objects, np.int64)
+    positions = np.empty((num_chosen, 3), np.float32)
+    owners = np.empty(num_chosen, np.int64)
+    for row in range(len(points)):
+        number = objects[row]
+        if owner_of[number] < 0:
+            continue
+        count, rank = counts[number], ranks[number]
+        ranks[number] += 1
+        # Evenly over the object: every rank where the share of those wanted makes a step.
+        wanted = min(count, max_points)
+        place = rank * wanted // count
+        if place != (rank + 1) * wanted // count:
+            owners[first_of[number] + place] = owner_of[number]
+            for axis in range(3):
+                positions[first_of[number] + place, axis] = points[row, axis]
+    return np.flatnonzero(owner_of >= 0), positions, owners

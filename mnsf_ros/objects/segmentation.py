@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.bounds import bounds
 
 # A sweep whose points reach farther than this many cells is segmented coarser.
 _MAX_CELLS_PER_AXIS: Final = 2048
@@ -28,21 +29,23 @@ class Segmentation:
             cell_size_m: Points in touching cells of this size are one object.
         """
         points = np.require(points, requirements=("C", "W"))
-        self._low = points[:, 0].min(), points[:, 1].min()
-        extent = max(float(points[:, axis].max() - low) for axis, low in enumerate(self._low))
+        low_x, low_y, high_x, high_y = map(np.float32, bounds(points))
+        self._low = low_x, low_y
+        extent = float(max(high_x - low_x, high_y - low_y))
         self._cell_size_m = np.float32(max(cell_size_m, extent / _MAX_CELLS_PER_AXIS))
-        self._labels, num_labels = _labelled(points, *self._low, self._cell_size_m)
-        self.num_objects = num_labels + 1
+        labels, objects, number = _labelled(points, *self._low, self._cell_size_m)
+        self._labels, self._objects = labels, objects
+        self.num_objects = number + 1
 
     def objects_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
         """Returns (N,) the object of each of the points (N, 3)."""
         own = np.require(points, requirements=("C", "W"))
-        return _labels_at(own, *self._low, self._cell_size_m, self._labels)
+        return _labels_at(own, *self._low, self._cell_size_m, self._labels, self._objects)
 
 
-@compiled("int64(int32[:, ::1], int32[::1], int64)")
-def _numbered(labels: NDArray[np.int32], roots: NDArray[np.int32], number: int) -> int:
-    """Numbers the roots, the lowest first, and labels all cells by them."""
+@compiled("Tuple((int32[::1], int64))(int32[::1], int64)")
+def _numbered(roots: NDArray[np.int32], number: int) -> tuple[NDArray[np.int32], int]:
+    """The number of the root of each label, the lowest root first, and how many roots there are."""
     numbers, num_roots = np.zeros(number + 1, np.int32), 0
     for label in range(1, number + 1):
         # A root is never higher than what leads to it: it has its number already.
@@ -51,17 +54,17 @@ def _numbered(labels: NDArray[np.int32], roots: NDArray[np.int32], number: int) 
             numbers[label] = num_roots
         else:
             numbers[label] = numbers[roots[label]]
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            labels[row, column] = numbers[labels[row, column]]
-    return num_roots
+    return numbers, num_roots
 
 
-@compiled("Tuple((int32[:, ::1], int64))(float32[:, ::1], float32, float32, float32)")
+@compiled("Tuple((int32[:, ::1], int32[::1], int64))(float32[:, ::1], float32, float32, float32)")
 def _labelled(
     points: NDArray[np.float32], low_x: np.float32, low_y: np.float32, cell_size_m: np.float32
-) -> tuple[NDArray[np.int32], int]:
-    """Labels of all cells from the lowest one, in the order of their rows, and how many."""
+) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+    """Labels of all cells from the lowest one, the object of each label, and how many objects.
+
+    Objects are in the order of their rows.
+    """
     cells = np.empty((len(points), 2), np.int32)
     num_rows, num_columns = 1, 1
     for point in range(len(points)):
@@ -70,12 +73,16 @@ def _labelled(
         cells[point, 0], cells[point, 1] = row, column
         num_rows, num_columns = max(num_rows, row + 1), max(num_columns, column + 1)
     labels, number = np.zeros((num_rows, num_columns), np.int32), 0
+    # Most cells are empty: of each row only the columns that points reach are looked at.
+    starts, ends = np.full(num_rows, num_columns, np.int32), np.zeros(num_rows, np.int32)
     for point in range(len(points)):
-        labels[cells[point, 0], cells[point, 1]] = -1
+        row, column = cells[point, 0], cells[point, 1]
+        labels[row, column] = -1
+        starts[row], ends[row] = min(starts[row], column), max(ends[row], column + 1)
     # Each cell takes over a label around it, and the labels that meet get the same root.
     roots = np.empty(len(points) + 1, np.int32)
     for row in range(num_rows):
-        for column in range(num_columns):
+        for column in range(starts[row], ends[row]):
             if labels[row, column] == 0:
                 continue
             root = 0
@@ -99,22 +106,23 @@ def _labelled(
                 root = number
                 roots[root] = root
             labels[row, column] = root
-    return labels, _numbered(labels, roots, number)
+    return labels, *_numbered(roots, number)
 
 
-@compiled("int64[::1](float32[:, ::1], float32, float32, float32, int32[:, ::1])")
+@compiled("int64[::1](float32[:, ::1], float32, float32, float32, int32[:, ::1], int32[::1])")
 def _labels_at(
     points: NDArray[np.float32],
     low_x: np.float32,
     low_y: np.float32,
     cell_size_m: np.float32,
     labels: NDArray[np.int32],
+    objects: NDArray[np.int32],
 ) -> NDArray[np.int64]:
-    """The labels at points; what is outside belongs to the outermost cells."""
+    """The objects at points; what is outside belongs to the outermost cells."""
     result = np.empty(len(points), np.int64)
     last_row, last_column = labels.shape[0] - 1, labels.shape[1] - 1
     for point in range(len(points)):
         row = min(max((points[point, 0] - low_x) / cell_size_m, 0.0), last_row)
         column = min(max((points[point, 1] - low_y) / cell_size_m, 0.0), last_column)
-        result[point] = labels[int(row), int(column)]
+        result[point] = objects[labels[int(row), int(column)]]
     return result

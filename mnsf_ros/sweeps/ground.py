@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.bounds import bounds
 from mnsf_ros.settings import GroundSettings
 
 # A sweep whose points reach farther than this many cells in x or y is binned coarser.
@@ -23,9 +24,10 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     if len(xyz) == 0:
         return np.zeros(0, dtype=bool)
     points = np.require(xyz, requirements=("C", "W"))
-    lows, extent = _extent_of(points)
+    low_x, low_y, high_x, high_y = map(float, bounds(points))
+    extent = max(high_x - low_x, high_y - low_y)
     cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
-    cells, lowest = _lowest_of_cells(points, *lows, cell_size_m)
+    cells, lowest = _lowest_of_cells(points, low_x, low_y, cell_size_m)
     rise = settings.max_slope * cell_size_m
     lowest = _without_pits(lowest, rise, settings.margin_m)
     radius = max(1, round(settings.window_m / 2 / cell_size_m))
@@ -34,12 +36,6 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     ground = -_cone_erosion(-_cone_erosion(lowest, radius, rise), radius, rise)
     mask: NDArray[np.bool_] = _below(points, cells, ground.ravel() + np.float32(settings.margin_m))
     return mask
-
-
-def _extent_of(xyz: NDArray[np.float32]) -> tuple[tuple[float, float], float]:
-    """The lowest x and y, and how far the points reach from there along the longer axis."""
-    lows = float(xyz[:, 0].min()), float(xyz[:, 1].min())
-    return lows, max(float(xyz[:, axis].max()) - low for axis, low in enumerate(lows))
 
 
 @compiled("Tuple((int32[::1], float32[:, ::1]))(float32[:, ::1], float64, float64, float64)")
@@ -89,27 +85,31 @@ def _without_pits(lowest: NDArray[np.float32], rise: float, margin_m: float) -> 
     return np.where(is_pit, closed, lowest)
 
 
+@compiled("void(float32[::1], float32[::1], float32)")
+def _lower(heights: NDArray[np.float32], beside: NDArray[np.float32], rise: np.float32) -> None:
+    """Lowers heights to those beside them plus a rise."""
+    for place in range(len(heights)):
+        heights[place] = min(heights[place], beside[place] + rise)
+
+
+@compiled("float32[:, ::1](float32[:, ::1], int64, float64)")
 def _cone_erosion(
     heights: NDArray[np.float32], radius: int, rise_per_cell: float
 ) -> NDArray[np.float32]:
-    """Smallest of `height + rise * distance` within the radius, along rows, then columns."""
-    along_rows = _cone_erosion_of_rows(heights.T, radius, rise_per_cell)
-    return _cone_erosion_of_rows(along_rows.T, radius, rise_per_cell)
-
-
-def _cone_erosion_of_rows(
-    heights: NDArray[np.float32], radius: int, rise_per_cell: float
-) -> NDArray[np.float32]:
-    # Cones add up: one of radius a, then one of radius b, is one of a + b. From radius a a step
-    # of up to a + 1 to either side leaves no gap, so that the radius doubles with each step.
-    eroded = np.ascontiguousarray(heights)
-    reached = 0
-    while reached < radius:
-        step = min(reached + 1, radius - reached, eroded.shape[0])
-        rise = np.float32(rise_per_cell * step)
-        lifted = eroded + rise
-        eroded = eroded.copy()
-        np.minimum(eroded[step:], lifted[:-step], out=eroded[step:])
-        np.minimum(eroded[:-step], lifted[step:], out=eroded[:-step])
-        reached += step
+    """Smallest of `height + rise * distance` within the radius, along columns, then along rows."""
+    eroded, before = heights.copy(), np.empty_like(heights)
+    for is_along_rows in (False, True):
+        # Cones add up: one of radius a, then one of radius b, is one of a + b. From radius a a step
+        # of up to a + 1 to either side leaves no gap, so that the radius doubles with each step.
+        reached = 0
+        while reached < radius:
+            step = min(reached + 1, radius - reached)
+            reached += step
+            rise = np.float32(rise_per_cell * step)
+            down, across = (step, 0) if is_along_rows else (0, step)
+            end = max(heights.shape[1] - across, 0)
+            before[:] = eroded
+            for row in range(heights.shape[0] - down):
+                _lower(eroded[row, :end], before[row + down, across:], rise)
+                _lower(eroded[row + down, across:], before[row, :end], rise)
     return eroded
