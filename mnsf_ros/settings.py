@@ -184,8 +184,15 @@ class EgoMotionSettings:
     source: str = _setting(
         "registration",
         "registration: align each sweep with a local map of recent sweeps; odometry: use the "
-        "robot's odometry, and registration where it is missing",
-        choices=("registration", "odometry"),
+        "robot's odometry, and registration where it is missing; tf: the same with the transform "
+        "of the cloud's frame in tf.fixed_frame (node only, needs tf2_ros)",
+        choices=("registration", "odometry", "tf"),
+    )
+    sensor_pose: str = _setting(
+        "parameters",
+        "Where the lidar is in the odometry's child frame. parameters: sensor_x_m to "
+        "sensor_yaw_deg; tf: look it up (node only, needs tf2_ros)",
+        choices=("parameters", "tf"),
     )
     deskew: bool = _setting(
         True,
@@ -214,6 +221,29 @@ class EgoMotionSettings:
     sensor_roll_deg: float = _setting(0.0, "Lidar roll in the odometry's child frame", -360, 360)
     sensor_pitch_deg: float = _setting(0.0, "Lidar pitch in the odometry's child frame", -360, 360)
     sensor_yaw_deg: float = _setting(0.0, "Lidar yaw in the odometry's child frame", -360, 360)
+
+
+@dataclass(frozen=True)
+class TfSettings:
+    """Frames of the robot, for the ROS node."""
+
+    fixed_frame: str = _setting(
+        "odom",
+        "Frame in which static points do not move, for ego_motion.source: tf. It must be "
+        "continuous: odom rather than map",
+    )
+    timeout_s: float = _setting(
+        0.1, "A sweep waits this long for its transform, then it is registered instead", 0, 1
+    )
+    broadcast: bool = _setting(
+        False, "Publish the pose of ~/ego_motion on /tf, too (needs tf2_ros)", fixed=True
+    )
+    base_frame: str = _setting(
+        "",
+        "Frame of the robot whose pose is broadcast in node.odom_frame, for example base_link; "
+        "empty: the frame of the clouds",
+        fixed=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -566,6 +596,7 @@ class Settings:
     ground: GroundSettings = GroundSettings()
     buffer: BufferSettings = BufferSettings()
     ego_motion: EgoMotionSettings = EgoMotionSettings()
+    tf: TfSettings = TfSettings()
     objects: ObjectSettings = ObjectSettings()
     distance: DistanceSettings = DistanceSettings()
     nsfp: NsfpSettings = NsfpSettings()

@@ -54,4 +54,4 @@ def _scalar(value: SettingValue) -> str:
         # Never 1e-07: YAML 1.1 reads that as a word.
         digits = f"{value:.9f}".rstrip("0")
         return f"{digits}0" if digits.endswith(".") else digits
-    return str(value)
+    return str(value) or '""'

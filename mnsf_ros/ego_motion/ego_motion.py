@@ -37,6 +37,7 @@ class EgoSource(Enum):
 
     START = "start"  # the first sweep: the origin of the world
     ODOMETRY = "odometry"
+    TF = "tf"  # odometry, too, by the transforms between frames
     REGISTRATION = "registration"
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
 
@@ -48,6 +49,7 @@ _NOISE: Final = {
     EgoSource.START: StepNoise(0.001, 0.0, 0.0001, 0.0),
     EgoSource.REGISTRATION: StepNoise(0.006, 0.01, 0.0006, 0.01),
     EgoSource.ODOMETRY: StepNoise(0.01, 0.02, 0.001, 0.02),
+    EgoSource.TF: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.CONSTANT_VELOCITY: StepNoise(0.5, 0.5, 0.05, 0.5),
 }
 
@@ -144,7 +146,7 @@ class EgoMotion:
     def _next_pose(self, last: Sweep, sweep: Sweep) -> SensorPose:
         before = self._last_pose.world_from_sensor
         interval_ns = sweep.stamp_ns - last.stamp_ns
-        motion, source = self._odometry(last, sweep), EgoSource.ODOMETRY
+        motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
         if motion is None:
             motion, source = self._registered(last, before, sweep)
         else:
@@ -158,7 +160,7 @@ class EgoMotion:
 
     @property
     def _is_odometry_wanted(self) -> bool:
-        return self._settings.source == "odometry"
+        return self._settings.source != EgoSource.REGISTRATION.value
 
     def _odometry(self, last: Sweep, sweep: Sweep) -> NDArray[np.float64] | None:
         """(4, 4) last_from_sweep, where odometry is wanted, known and possible."""

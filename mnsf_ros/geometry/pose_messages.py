@@ -13,6 +13,8 @@ from msg_utils.errors import MessageError
 
 # Any object with the attributes of geometry_msgs/Pose.
 PoseLike: TypeAlias = Any
+# ... and of geometry_msgs/Transform.
+TransformLike: TypeAlias = Any
 
 # Drivers send quaternions rounded to float32 or a few decimals: those are normalised. Outside of
 # this range the four numbers are something else, all zeros most of the time.
@@ -30,7 +32,19 @@ def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
         MessageError: If a number is not finite, the position is 1e9 m or more from the origin, or
             the quaternion has another norm.
     """
-    p, q = pose.position, pose.orientation
+    return _matrix(pose.position, pose.orientation)
+
+
+def transform_matrix(transform: TransformLike) -> NDArray[np.float64]:
+    """Returns the (4, 4) matrix of a geometry_msgs/Transform, see `pose_matrix`.
+
+    Raises:
+        MessageError: As for poses.
+    """
+    return _matrix(transform.translation, transform.rotation)
+
+
+def _matrix(p: Any, q: Any) -> NDArray[np.float64]:  # noqa: ANN401 - parts of such messages
     position = np.array([p.x, p.y, p.z], dtype=np.float64)
     quaternion = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
     if not (np.abs(position) < _FARTHEST_M).all():

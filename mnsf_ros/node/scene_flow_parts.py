@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import os
-import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,22 +11,22 @@ from dataclasses import replace
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.node.cloud_intake import CloudIntake
 from mnsf_ros.node.debug_times import DebugTimes
-from mnsf_ros.node.diagnostics import Diagnostics, InputState
+from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.fault_log import FaultLog
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.greeting import greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
 from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
-from mnsf_ros.node.subscriptions import InputSubscription, OdometrySubscription
+from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
+from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
 from mnsf_ros.settings import REPLACED, Settings
+from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
 
@@ -49,7 +48,6 @@ class SceneFlowParts:
         """
         self._node = node
         self._parameters = parameters
-        self._pause = pause
         self._faults = FaultLog(node.get_logger())
         self._memory = MemoryOfLargeSweeps()
         self._has_told_renamed = False
@@ -57,7 +55,7 @@ class SceneFlowParts:
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
         try:
-            self._join_topics()
+            self._join_topics(pause)
         except Exception as error:
             self.close(0.0)
             if isinstance(error, RuntimeError) and node.context.ok():
@@ -72,17 +70,17 @@ class SceneFlowParts:
 
     def pause(self, reason: str) -> None:
         """Ignores clouds from now on and says the reason; all sweeps are forgotten."""
-        self._pause = reason
+        self._input.pause = reason
         self.reset()
 
     def resume(self) -> None:
         """Takes clouds again."""
-        self._pause = ""
+        self._input.pause = ""
 
     def reset(self) -> None:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
         self._pipeline.reset()
-        self._odometry.change_settings(self._settings.ego_motion)
+        self._input.reset()
 
     def close(self, timeout_s: float) -> bool:
         """Abandons the estimate under way; False if it could not be interrupted in time."""
@@ -101,22 +99,17 @@ class SceneFlowParts:
     def _settings(self) -> Settings:
         return self._parameters.settings
 
-    def _join_topics(self) -> None:
+    def _join_topics(self, pause: str) -> None:
         settings = self._settings
         self._outputs = FlowOutputs(self._node, settings.node.odom_frame)
         self._debug_times = DebugTimes(self._node)
-        self._intake = CloudIntake(
-            self._node.get_logger(),
-            self._report,
-            lambda: self._node.get_clock().now().nanoseconds,
+        self._frame = (
+            OdometryFrame(self._node, settings.node.odom_frame, settings.tf.base_frame)
+            if settings.tf.broadcast
+            else None
         )
-        self._odometry = OdometrySubscription(
-            self._node, "~/odometry", settings.ego_motion, self._report, self._guarded
-        )
-        reliability = settings.node.input_reliability
-        self._input = InputSubscription(
-            self._node, "~/points", reliability, self._on_cloud, self._report, self._guarded
-        )
+        self._input = SweepInput(self._node, settings, self._report, self._guarded, self._on_sweep)
+        self._input.pause = pause
 
     def _start_timers(self) -> None:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.
@@ -133,23 +126,18 @@ class SceneFlowParts:
             self._node.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
         self._node.get_logger().info(greeting(_with_node_threads(self._settings)))
         self._node.get_logger().info(
-            f"sweeps from {self._input.topic}, flow on {self._outputs.topic}"
+            f"sweeps from {self._input.subscription.topic}, flow on {self._outputs.topic}"
         )
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:
         self._pipeline.statistics.count(event, how_many)
         self._faults.warn(event, text)
 
-    def _on_cloud(self, message: PointCloud2) -> None:
-        if self._pause:
-            return
-        arrived_ns = time.monotonic_ns()
-        sweep = self._intake.sweep(message, self._settings.time)
-        if sweep is None:
-            return
-        sweep = self._odometry.located(sweep)
-        is_watched = self._settings.node.always_estimate or self._outputs.are_watched
-        arrival = self._pipeline.add_sweep(sweep, arrived_ns, is_watched=is_watched)
+    def _on_sweep(self, sweep: Sweep, arrived_ns: int) -> None:
+        is_wanted = self._settings.node.always_estimate or self._frame is not None
+        arrival = self._pipeline.add_sweep(
+            sweep, arrived_ns, is_watched=is_wanted or self._outputs.are_watched
+        )
         if arrival is not Arrival.ACCEPTED:
             words = arrival.value.replace("_", " ")
             self._faults.warn(arrival.value, f"sweep {sweep.stamp_ns}: {words}")
@@ -165,6 +153,12 @@ class SceneFlowParts:
         self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
         self._memory.after(len(job.triplet.current))
+        if self._frame is not None and estimate.over_ground is not None:
+            header = job.triplet.current.source.message.header
+            try:
+                self._frame.publish(header, estimate.over_ground, self._input.transforms)
+            except TransformError as error:
+                self._report(TRANSFORMS_MISSING, f"{error}; the robot's pose is not broadcast")
         if self._has_told_renamed:
             return
         renamed = renamed_fields(job.triplet.current.source.message, output)
@@ -190,9 +184,10 @@ class SceneFlowParts:
         self._faults.error(f"failed {type(error).__name__}", text)
 
     def _refresh_input(self) -> None:
-        if self._input.refresh():
+        subscription = self._input.subscription
+        if subscription.refresh():
             self._node.get_logger().info(
-                f"subscribed {self._input.reliability} to {self._input.topic}"
+                f"subscribed {subscription.reliability} to {subscription.topic}"
             )
 
     def _publish_diagnostics(self) -> None:
@@ -200,22 +195,20 @@ class SceneFlowParts:
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = self._diagnostics.statuses(
             self._pipeline.statistics.snapshot(),
-            InputState(
-                self._input.topic,
-                self._input.reliability,
-                self._input.num_publishers,
-                self._intake.times_source,
-                self._pause,
-            ),
+            self._input.state,
             self._pipeline.load,
             self._settings,
         )
         self._diagnostics_publisher.publish(message)
 
     def _change_settings(self, settings: Settings) -> None:
+        # Both may refuse.
         self._pipeline.change_settings(_with_node_threads(settings))
-        if settings.ego_motion != self._settings.ego_motion:
-            self._odometry.change_settings(settings.ego_motion)
+        try:
+            self._input.change_settings(settings)
+        except SettingsError:
+            self._pipeline.change_settings(_with_node_threads(self._settings))
+            raise
 
     def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
         """Returns a callback that logs and counts errors, which would end the node."""

@@ -16,6 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.node.transforms import Transforms
 from mnsf_ros.online.flow_watch import CLOUDS_MISSED
 from mnsf_ros.online.missed_clouds import MissedClouds
 from mnsf_ros.settings import EgoMotionSettings
@@ -136,11 +137,10 @@ class OdometrySubscription:
         self,
         node: Node,
         topic: str,
-        settings: EgoMotionSettings,
         report: Callable[[str, str], None],
         guarded: Guard,
     ) -> None:
-        """Subscribes, unless the settings do without odometry.
+        """Does nothing until it gets its settings.
 
         `report` gets the name of the fault of a message that is left out, and what to say of it;
         `guarded` makes a callback one that raises nothing.
@@ -150,11 +150,16 @@ class OdometrySubscription:
         self._report = report
         self._callback = guarded(self._on_message)
         self._subscription: Any = None
-        self.change_settings(settings)
+        self._transforms: Transforms | None = None
+        self._track = PoseTrack()
 
-    def change_settings(self, settings: EgoMotionSettings) -> None:
-        """Lets other settings hold; what was heard before is forgotten."""
-        self._track = PoseTrack(mount=sensor_mount(settings))
+    def change_settings(self, settings: EgoMotionSettings, transforms: Transforms | None) -> None:
+        """Lets other settings hold, subscribes or not; what was heard before is forgotten.
+
+        `transforms` tell where the sensor is on the robot, if the settings want that.
+        """
+        self._transforms = transforms if settings.sensor_pose == "tf" else None
+        self._track = PoseTrack(mount=None if self._transforms else sensor_mount(settings))
         is_wanted = settings.source == "odometry"
         if is_wanted and self._subscription is None:
             self._subscription = self._node.create_subscription(
@@ -165,9 +170,20 @@ class OdometrySubscription:
             self._subscription = None
 
     def located(self, sweep: Sweep) -> Sweep:
-        """The sweep with the sensor's pose by odometry, if that is known."""
+        """Returns the sweep with the sensor's pose by odometry, if that is known.
+
+        Raises:
+            TransformError: If it is not known where the sensor is on the robot.
+        """
         pose = self._track.pose_at(sweep.stamp_ns)
-        return sweep if pose is None else replace(sweep, odometry=pose.world_from_frame)
+        if pose is None:
+            return sweep
+        world_from_sensor = pose.world_from_frame
+        if self._transforms is not None:
+            world_from_sensor = world_from_sensor @ self._transforms.find(
+                pose.frame_id, sweep.frame_id
+            )
+        return replace(sweep, odometry=world_from_sensor)
 
     def _on_message(self, message: Odometry) -> None:
         try:

@@ -1,0 +1,179 @@
+"""What is in front of the buffer: from topics to sweeps that know where the sensor was."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from mnsf_ros.node.cloud_intake import CloudIntake
+from mnsf_ros.node.diagnostics import InputState
+from mnsf_ros.node.subscriptions import Guard, InputSubscription, OdometrySubscription
+from mnsf_ros.node.transforms import ListenedTransforms, TransformError
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+
+TRANSFORMS_MISSING: Final = "transforms_missing"
+
+# Takes an event that is counted, a text that is logged now and then, and how often it happened.
+Report: TypeAlias = Callable[..., None]
+
+_POLL_PERIOD_S: Final = 0.01
+# More than any lidar sends within the longest wait.
+_MAX_WAITING: Final = 50
+# A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
+_JUMP_NS: Final = NANOSECONDS
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrived:
+    """A sweep, and when it came: `time.monotonic_ns()`."""
+
+    sweep: Sweep
+    arrived_ns: int
+
+
+class SweepInput:
+    """Subscribes to the lidar and to what tells where it was; hands out sweeps in their order.
+
+    A sweep whose transform is not there yet waits for it, and those after it wait behind it; never
+    longer than `tf.timeout_s`.
+
+    Attributes:
+        pause: Why clouds are ignored; empty if they are not.
+        subscription: That to the lidar.
+        transforms: What is heard of frames; None while nobody asks.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        report: Report,
+        guarded: Guard,
+        on_sweep: Callable[[Sweep, int], None],
+    ) -> None:
+        """Subscribes; `on_sweep` gets each sweep and when it arrived, `time.monotonic_ns()`.
+
+        Raises:
+            SettingsError: If the settings ask for transforms, and there is no tf2_ros.
+        """
+        self.pause = ""
+        self.transforms: ListenedTransforms | None = None
+        self._node, self._report, self._on_sweep = node, report, on_sweep
+        self._intake = CloudIntake(
+            node.get_logger(), report, lambda: node.get_clock().now().nanoseconds
+        )
+        self._odometry = OdometrySubscription(node, "~/odometry", report, guarded)
+        self._waiting: deque[_Arrived] = deque()
+        self._last_ns = 0
+        # Without anything that asks for odometry or transforms.
+        self._settings = Settings()
+        self.change_settings(settings)
+        self._timer = node.create_timer(
+            _POLL_PERIOD_S, guarded(self._release), clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self._timer.cancel()
+        self.subscription = InputSubscription(
+            node, "~/points", settings.node.input_reliability, self._on_cloud, report, guarded
+        )
+
+    @property
+    def state(self) -> InputState:
+        """How things stand, for diagnostics."""
+        subscription = self.subscription
+        return InputState(
+            subscription.topic,
+            subscription.reliability,
+            subscription.num_publishers,
+            self._intake.times_source,
+            self.pause,
+        )
+
+    def change_settings(self, settings: Settings) -> None:
+        """Lets other settings hold from the next sweep on.
+
+        Raises:
+            SettingsError: If they ask for transforms, and there is no tf2_ros; nothing changes.
+        """
+        purpose = _purpose_of_transforms(settings)
+        if purpose and self.transforms is None:
+            self.transforms = ListenedTransforms(self._node, purpose)
+        elif not purpose and self.transforms is not None:
+            self.transforms.close()
+            self.transforms = None
+        is_same = settings.ego_motion == self._settings.ego_motion
+        self._settings = settings
+        if not is_same:
+            self._odometry.change_settings(settings.ego_motion, self.transforms)
+
+    def reset(self) -> None:
+        """Forgets all sweeps that wait, and what was heard of poses before."""
+        self._waiting.clear()
+        self._odometry.change_settings(self._settings.ego_motion, self.transforms)
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        if self.pause:
+            return
+        arrived_ns = time.monotonic_ns()
+        sweep = self._intake.sweep(message, self._settings.time)
+        if sweep is None:
+            return
+        if self.transforms is not None and sweep.stamp_ns < self._last_ns - _JUMP_NS:
+            self.transforms.forget()
+        self._last_ns = sweep.stamp_ns
+        self._waiting.append(_Arrived(sweep, arrived_ns))
+        self._release()
+
+    def _release(self) -> None:
+        """Hands out what need not wait any more."""
+        timeout_ns = self._settings.tf.timeout_s * NANOSECONDS
+        while self._waiting:
+            first = self._waiting[0]
+            is_late = time.monotonic_ns() - first.arrived_ns >= timeout_ns
+            sweep = self._located(first.sweep, may_wait=not is_late and not self._is_full)
+            if sweep is None:
+                self._timer.reset()
+                return
+            self._waiting.popleft()
+            self._on_sweep(sweep, first.arrived_ns)
+        self._timer.cancel()
+
+    @property
+    def _is_full(self) -> bool:
+        return len(self._waiting) > _MAX_WAITING
+
+    def _located(self, sweep: Sweep, *, may_wait: bool) -> Sweep | None:
+        """The sweep with the sensor's pose, if that is known; None if it may become known."""
+        source, transforms = self._settings.ego_motion.source, self.transforms
+        if source == "tf" and transforms is not None:
+            fixed_frame = self._settings.tf.fixed_frame
+            try:
+                pose = transforms.find(fixed_frame, sweep.frame_id, sweep.stamp_ns)
+            except TransformError as error:
+                if may_wait:
+                    return None
+                self._report(TRANSFORMS_MISSING, f"{error}; registration is used instead")
+                return sweep
+            return replace(sweep, odometry=pose)
+        try:
+            return self._odometry.located(sweep)
+        except TransformError as error:
+            self._report(TRANSFORMS_MISSING, f"{error}; registration is used instead")
+            return sweep
+
+
+def _purpose_of_transforms(settings: Settings) -> str:
+    """The setting that asks for transforms; empty if none does."""
+    ego_motion, tf = settings.ego_motion, settings.tf
+    if ego_motion.source == "tf":
+        return "ego_motion.source: tf"
+    if ego_motion.source == "odometry" and ego_motion.sensor_pose == "tf":
+        return "ego_motion.sensor_pose: tf"
+    return "tf.base_frame" if tf.broadcast and tf.base_frame else ""

@@ -1,0 +1,124 @@
+"""Transforms between frames, by tf2_ros where it is installed."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Final, Protocol
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.time import Time
+from std_msgs.msg import Header
+
+from mnsf_ros.core.flow_estimate import OverGround
+from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.geometry.pose_messages import pose_quaternion, transform_matrix
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+from msg_utils.errors import MessageError
+
+# Stamps farther from the newest transform than this are not late: they are of another clock.
+_CLOCK_GAP_S: Final = 10.0
+
+
+class TransformError(MnsfError):
+    """There is no transform between two frames, or not at that time."""
+
+
+class Transforms(Protocol):
+    """Where frames are in each other."""
+
+    def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
+        """Returns (4, 4) target_from_source at a stamp; the newest one without a stamp.
+
+        Raises:
+            TransformError: If there is none.
+        """
+
+
+class ListenedTransforms:
+    """What is heard on /tf and /tf_static. May be asked from any thread."""
+
+    def __init__(self, node: Node, purpose: str) -> None:
+        """Starts to listen.
+
+        Raises:
+            SettingsError: If there is no tf2_ros; it names the purpose, and says what to do.
+        """
+        self._tf2 = _tf2_ros(purpose)
+        self._buffer = self._tf2.Buffer()
+        self._listener = self._tf2.TransformListener(self._buffer, node)
+
+    def close(self) -> None:
+        """Listens no more."""
+        self._listener.unregister()
+
+    def forget(self) -> None:
+        """Forgets all transforms that may change: time has jumped back."""
+        self._buffer.clear()
+
+    def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
+        """Returns (4, 4) target_from_source, see `Transforms`."""
+        # Frames of ROS 1 had a slash; tf2 refuses them.
+        frames = target.lstrip("/"), source.lstrip("/")
+        time = Time(nanoseconds=stamp_ns or 0)
+        try:
+            found = self._buffer.lookup_transform(*frames, time)
+            return transform_matrix(found.transform)
+        except (self._tf2.TransformException, MessageError) as error:
+            hint = "" if stamp_ns is None else self._clock_hint(*frames, stamp_ns)
+            raise TransformError(
+                f"no transform from {frames[1]!r} to {frames[0]!r}: {error}{hint}"
+            ) from None
+
+    def _clock_hint(self, target: str, source: str, stamp_ns: int) -> str:
+        """What to say if the transforms are of quite another time than the stamp."""
+        try:
+            newest = self._buffer.get_latest_common_time(target, source)
+        except self._tf2.TransformException:
+            return ""
+        gap_s = (stamp_ns - newest.nanoseconds) / NANOSECONDS
+        if newest.nanoseconds == 0 or abs(gap_s) < _CLOCK_GAP_S:
+            return ""
+        return f"; the stamp is {gap_s:.0f} s after the newest transform: are the clocks the same?"
+
+
+class OdometryFrame:
+    """Broadcasts where the robot is in the frame of `~/ego_motion`. May be used from any thread."""
+
+    def __init__(self, node: Node, odom_frame: str, base_frame: str) -> None:
+        """Advertises /tf for the pose of a frame of the robot; an empty one is that of the clouds.
+
+        Raises:
+            SettingsError: If there is no tf2_ros.
+        """
+        tf2 = _tf2_ros("tf.broadcast")
+        self._broadcaster = tf2.TransformBroadcaster(node)
+        self._odom_frame, self._base_frame = odom_frame, base_frame
+
+    def publish(self, header: Header, known: OverGround, transforms: Transforms | None) -> None:
+        """Broadcasts the pose at the sweep of a cloud's header.
+
+        Raises:
+            TransformError: If it is not known where the lidar is on the robot.
+        """
+        pose, child = known.world_from_sensor, self._base_frame or header.frame_id
+        if transforms is not None and child != header.frame_id:
+            pose = pose @ transforms.find(header.frame_id, child)
+        message = TransformStamped(child_frame_id=child.lstrip("/"))
+        message.header.stamp, message.header.frame_id = header.stamp, self._odom_frame
+        place, turn = message.transform.translation, message.transform.rotation
+        place.x, place.y, place.z = pose[:3, 3].tolist()
+        turn.x, turn.y, turn.z, turn.w = pose_quaternion(pose)
+        self._broadcaster.sendTransform(message)
+
+
+def _tf2_ros(purpose: str) -> Any:  # noqa: ANN401 - a module that may be missing
+    try:
+        return importlib.import_module("tf2_ros")
+    except ImportError:
+        raise SettingsError(
+            f"{purpose} needs the Python package tf2_ros, which is not installed: sudo apt install "
+            "ros-$ROS_DISTRO-tf2-ros-py (the ROS wheels from PyPI have none)"
+        ) from None
