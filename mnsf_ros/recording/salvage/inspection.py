@@ -10,7 +10,7 @@ from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.contradictions import unfit_counts
 from mnsf_ros.recording.damage import Damage, reason
-from mnsf_ros.recording.inspection import Inspection, Progress
+from mnsf_ros.recording.inspected import Inspection, Progress
 from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
 
 if TYPE_CHECKING:
