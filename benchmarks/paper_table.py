@@ -33,7 +33,8 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file
+from mnsf_ros.evaluation.run_files import read_json, replace_file
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
@@ -62,13 +63,13 @@ def main() -> None:
     try:
         if not options.tables:
             folder.path.mkdir(parents=True, exist_ok=True)
-            with folder.locked():
+            with folder.rows.locked():
                 run(jobs, folder, method_names(options.again), console)
     except KeyboardInterrupt:
         console.print("Interrupted; what is finished is kept.")
     except MnsfError as error:
         parser.error(str(error))
-    rows = list(folder.rows())
+    rows = list(folder.rows)
     for table in printed(rows):
         console.print(table)
     if options.document:
@@ -82,9 +83,9 @@ def main() -> None:
 
 def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:
     """Computes the rows that are not there yet, and those of the methods to compute again."""
-    folder.cut_off_unfinished_lines()
-    folder.drop_rows_of({(job.recording, job.method) for job in jobs if job.method in again})
-    done = done_jobs(list(folder.rows()))
+    folder.rows.cut_off_unfinished_lines()
+    folder.rows.drop({(job.recording, job.method) for job in jobs if job.method in again})
+    done = done_jobs(list(folder.rows))
     todo = [job for job in jobs if job not in done]
     if todo:
         file = folder.path / RUN_FILE
@@ -96,7 +97,7 @@ def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Con
         replace_file(file, [to_json(PaperRecord(sessions, settings), indent=2), "\n"])
     for number, job in enumerate(todo, start=1):
         row = measured(job, read_example(job.scale, job.moment))
-        folder.append_row(row)
+        folder.rows.append(row)
         result = (
             str(row.failure or "")
             or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"

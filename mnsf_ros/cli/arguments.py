@@ -131,7 +131,8 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
     Raises:
         SettingsError: As `parse_assignments`.
     """
-    return preset(options.preset).changed(parse_assignments(options.assignments))
+    changes = parse_assignments(options.assignments)
+    return preset(options.preset).changed(changes)
 
 
 def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:

@@ -7,27 +7,27 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
-from mnsf_ros.errors import MnsfError, RecordingError, SettingsError
+from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import (
     EvaluatedRecording,
-    choose_topics,
+    inspected_recordings,
     path_text,
-    recording_names,
     short_name,
 )
-from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
-from mnsf_ros.evaluation.run_results import RunResults, read_results
-from mnsf_ros.evaluation.runner import Executor, plan_runs, run_evaluation, run_serially
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.methods.registry import COMMAND_PREFIX
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.results_files import write_results
+from mnsf_ros.report.run_results import RunResults, read_results
 from mnsf_ros.report.tables import main_tables, work_table
 
 _PAIR: Final = 2
@@ -44,20 +44,27 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
-    check_folder(options.out, resume=options.resume)
     folder = RunFolder(options.out)
+    before = folder.before(resume=options.resume)
     names = _split(options.methods)
     methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
     num_sweeps = max(evaluation.num_sweeps, *(method.traits.num_sweeps for method in methods))
     num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
     evaluation = replace(evaluation, num_sweeps=num_sweeps)
     execute = _executor(options, evaluation)
-    recordings, unreadable = _inspected(options, folder.known_recordings(), console)
+    recordings, unreadable = inspected_recordings(
+        options.bags,
+        before.recordings if before is not None else (),
+        *(options.points, options.truth, options.odometry),
+        watching=partial(checking_progress, console),
+    )
     folder.start(recordings, methods, evaluation, resume=options.resume, arguments=sys.argv)
-    runs = plan_runs(recordings, methods, evaluation, folder)
+    runs = plan_runs(recordings, methods, evaluation, folder.rows)
     try:
         with EvaluationProgress(console, runs, evaluation.every) as progress:
-            failed = run_evaluation(runs, evaluation, folder, execute=execute, watch=progress.watch)
+            failed = run_evaluation(
+                runs, evaluation, folder.rows, execute=execute, watch=progress.watch
+            )
     except BaseException:
         # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
         _conclude(folder, recordings, options.pictures, console, estimate_again=False)
@@ -105,32 +112,8 @@ def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Exe
             num_gpus = float(evaluation.settings.compute.device == "cuda")
         return RayCluster(options.ray, num_gpus=num_gpus)
     if options.workers > 1:
-        from mnsf_ros.evaluation.worker_processes import WorkerProcesses
-
         return WorkerProcesses(options.workers)
     return run_serially
-
-
-def _inspected(
-    options: argparse.Namespace, known: Sequence[EvaluatedRecording], console: Console
-) -> tuple[list[EvaluatedRecording], list[str]]:
-    """The recordings that can be used, and why others cannot."""
-    paths: Sequence[Path] = options.bags
-    names = recording_names(paths, known)
-    found, unreadable = [], []
-    for path, name in zip(paths, names, strict=True):
-        with checking_progress(console, name) as watch:
-            try:
-                inspection = inspect_recording(path, watch)
-            except RecordingError as error:
-                unreadable.append(str(error))
-                continue
-        found.append(
-            choose_topics(inspection, name, options.points, options.truth, options.odometry)
-        )
-    if not found:
-        raise RecordingError("; ".join(unreadable))
-    return found, unreadable
 
 
 def _conclude(

@@ -23,7 +23,7 @@ from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.results import ResultRow, mean
-from mnsf_ros.evaluation.runner import TaskEvent, TaskFailed, TaskRestarted
+from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, TaskRestarted
 
 
 @contextmanager

@@ -34,8 +34,8 @@ def add_to(subparsers: Subparsers) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.run_folder import RunFolder
-    from mnsf_ros.evaluation.run_results import read_results
     from mnsf_ros.report.run_report import report_run
+    from mnsf_ros.report.run_results import read_results
 
     console = Console()
     path = report_run(

@@ -14,9 +14,10 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.executors import Ended, dispatched
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.runner import Ended, TaskEvent, TaskFailed, dispatched, task_events
+from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, task_events
 
 
 class Mailbox:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.recording.inspection import Inspection, inspect_recording
+from mnsf_ros.recording.inspected import Inspection
+from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import SettingValue
 
 
@@ -105,6 +106,49 @@ def choose_topics(
     )
 
 
+Watch = Callable[[int, int], None]
+
+
+def inspected_recordings(
+    paths: Sequence[Path],
+    known: Sequence[EvaluatedRecording],
+    *topics: str | None,
+    watching: Callable[[str], AbstractContextManager[Watch | None]],
+) -> tuple[list[EvaluatedRecording], list[str]]:
+    """Reads each recording once; returns those that can be used, and why others cannot.
+
+    Args:
+        paths: Where they are.
+        known: Recordings of an earlier session of the run.
+        topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
+        watching: Makes of a name what watches how far the reading is, see `inspect_recording`.
+
+    Raises:
+        EvaluationError: The same recording is named twice, in whatever spelling.
+        RecordingError: None of them can be used, or a topic of one is not there.
+    """
+    found, unreadable = [], []
+    for path, name in zip(paths, recording_names(paths, known), strict=True):
+        with watching(name) as watch:
+            try:
+                inspection = inspect_recording(path, watch)
+            except RecordingError as error:
+                unreadable.append(str(error))
+                continue
+        found.append(choose_topics(inspection, name, *topics))
+    if not found:
+        raise RecordingError("; ".join(unreadable))
+    return found, unreadable
+
+
+class _Traces(NamedTuple):
+    """By what a recording is known again: its files, what is in them, and its short name."""
+
+    files: list[Path]
+    content: dict[str, Any] | None
+    name: str
+
+
 def recording_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording] = ()) -> list[str]:
     """Returns a name for each recording: the last part of its path, or all of it if need be.
 
@@ -113,10 +157,11 @@ def recording_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording] =
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
     """
-    _check_each_once(paths)
-    names = _known_names(paths, known)
+    traces = {path: _traces(path, with_content=bool(known)) for path in paths}
+    _check_each_once(paths, traces)
+    names = _known_names(traces, known)
     taken = {record.name for record in known}
-    short = {path: short_name(path) for path in paths if path not in names}
+    short = {path: traces[path].name for path in paths if path not in names}
     counts = Counter(chain(short.values(), taken))
     for path, name in short.items():
         names[path] = name if counts[name] == 1 else _free_name(path, taken)
@@ -124,54 +169,50 @@ def recording_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording] =
     return [names[path] for path in paths]
 
 
-def _check_each_once(paths: Sequence[Path]) -> None:
+def _traces(path: Path, *, with_content: bool) -> _Traces:
+    try:
+        # Up to some megabytes of each file.
+        content = fingerprint(path) if with_content else None
+    except OSError:
+        # Whoever reads it says why it cannot be read.
+        content = {}
+    return _Traces(storage_files(path), content, short_name(path))
+
+
+def _check_each_once(paths: Sequence[Path], traces: Mapping[Path, _Traces]) -> None:
+    owners: dict[Path, Path] = {}
     for path, times in Counter(paths).items():
         if times > 1:
             raise EvaluationError(f"{path}: is named {times} times")
-    owners: dict[Path, Path] = {}
-    for path in paths:
-        for file in storage_files(path):
+        for file in traces[path].files:
             owner = owners.setdefault(file, path)
             if owner != path:
                 raise EvaluationError(f"{path}: is the same recording as {owner}; name it once")
 
 
-def _known_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording]) -> dict[Path, str]:
+def _known_names(
+    traces: Mapping[Path, _Traces], known: Sequence[EvaluatedRecording]
+) -> dict[Path, str]:
     """The names of recordings that a run has already."""
-    left = {record.name: record for record in known}
+    left = {
+        one.name: _Traces(storage_files(Path(one.path)), one.fingerprint, one.name) for one in known
+    }
     names: dict[Path, str] = {}
-    # Read once: that is up to some megabytes of each file.
-    contents = {path: _content(path) for path in paths if known}
     # Copies may lie side by side, and another recording where one was before it moved. One that
     # is like none, but lies or is called as one, is for the record of the run to compare.
-    for key_of_path, key_of_record in (
-        (
-            lambda path: (_files(path), contents[path]),
-            lambda one: (_files(one.path), one.fingerprint),
-        ),
-        (contents.__getitem__, lambda one: one.fingerprint),
-        (_files, lambda one: _files(one.path)),
-        (short_name, lambda one: one.name),
+    for same in (
+        lambda one: (one.files, one.content),
+        lambda one: one.content,
+        lambda one: one.files,
+        lambda one: one.name,
     ):
-        names_of = {repr(key_of_record(record)): name for name, record in left.items()}
-        for path in (path for path in paths if path not in names and names_of):
-            name = names_of.pop(repr(key_of_path(path)), None)
+        names_of = {repr(same(record)): name for name, record in left.items()}
+        for path in (path for path in traces if path not in names and names_of):
+            name = names_of.pop(repr(same(traces[path])), None)
             if name is not None:
                 names[path] = name
                 del left[name]
     return names
-
-
-def _files(path: Path | str) -> list[Path]:
-    return storage_files(Path(path))
-
-
-def _content(path: Path) -> dict[str, Any]:
-    try:
-        return fingerprint(path)
-    except OSError:
-        # Whoever reads it says why it cannot be read.
-        return {}
 
 
 def short_name(path: Path) -> str:

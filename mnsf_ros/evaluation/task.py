@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -37,6 +37,31 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 _LOG = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class TaskFailed:
+    """A task gave up; why, in one line."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class TaskRestarted:
+    """A task begins anew, because the process or machine that ran it was lost."""
+
+    reason: str
+
+
+TaskEvent = ResultRow | Findings | TaskFailed | TaskRestarted
+
+
+def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
+    """Yields the events of one task; an error of ours becomes TaskFailed."""
+    try:
+        yield from run_task(task, options)
+    except MnsfError as error:
+        yield TaskFailed(str(error))
 
 
 def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[ResultRow | Findings]:

@@ -13,21 +13,14 @@ from markupsafe import Markup
 
 from mnsf_ros import __version__
 from mnsf_ros.drawing.charts import band_chart, stage_bars, time_text
-from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
-from mnsf_ros.evaluation.run_folder import replace_file
-from mnsf_ros.evaluation.run_results import RunResults
+from mnsf_ros.evaluation.run_files import replace_file
+from mnsf_ros.report.cards import Cards
+from mnsf_ros.report.closer_look import CloserLook, missed_table, worst_table
+from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
-from mnsf_ros.report.worst import (
-    MissedMover,
-    focus_method,
-    missed_card,
-    missed_table,
-    worst_card,
-    worst_table,
-)
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
@@ -49,20 +42,14 @@ _TEMPLATES: Final = jinja2.Environment(
 def write_report(
     results: RunResults,
     path: Path,
-    *,
-    pictured: Sequence[PicturedExample] = (),
-    missed: Sequence[tuple[MissedMover, PicturedExample]] = (),
-    focus: str | None = None,
+    look: CloserLook,
+    cards: Cards,
 ) -> None:
     """Writes the report; an earlier one is replaced as a whole or not at all.
-
-    Sweeps are `pictured`, the worst one first, and movers that were `missed`; both are those of
-    the method in `focus`, by default `focus_method`.
 
     Raises:
         WritingError: Writing fails.
     """
-    focus = focus or focus_method(results)
     rows, summaries, record = results.rows, results.summaries, results.record
     consistency = consistency_table(summaries)
     units = {setting.name: setting.unit for setting in declared_settings()}
@@ -71,7 +58,7 @@ def write_report(
         version=__version__,
         light=LIGHT,
         dark=DARK,
-        tiles=[tile for one in summaries if one.method == focus for tile in _tiles(one)],
+        tiles=[tile for one in summaries if one.method == look.method for tile in _tiles(one)],
         results=results,
         best_cells=lambda table: best_cells(table, record.references),
         tables=[table for table in main_tables(summaries) if table != consistency],
@@ -80,11 +67,10 @@ def write_report(
         failures=_failures(rows),
         charts=_band_charts(summaries, record.references),
         times=_times_chart(rows, summaries),
-        focus=focus,
-        worst=worst_table(rows, focus),
-        missed=missed_table(rows, focus),
-        cards=[worst_card(rows, example, focus) for example in pictured],
-        missed_cards=[card for one in missed if (card := missed_card(*one)) is not None],
+        focus=look.method,
+        worst=worst_table(look),
+        missed=missed_table(look),
+        cards=cards,
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )
     replace_file(path, [f"{page}\n"])

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypedDict
 
 from mnsf_ros.drawing.example_pictures import PicturedExample
 from mnsf_ros.errors import EvaluationError, MnsfError
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.evaluation.run_results import RunResults
+from mnsf_ros.report.cards import cards_of
+from mnsf_ros.report.closer_look import closer_look
 from mnsf_ros.report.page import REPORT_FILE, write_report
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
-from mnsf_ros.report.worst import MissedMover, focus_method, missed_movers, worst_rows
-
-# A long recording is read from its beginning to the example wanted.
-_NEAR_SWEEPS = 200
+from mnsf_ros.report.run_results import RunResults
 
 
 def report_run(
@@ -41,7 +38,8 @@ def report_run(
         estimate_again: Whether to estimate these again where the run wrote no flow.
         limit_s: Seconds that this may take. If there is a limit, examples far into a recording,
             or of a recording that would have to be inspected first, are left alone.
-        focus: Method whose worst sweeps are shown; None for `focus_method`.
+        focus: Method whose worst sweeps are shown; None for the first one with a flow that is no
+            reference.
         say: Gets one line for each thing that takes time or cannot be done.
 
     Returns:
@@ -51,23 +49,18 @@ def report_run(
         EvaluationError: The run has no such method.
         OSError: Writing fails.
     """
-    rows, record = results.rows, results.record
-    known = list(dict.fromkeys([*record.method_names, *(row.method for row in rows)]))
-    if focus is not None and focus not in known:
-        raise EvaluationError(
-            f"{folder}: has no method {focus!r}; it has {', '.join(known) or 'none'}"
-        )
-    focus = focus or focus_method(results)
-    methods = list(dict.fromkeys([focus, *(summary.method for summary in results.summaries)]))
-    path = folder / REPORT_FILE
-    everything = _Wanted(worst_rows(rows, focus), missed_movers(rows, focus))
-    wanted = everything.first(num_pictured)
+    try:
+        look = closer_look(results, focus)
+    except EvaluationError as error:
+        raise EvaluationError(f"{folder}: {error}") from error
+    path, record, wanted = folder / REPORT_FILE, results.record, look.first(num_pictured)
+    methods = list(dict.fromkeys([look.method, *(one.method for one in results.summaries)]))
     pictured = recorded_examples(folder, wanted.rows, methods)
-    write_report(results, path, **wanted.found(pictured), focus=focus)
+    write_report(results, path, look, cards_of(results.rows, wanted, pictured))
     if pictured or not estimate_again:
         return path
     if math.isfinite(limit_s):
-        wanted = everything.within_reach(record).first(num_pictured)
+        wanted = look.within_reach(record).first(num_pictured)
         # Other programs may take long, or do more than one expects of a picture.
         external = {method.name for method in record.methods if method.traits.is_external}
         methods = [method for method in methods if method not in external]
@@ -76,50 +69,8 @@ def report_run(
         budget = TimeBudget(limit_s, times_s)
         pictured = _estimated(record, wanted.rows, methods, budget, say)
     if pictured:
-        write_report(results, path, **wanted.found(pictured), focus=focus)
+        write_report(results, path, look, cards_of(results.rows, wanted, pictured))
     return path
-
-
-class _Wanted(NamedTuple):
-    """What is to be pictured: the worst sweeps, and movers that were missed."""
-
-    worst: list[ResultRow]
-    missed: list[MissedMover]
-
-    def first(self, number: int) -> _Wanted:
-        """So many of each."""
-        return _Wanted(self.worst[:number], self.missed[:number])
-
-    def within_reach(self, record: RunRecord) -> _Wanted:
-        """Those that are soon found: near the beginning, in recordings that are inspected."""
-        worst = [row for row in self.worst if row.number < _NEAR_SWEEPS] or self.worst
-        missed = [one for one in self.missed if one.row.number < _NEAR_SWEEPS] or self.missed
-        known = {one.name for one in record.recordings if one.inspection is not None}
-        if known:
-            worst = [row for row in worst if row.recording in known]
-            missed = [one for one in missed if one.row.recording in known]
-        return _Wanted(worst, missed)
-
-    @property
-    def rows(self) -> list[ResultRow]:
-        """Each sweep once, the worst ones first."""
-        rows = [*self.worst, *(one.row for one in self.missed)]
-        return list({(row.recording, row.number): row for row in rows}.values())
-
-    def found(self, examples: Sequence[PicturedExample]) -> _Pictured:
-        """The examples that got ready, as what they are wanted for."""
-        by_key = {example.key: example for example in examples}
-        worst = [(row.recording, row.number) for row in self.worst]
-        missed = [(one, (one.row.recording, one.row.number)) for one in self.missed]
-        return {
-            "pictured": [by_key[key] for key in worst if key in by_key],
-            "missed": [(one, by_key[key]) for one, key in missed if key in by_key],
-        }
-
-
-class _Pictured(TypedDict):
-    pictured: list[PicturedExample]
-    missed: list[tuple[MissedMover, PicturedExample]]
 
 
 def _estimated(

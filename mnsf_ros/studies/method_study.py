@@ -10,6 +10,7 @@ from typing import Final
 
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
+from mnsf_ros.evaluation.executors import Executor, run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import (
@@ -22,16 +23,10 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
-from mnsf_ros.evaluation.run_results import read_results
-from mnsf_ros.evaluation.runner import (
-    Executor,
-    TaskEvent,
-    plan_runs,
-    run_evaluation,
-    run_serially,
-    task_events,
-)
+from mnsf_ros.evaluation.run_rows import RunRows, plan_runs, run_evaluation
+from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results
+from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
@@ -114,11 +109,11 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     folder = RunFolder(options.out / "evaluation").start(
         recordings, methods, evaluation, resume=options.resume, arguments=options.command
     )
-    runs = plan_runs(recordings, methods, evaluation, folder)
+    runs = plan_runs(recordings, methods, evaluation, folder.rows)
     max_examples = {
         recording.name: _max_examples(recording, options, study) for recording in recordings
     }
-    kept = list(_kept_notes(study, {run.key for run in runs}, max_examples, folder))
+    kept = list(_kept_notes(study, {run.key for run in runs}, max_examples, folder.rows))
     total, numbers = sum(max_examples[run.recording.name] for run in runs), count(1)
 
     def watch(task: EvaluationTask, event: TaskEvent) -> None:
@@ -128,7 +123,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
             options.say(f"{next(numbers)} of {total}: {where}: {said}")
 
     execute = _first_examples(options.max_examples)
-    run_evaluation(runs, evaluation, folder, execute=execute, watch=watch)
+    run_evaluation(runs, evaluation, folder.rows, execute=execute, watch=watch)
     results = read_results(folder)
     write_results(folder, results)
     if not any(row.errors for row in results.rows):
@@ -145,10 +140,10 @@ def _max_examples(recording: EvaluatedRecording, options: StudyOptions, study: M
 
 
 def _kept_notes(
-    study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], folder: RunFolder
+    study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], rows: RunRows
 ) -> Iterator[str]:
     """Notes on recordings that were finished before, with fewer examples than are wanted now."""
-    numbers = folder.numbers()
+    numbers = rows.numbers()
     for name, wanted in max_examples.items():
         keys = [(name, method) for method in study.variants.values()]
         kept = [len(numbers.get(key, ())) for key in keys if key not in left]

@@ -14,6 +14,7 @@ import pytest
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import MachineRecord, SessionRecord
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import PRESET_NAMES, preset
@@ -46,6 +47,16 @@ def rows_of(method, *epes_m, **more):
         for seed, epe_m in enumerate(epes_m)
         for moment in MOMENTS
     ]
+
+
+def test_line_that_was_being_written_is_cut_off_before_a_run_goes_on(load, tmp_path):
+    folder = RunFolder(tmp_path)
+    folder.rows.append(row("mnsf", 0, 5, 0.1))
+    file = tmp_path / "rows.jsonl"
+    whole = file.read_text()
+    file.write_text(f"{whole}half a li")
+    load("paper_table").run([], folder, again=(), console=None)
+    assert file.read_text() == whole
 
 
 def test_plan_has_every_method_at_both_scales(load):

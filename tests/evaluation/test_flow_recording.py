@@ -7,11 +7,12 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import RecordingError
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path, flow_recorder
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation, run_serially
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.recording.bag_reader import BagReader
 
@@ -24,10 +25,10 @@ def bag(tmp_path_factory):
 def evaluate(out, bag, options, *, resume=False, execute=run_serially):
     recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
     folder = RunFolder(out).start(recordings, methods, options, resume=resume)
-    runs = plan_runs(recordings, methods, options, folder)
+    runs = plan_runs(recordings, methods, options, folder.rows)
     events = []
     run_evaluation(
-        runs, options, folder, execute=execute, watch=lambda _, event: events.append(event)
+        runs, options, folder.rows, execute=execute, watch=lambda _, event: events.append(event)
     )
     return events, folder
 
@@ -93,7 +94,7 @@ def test_run_that_was_killed_before_it_could_say_that_a_task_was_done_can_go_on(
     assert flow_path(out / "flow", "drive", "zero").exists()
     events, folder = evaluate(out, bag, with_flow(out), resume=True)
     assert isinstance(events[-1], Findings)
-    assert len(list(folder.rows())) == 6
+    assert len(list(folder.rows)) == 6
     assert len(list((out / "flow").iterdir())) == 2
 
 
@@ -102,7 +103,7 @@ def test_flow_that_is_asked_for_later_is_made_then(bag, tmp_path):
     evaluate(out, bag, small.options())
     events, folder = evaluate(out, bag, with_flow(out), resume=True)
     assert sum(isinstance(event, ResultRow) for event in events) == 6
-    assert len(list(folder.rows())) == 6
+    assert len(list(folder.rows)) == 6
     assert len(list((out / "flow").iterdir())) == 2
     events, _ = evaluate(out, bag, with_flow(out), resume=True)
     assert events == []

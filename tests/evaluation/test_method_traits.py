@@ -12,7 +12,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import registry
 
@@ -83,13 +83,13 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
 
     whole = plain(rows_of(small.task_at(bag, "toy"), options))
     folder = RunFolder(tmp_path / "out").start(recordings, methods, options, resume=False)
-    runs = plan_runs(recordings, methods, options, folder)
+    runs = plan_runs(recordings, methods, options, folder.rows)
     with pytest.raises(KeyboardInterrupt):
-        run_evaluation(runs, options, folder, watch=stop_after_three)
-    (run,) = plan_runs(recordings, methods, options, folder)
+        run_evaluation(runs, options, folder.rows, watch=stop_after_three)
+    (run,) = plan_runs(recordings, methods, options, folder.rows)
     assert run.skipped == (frozenset() if carries_state else {1, 2, 3})
-    run_evaluation([run], options, folder)
-    assert plain(folder.rows()) == whole
+    run_evaluation([run], options, folder.rows)
+    assert plain(folder.rows) == whole
 
 
 def test_retry_of_a_lost_task(bag, carries_state):

@@ -9,9 +9,10 @@ import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation import ray_cluster
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.runner import TaskFailed, TaskRestarted, run_serially
+from mnsf_ros.evaluation.task import TaskFailed, TaskRestarted
 
 # Ray's own code warns of this and that.
 pytestmark = pytest.mark.filterwarnings("ignore")

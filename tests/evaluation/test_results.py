@@ -14,7 +14,6 @@ import small_evaluations as small
 import mnsf_ros
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.notes import NoteKind, nearest_preset, notes_of, protocol_text
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.results import (
     DROPPED,
@@ -25,12 +24,14 @@ from mnsf_ros.evaluation.results import (
     mean,
     summarize,
 )
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
+from mnsf_ros.evaluation.run_files import WritingError
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import git_commit
-from mnsf_ros.evaluation.run_results import read_results
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
+from mnsf_ros.report.notes import NoteKind, nearest_preset, notes_of, protocol_text
 from mnsf_ros.report.results_files import results_csv, results_markdown, write_results
+from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 
 NAN = math.nan
@@ -207,7 +208,7 @@ def results(tmp_path_factory):
     options = small.options({"crop.max_range_m": 35.0}, num_points=20)
     methods = small.methods_of(["zero", "ego", "mnsf"], options)
     folder = RunFolder(place / "out").start([recording], methods, options, resume=False)
-    run_evaluation(plan_runs([recording], methods, options, folder), options, folder)
+    run_evaluation(plan_runs([recording], methods, options, folder.rows), options, folder.rows)
     found = read_results(folder)
     write_results(folder, found)
     return found, folder.path

@@ -12,12 +12,13 @@ import small_evaluations as small
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.notes import NoteKind
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, check_folder, replace_file
+from mnsf_ros.evaluation.run_files import WritingError, replace_file
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_json import from_json, to_json
-from mnsf_ros.evaluation.run_results import read_results
+from mnsf_ros.report.notes import NoteKind
+from mnsf_ros.report.run_results import read_results
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
@@ -90,57 +91,57 @@ def folder(tmp_path):
 
 def test_rows_are_there_as_soon_as_they_are_written(folder):
     for number in range(3):
-        folder.append_row(full_row(number))
-        assert [row.number for row in folder.rows()] == list(range(number + 1))
+        folder.rows.append(full_row(number))
+        assert [row.number for row in folder.rows] == list(range(number + 1))
 
 
 def test_line_that_was_being_written_is_lost_but_no_other(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
     for number in range(3):
-        folder.append_row(full_row(number))
+        folder.rows.append(full_row(number))
     file = folder.path / "rows.jsonl"
     file.write_text(file.read_text()[:-40])
-    assert [row.number for row in folder.rows()] == [0, 1]
+    assert [row.number for row in folder.rows] == [0, 1]
     folder = start(folder.path, recording, resume=True)
-    folder.append_row(full_row(2))
-    assert [row.number for row in folder.rows()] == [0, 1, 2]
+    folder.rows.append(full_row(2))
+    assert [row.number for row in folder.rows] == [0, 1, 2]
 
 
 def test_damaged_line_is_named(folder):
-    folder.append_row(full_row())
+    folder.rows.append(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("rubbish\n")
     with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
-        list(folder.rows())
+        list(folder.rows)
 
 
 def test_rows_of_a_task_can_be_dropped(folder):
     for method in ("mnsf", "fnsf"):
         for number in range(2):
-            folder.append_row(full_row(number, method))
-    folder.drop_rows_of([("drive", "mnsf"), ("other", "fnsf")])
-    assert [(row.method, row.number) for row in folder.rows()] == [("fnsf", 0), ("fnsf", 1)]
+            folder.rows.append(full_row(number, method))
+    folder.rows.drop([("drive", "mnsf"), ("other", "fnsf")])
+    assert [(row.method, row.number) for row in folder.rows] == [("fnsf", 0), ("fnsf", 1)]
 
 
 def test_finished_tasks_come_back(folder):
-    assert folder.read_finished() == {}
+    assert folder.rows.finished() == {}
     findings = Findings()
     findings.count(Event.SWEEPS_READ, 6)
-    folder.append_finished(("drive", "mnsf"), findings, 4)
-    task = folder.read_finished()["drive", "mnsf"]
+    folder.rows.append_finished(("drive", "mnsf"), findings, 4)
+    task = folder.rows.finished()["drive", "mnsf"]
     assert task.num_examples == 4
     assert task.counts == {"sweeps_read": 6}
     (folder.path / "tasks.jsonl").write_text("{}\n")
     with pytest.raises(EvaluationError, match="line 1: is not a finished task"):
-        folder.read_finished()
+        folder.rows.finished()
 
 
 def test_two_processes_cannot_write_to_the_same_folder(folder):
     other = RunFolder(folder.path)
     refused = pytest.raises(EvaluationError, match="another process")
-    with folder.locked(), refused, other.locked():
+    with folder.rows.locked(), refused, other.rows.locked():
         pass
-    with other.locked():
+    with other.rows.locked():
         pass
 
 
@@ -149,18 +150,18 @@ def test_folder_in_which_nothing_happened_can_be_taken_away(tmp_path, recording)
     assert folder.remove_if_unused()
     assert not (tmp_path / "out").exists()
     folder = start(tmp_path / "out", recording)
-    folder.append_row(full_row())
+    folder.rows.append(full_row())
     assert not folder.remove_if_unused()
-    assert len(list(folder.rows())) == 1
+    assert len(list(folder.rows)) == 1
 
 
 def test_run_of_another_process_is_not_resumed(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
-    folder.append_row(full_row())
+    folder.rows.append(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("half a li")
     before = {file: file.read_bytes() for file in folder.path.iterdir()}
-    with folder.locked(), pytest.raises(EvaluationError, match="another process"):
+    with folder.rows.locked(), pytest.raises(EvaluationError, match="another process"):
         start(tmp_path / "out", recording, resume=True)
     assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
 
@@ -286,7 +287,7 @@ def test_recording_that_has_moved_is_the_same(tmp_path):
     start(tmp_path / "out", small.recording_at(bag))
     moved = bag.rename(tmp_path / "drive")
     start(tmp_path / "out", small.recording_at(moved), resume=True)
-    (known,) = RunFolder(tmp_path / "out").known_recordings()
+    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
     assert known.path == str(moved)
 
 
@@ -322,7 +323,7 @@ def test_run_of_an_early_version_can_be_read(tmp_path, recording):
     differing = {k for k, v in run.options.settings.to_mapping().items() if before[k] != v}
     assert differing == set()
     assert run.recordings[0].fingerprint is None
-    good, failed, dropped = folder.rows()
+    good, failed, dropped = folder.rows
     assert good.failure is None
     assert failed.failure == Failure(FailureKind.FAILED, "no points")
     assert dropped.failure == DROPPED
@@ -354,16 +355,16 @@ def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
 
     start(tmp_path / "out", damaged("old"))
     start(tmp_path / "out", damaged("new"), resume=True)
-    (known,) = RunFolder(tmp_path / "out").known_recordings()
+    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
     assert known.damages == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
 
 
-def test_folder_without_a_run_has_no_known_recordings(tmp_path):
-    assert RunFolder(tmp_path / "nowhere").known_recordings() == []
-    assert RunFolder(tmp_path).known_recordings() == []
+def test_folder_without_a_run_holds_nothing_from_before(tmp_path):
+    assert RunFolder(tmp_path / "nowhere").before(resume=True) is None
+    assert RunFolder(tmp_path).before(resume=True) is None
     (tmp_path / "text.txt").touch()
     with pytest.raises(EvaluationError, match="holds no run"):
-        RunFolder(tmp_path).known_recordings()
+        RunFolder(tmp_path).before(resume=True)
 
 
 def test_path_that_is_no_text_comes_back(tmp_path, recording):

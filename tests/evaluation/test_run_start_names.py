@@ -132,5 +132,5 @@ def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, 
     recording = small.recording_at(bags[0])
     for has_checksums in (before, now):
         resume(tmp_path / "out", replace(recording, has_checksums=has_checksums))
-    (known,) = RunFolder(tmp_path / "out").known_recordings()
+    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
     assert known.has_checksums == (before and now)

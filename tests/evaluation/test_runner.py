@@ -8,19 +8,14 @@ import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError, RecordingError, SettingsError
 from mnsf_ros.evaluation import task as task_module
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics, recording_names
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.runner import (
-    TaskFailed,
-    TaskRestarted,
-    plan_runs,
-    run_evaluation,
-    run_serially,
-)
-from mnsf_ros.evaluation.task import run_task
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
+from mnsf_ros.evaluation.task import TaskFailed, TaskRestarted, run_task
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -47,7 +42,7 @@ def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_seria
     options = options or small.options()
     recordings, methods = [small.recording_at(bag)], small.methods_of(methods, options)
     folder = RunFolder(out).start(recordings, methods, options, resume=resume)
-    runs = plan_runs(recordings, methods, options, folder)
+    runs = plan_runs(recordings, methods, options, folder.rows)
     events = []
 
     def watched(task, event):
@@ -55,7 +50,7 @@ def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_seria
         if watch is not None:
             watch(task, event)
 
-    failed = run_evaluation(runs, options, folder, execute=execute, watch=watched)
+    failed = run_evaluation(runs, options, folder.rows, execute=execute, watch=watched)
     return failed, events, folder
 
 
@@ -163,11 +158,11 @@ def test_run_writes_rows_and_tasks(bag, tmp_path):
     failed, events, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"])
     assert num_rows(events) == 10
     assert not failed
-    rows = list(folder.rows())
+    rows = list(folder.rows)
     assert [(row.method, row.number) for row in rows] == [
         (method, number) for method in ("zero", "ego") for number in range(1, 6)
     ]
-    assert set(folder.read_finished()) == {("drive", "zero"), ("drive", "ego")}
+    assert set(folder.rows.finished()) == {("drive", "zero"), ("drive", "ego")}
 
 
 def test_resume_of_a_finished_run_does_nothing(bag, tmp_path):
@@ -206,14 +201,14 @@ def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, who
     options, methods = small.options(changes), ["mnsf", "fnsf"]
     with pytest.raises(Stop):
         evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(number))
-    kept = {(r.method, r.number): r.time_ms for r in list(_folder(tmp_path / "out").rows())}
+    kept = {(r.method, r.number): r.time_ms for r in list(_folder(tmp_path / "out").rows)}
     assert len(kept) == number - (number > 5)
     *_, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
     assert by_key(resumed) == by_key(expected)
-    assert len(list(resumed.rows())) == 10
+    assert len(list(resumed.rows)) == 10
     if not changes:
         # What was there was not computed again.
-        times = {(row.method, row.number): row.time_ms for row in resumed.rows()}
+        times = {(row.method, row.number): row.time_ms for row in resumed.rows}
         assert kept.items() <= times.items()
 
 
@@ -224,15 +219,15 @@ def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
         evaluate(tmp_path / "out", bag, [method, "fnsf"], options, watch=interrupted_after(8))
     folder = _folder(tmp_path / "out")
     recordings = [small.recording_at(bag)]
-    folder.drop_rows_of([])
+    folder.rows.drop([])
     (tmp_path / "out" / "tasks.jsonl").write_text("")
-    runs = plan_runs(recordings, small.methods_of([method, "fnsf"]), options, folder)
+    runs = plan_runs(recordings, small.methods_of([method, "fnsf"]), options, folder.rows)
     assert [len(run.skipped) for run in runs] == [0, 2]
     assert [run.again(frozenset({1}), options).skipped != frozenset() for run in runs] == [
         False,
         True,
     ]
-    assert {row.method for row in folder.rows()} == {"fnsf"}
+    assert {row.method for row in folder.rows} == {"fnsf"}
 
 
 def _folder(path):
@@ -243,7 +238,7 @@ def _folder(path):
 
 def by_key(folder):
     return {
-        (row.recording, row.method, row.number): small.without_times(row) for row in folder.rows()
+        (row.recording, row.method, row.number): small.without_times(row) for row in folder.rows
     }
 
 
@@ -251,7 +246,7 @@ def test_method_added_to_a_run_is_all_that_is_computed(bag, tmp_path):
     evaluate(tmp_path / "out", bag, ["zero"])
     _, events, folder = evaluate(tmp_path / "out", bag, ["zero", "ego"], resume=True)
     assert num_rows(events) == 5
-    assert len(list(folder.rows())) == 10
+    assert len(list(folder.rows)) == 10
 
 
 def scripted(events):
@@ -271,7 +266,7 @@ def row(number, method="ego"):
 def test_rows_that_come_twice_after_a_restart_are_written_once(bag, tmp_path):
     events = [row(1), row(2), TaskRestarted("lost"), row(2), row(3), Findings()]
     *_, folder = evaluate(tmp_path / "out", bag, ["ego"], execute=scripted(events))
-    assert [item.number for item in folder.rows()] == [1, 2, 3]
+    assert [item.number for item in folder.rows] == [1, 2, 3]
 
 
 def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(bag, tmp_path):
@@ -280,15 +275,15 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
     execute = scripted([*events, TaskFailed("lost again")])
     options = small.options(WARM)
     failed, _, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
-    assert [item.number for item in folder.rows()] == [1]
+    assert [item.number for item in folder.rows] == [1]
     assert failed == {("drive", method): "lost again"}
-    assert folder.read_finished() == {}
+    assert folder.rows.finished() == {}
 
 
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):
     failed, _, folder = evaluate(tmp_path / "out", bag, ["mnfs", "ego"])
     assert "unknown method 'mnfs'" in failed["drive", "mnfs"]
-    assert len(list(folder.rows())) == 5
+    assert len(list(folder.rows)) == 5
 
 
 def test_sweeps_are_the_usual_ones_where_there_is_truth(bag):

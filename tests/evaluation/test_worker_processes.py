@@ -9,10 +9,10 @@ from dataclasses import replace
 import pytest
 import small_evaluations as small
 
+from mnsf_ros.evaluation.executors import MAX_ATTEMPTS, WorkerProcesses, run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.runner import MAX_ATTEMPTS, TaskFailed, TaskRestarted, run_serially
-from mnsf_ros.evaluation.worker_processes import WorkerProcesses
+from mnsf_ros.evaluation.task import TaskFailed, TaskRestarted
 
 METHODS = ("fnsf", "mnsf")
 

@@ -10,8 +10,10 @@ import subprocess
 import pytest
 from small_runs import pictured, rows, run_record
 
-from mnsf_ros.evaluation.run_results import results_of
+from mnsf_ros.report.cards import cards_of
+from mnsf_ros.report.closer_look import closer_look
 from mnsf_ros.report.page import write_report
+from mnsf_ros.report.run_results import results_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
@@ -31,7 +33,9 @@ def browse(tmp_path, page, *options):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(results_of(run_record(), rows()), path, pictured=[pictured()])
+    results = results_of(run_record(), rows())
+    look = closer_look(results)
+    write_report(results, path, look, cards_of(results.rows, look, [pictured()]))
     return path
 
 
@@ -68,7 +72,9 @@ def test_long_name_does_not_run_off_the_page(tmp_path):
     run = dataclasses.replace(run, recordings=[dataclasses.replace(run.recordings[0], name=name)])
     found = [dataclasses.replace(item, recording=name) for item in rows()]
     example = dataclasses.replace(pictured(), recording=name)
-    write_report(results_of(run, found), path, pictured=[example])
+    results = results_of(run, found)
+    look = closer_look(results)
+    write_report(results, path, look, cards_of(results.rows, look, [example]))
     browse(tmp_path, path, "--hide-scrollbars", "--window-size=700,6000", f"--screenshot={picture}")
     margin = imread(picture)[:, -12:, :3]
     assert (margin == margin[:, :1]).all(), "there is nothing in the margin on the right"

@@ -18,14 +18,14 @@ from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import plain, structured, to_json
-from mnsf_ros.evaluation.run_results import read_results
-from mnsf_ros.evaluation.runner import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.report.closer_look import badness
 from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
 from mnsf_ros.report.run_report import report_run
-from mnsf_ros.report.worst import badness
+from mnsf_ros.report.run_results import read_results
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -48,7 +48,9 @@ def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
     recording = choose_topics(inspect_recording(street), "street")
     methods = evaluated_methods(methods, options)
     run_folder = RunFolder(out).start([recording], methods, options, resume=False)
-    run_evaluation(plan_runs([recording], methods, options, run_folder), options, run_folder)
+    run_evaluation(
+        plan_runs([recording], methods, options, run_folder.rows), options, run_folder.rows
+    )
     return out
 
 
@@ -69,7 +71,7 @@ def test_flows_that_were_written_are_drawn(street, tmp_path):
 def test_missed_movers_are_pictured_beside_the_worst_sweeps(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["ego"])
     item = ObjectRow(1, "car", True, 5.0, 12.0, 50, 0.0, place_m=(8.0, 3.0))
-    rows = list(RunFolder(folder).rows())
+    rows = list(RunFolder(folder).rows)
     best = min(rows, key=badness)
     movers = MoverRow((0, 0, 50), 0, objects=[item])
     rows = [dataclasses.replace(row, movers=movers) if row is best else row for row in rows]
@@ -92,7 +94,7 @@ def test_other_flows_are_estimated_once_more(street, tmp_path):
 
 def test_both_sources_give_the_same_pictures(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", write_flow=True)
-    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows())
+    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows)
     rows = [row for row in rows if row.method == "ego"][:1]
     (recorded,) = recorded_examples(folder, rows, METHODS)
     (estimated,) = estimated_examples(run, rows, METHODS, TimeBudget())
@@ -156,7 +158,7 @@ def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
 
 def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
-    rows = list(RunFolder(folder).rows())
+    rows = list(RunFolder(folder).rows)
     slow = [dataclasses.replace(row, time_ms=9e3 if row.method == "ego" else 1.0) for row in rows]
     (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in slow))
     text, said = report_of(folder, limit_s=8.0)
@@ -170,7 +172,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
 
 def test_no_time_at_all_leaves_a_report(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["zero"])
-    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows())
+    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows)
     assert estimated_examples(run, rows, ["zero"], TimeBudget(0.0)) == []
 
 

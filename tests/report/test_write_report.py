@@ -11,9 +11,10 @@ from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_rec
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.results import Failure, FailureKind
-from mnsf_ros.evaluation.run_results import results_of
+from mnsf_ros.report.cards import cards_of
+from mnsf_ros.report.closer_look import closer_look
 from mnsf_ros.report.page import write_report
-from mnsf_ros.report.worst import missed_movers
+from mnsf_ros.report.run_results import results_of
 
 without_drawing = pytest.mark.usefixtures("without_drawing")
 WITHOUT_END = {"meta", "link", "img", "br"}
@@ -47,9 +48,10 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
-def report(tmp_path, rows, run, **options):
-    path = tmp_path / "report.html"
-    write_report(results_of(run, rows), path, **options)
+def report(tmp_path, rows, run, pictured=()):
+    path, results = tmp_path / "report.html", results_of(run, rows)
+    look = closer_look(results)
+    write_report(results, path, look, cards_of(results.rows, look, pictured))
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
     return Page(path.read_text(encoding="utf-8"))
 
@@ -124,12 +126,13 @@ def missed_mover(name="<b>car</b>"):
 @without_drawing
 def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
     found = [missed_mover(), row(2, "mnsf", 0.2)]
-    (missed,) = missed_movers(found, "mnsf")
-    page = report(tmp_path, found, run_record(), missed=[(missed, pictured())])
+    page = report(tmp_path, found, run_record(), pictured=[pictured()])
     assert "Movers that mnsf missed in most sweeps" in page.text
     assert "Missed: <b>car</b> in street" in page.text
     assert "missed in 1 sweeps, here lost by: too large" in page.text
-    (image,) = page.all("img")
+    # The sweep is the worst one, too: truth, two methods, and the mover.
+    *_, image = page.all("img")
+    assert len(page.all("img")) == 4
     assert "What moves around the <b>car</b>" in image["alt"]
 
 
@@ -138,10 +141,8 @@ def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
 )
 def test_missed_mover_without_truth_or_flow_has_no_picture(tmp_path, example):
     found = [missed_mover()]
-    page = report(
-        tmp_path, found, run_record(), missed=[(missed_movers(found, "mnsf")[0], example)]
-    )
-    assert page.all("img") == []
+    page = report(tmp_path, found, run_record(), pictured=[example])
+    assert len(page.all("img")) == (2 if example.flows else 1), "those of the worst sweep alone"
     assert "Missed: " not in page.text
 
 

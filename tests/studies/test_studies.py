@@ -10,10 +10,10 @@ import pytest
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_results import read_results
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import preset
 from mnsf_ros.report.run_report import report_run
+from mnsf_ros.report.run_results import read_results
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.studies.method_study import METHOD_STUDIES
@@ -111,20 +111,20 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     said = []
     options = replace(options, say=said.append)
     run_study("fusion", options)
-    num_rows = len(list(RunFolder(options.out / "evaluation").rows()))
+    num_rows = len(list(RunFolder(options.out / "evaluation").rows))
     assert num_rows == 2 * 4
     assert said[-1].startswith("8 of 8: mnsf-mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
-    assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
+    assert len(list(RunFolder(options.out / "evaluation").rows)) == num_rows
 
 
 def test_method_study_takes_all_examples_of_a_recording(options):
     said = []
     run_study("fusion", replace(options, max_examples=None, say=said.append))
     # Seven sweeps have five with one before and one after.
-    assert len(list(RunFolder(options.out / "evaluation").rows())) == 5 * 4
+    assert len(list(RunFolder(options.out / "evaluation").rows)) == 5 * 4
     assert said[-1].startswith("20 of 20: ")
 
 

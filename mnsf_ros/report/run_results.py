@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
-from mnsf_ros.evaluation.notes import Note, notes_of, protocol_text
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.report.notes import Note, notes_of, protocol_text
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def read_results(folder: RunFolder) -> RunResults:
     Raises:
         EvaluationError: There is no run, or its files are damaged.
     """
-    return results_of(folder.read_record(), folder.rows(), folder.read_finished().values())
+    return results_of(folder.read_record(), folder.rows, folder.rows.finished().values())
 
 
 def results_of(
