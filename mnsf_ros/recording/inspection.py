@@ -16,6 +16,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
+from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.inspected import Inspection, Progress
 from mnsf_ros.recording.mcap_parts import (
     MCAP_UNREADABLE,
