@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import suppress
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -251,8 +252,38 @@ def test_what_nobody_reads_in_metadata_may_be_anything(metadata, old, new):
 
 def test_metadata_has_a_limit(metadata):
     with metadata.open("a") as file:
-        file.write("# " + "x" * 2**24)
-    assert_refused(metadata.parent, f"larger than {2**24} bytes")
+        file.write("# " + "x" * 2**20)
+    assert_refused(metadata.parent, f"larger than {2**20} bytes")
+
+
+@pytest.mark.parametrize("name", ["../other/bag.mcap", "/etc/hostname", "..", "/"])
+def test_metadata_leads_to_no_file_outside_of_its_folder(metadata, name):
+    other = tiny_bags.write_mcap(metadata.parents[1] / "other", indices=range(3))
+    assert (other / "bag.mcap").exists() or list(other.glob("*.mcap"))
+    content = metadata.read_text()
+    metadata.write_text(content.replace("- bag.mcap", f"- {name}"))
+    (metadata.parent / "bag.mcap").unlink()
+    with pytest.raises(RecordingError, match="cannot be read: "):
+        read_all(metadata.parent)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a [x, x]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+        + "".join(
+            f"{name}: &{name} [{', '.join(9 * ['*' + before])}]\n"
+            for before, name in pairwise("bcdefghijklmnop")
+        ),
+        "[" * 100_000,
+        "!!python/object/apply:os.system ['true']",
+        "- " * 100_000,
+    ],
+)
+def test_hostile_yaml_is_refused(metadata, text):
+    """References that grow without end, nesting without end, and objects to be made."""
+    metadata.write_text(text)
+    assert_refused(metadata.parent, "metadata.yaml: cannot be read: ")
 
 
 def test_lie_about_the_number_of_messages_does_no_harm(metadata):
