@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,43 @@ def test_of_the_command_line_while_it_starts(module: str) -> None:
     ended = interrupted("mnsf_ros.cli.__main__", module, "parameters")
     assert (ended.returncode, ended.stdout) == (130, "")
     assert ended.stderr == "mnsf: interrupted\n"
+
+
+_WITHIN_EXEC = """
+    exec("os.kill(os.getpid(), signal.SIGTERM); [i for i in range(1000)]")
+"""
+_WITHIN_CALLBACK = """
+    owner = set()
+    callback = lambda _: [os.kill(os.getpid(), signal.SIGINT), [i for i in range(1000)]]
+    reference = weakref.ref(owner, callback)
+    del owner
+    time.sleep(20)
+"""
+
+
+@pytest.mark.parametrize("place", [_WITHIN_EXEC, _WITHIN_CALLBACK])
+def test_of_the_command_line_where_python_swallows_it_or_ends_itself(
+    tmp_path: Path, place: str
+) -> None:
+    """Imports are full of both: dataclasses are made by exec(), locks of modules have callbacks."""
+    script = f"""
+import os, signal, time, weakref
+from mnsf_ros.cli import main, parameters
+
+def interrupted(options):{place}
+parameters._run = interrupted
+main.main(["parameters"])
+"""
+    (tmp_path / "interrupted.py").write_text(script)
+    ended = subprocess.run(
+        [sys.executable, "-m", "interrupted"],
+        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (130, "mnsf: interrupted\n")
 
 
 def test_of_the_command_line_while_it_ends() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import io
 import os
 import signal
@@ -30,6 +31,8 @@ _SUBCOMMANDS = (demo, play, flow, evaluate, explain, report, study, simulate, co
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+_AGAIN_S = 0.01
+
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 
@@ -44,16 +47,24 @@ def main(arguments: list[str] | None = None) -> None:
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     for number in heard:
         signal.signal(number, _interrupt)
+    signal.signal(signal.SIGALRM, _interrupt)
+    sys.unraisablehook = _interrupt_again
     _print_any_text()
     try:
-        sys.exit(run(arguments))
+        status = run(arguments)
     finally:
         # Python takes a while to end, and answers an interruption of that with a traceback.
-        for number in heard:
+        for number in (*heard, signal.SIGALRM):
             signal.signal(number, _leave)
         for stream in filter(None, (sys.stdout, sys.stderr)):
             with suppress(OSError, ValueError):
                 stream.flush()
+    if status == EXIT_INTERRUPTED:
+        # With -m Python ends itself by SIGINT, whatever the status, after an interruption within
+        # exec() of a text, which dataclasses do when they are imported.
+        atexit._run_exitfuncs()
+        os._exit(status)
+    sys.exit(status)
 
 
 def run(arguments: list[str] | None = None) -> int:
@@ -93,6 +104,14 @@ def _print_any_text() -> None:
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
     """All signals are a Ctrl-C: child processes are ended, half-written files removed."""
     raise KeyboardInterrupt
+
+
+def _interrupt_again(unraisable: sys.UnraisableHookArgs) -> None:
+    """Within a callback of the interpreter, for example of a weak reference, nothing is raised."""
+    if unraisable.exc_type is KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
