@@ -54,7 +54,7 @@ setup(
     ],
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
     package_data={
-        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*"],
+        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*", "view/*.json"],
         "msg_utils": ["py.typed"],
     },
     data_files=[
@@ -87,7 +87,9 @@ setup(
         "networks": ["torch>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.8", "protobuf>=4.22"],
         "ray": ["ray>=2.40"],
-        "test": ["pytest>=7.4,<9", "import-linter>=2"],
+        # For `mnsf view`.
+        "view": ["foxglove-sdk>=0.20,<0.40"],
+        "test": ["pytest>=7.4,<9", "import-linter>=2", "websockets>=12"],
         "lint": ["ruff", "mypy"],
         # What `make benchmark-online` compares the cost with.
         "benchmark": ["kiss-icp>=1.2,<2"],

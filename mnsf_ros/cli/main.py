@@ -23,11 +23,24 @@ from mnsf_ros.cli import (
     report,
     simulate,
     study,
+    view,
 )
 from mnsf_ros.cli.arguments import IntermixedParser
 from mnsf_ros.errors import MnsfError
 
-_SUBCOMMANDS = (demo, play, flow, evaluate, explain, report, study, simulate, convert, parameters)
+_SUBCOMMANDS = (
+    demo,
+    view,
+    play,
+    flow,
+    evaluate,
+    explain,
+    report,
+    study,
+    simulate,
+    convert,
+    parameters,
+)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -22,7 +22,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _run)
     arguments.value("bag", "recording, of ROS 1 or ROS 2", Path)
     arguments.value("--topics TOPIC", "only these topics", nargs="+")
-    arguments.value("--rate", "speed over that of the recording", _rate, 1.0)
+    arguments.value("--rate", "speed over that of the recording", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
     arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
 
@@ -45,7 +45,12 @@ def _run(options: argparse.Namespace) -> None:
         play(reader, how, lambda number: progress.update(task, completed=number), console.warn)
 
 
-def _rate(text: str) -> float:
+def rate(text: str) -> float:
+    """Returns how fast to play.
+
+    Raises:
+        ArgumentTypeError: The text is no number, or one out of range.
+    """
     with suppress(ValueError):
         if _SLOWEST <= float(text) <= _FASTEST:
             return float(text)

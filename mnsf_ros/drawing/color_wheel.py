@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ SLOW: Final[Color] = (0.36, 0.38, 0.42)
 # Directions and lengths that packed colours tell apart, more than eyes do.
 _NUM_HUES: Final = 360
 _NUM_STRENGTHS: Final = 64
+_HUE_STEP: Final = 0.618  # of a turn, from object to object
 
 
 def flow_colors(
@@ -56,6 +58,11 @@ def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[
     is still to be seen. From `full_length_m` on, metres above 0, the colour is full.
     """
     return _looked_up(np.ascontiguousarray(motion), np.float32(1 / full_length_m), _TABLE)
+
+
+def object_color(number: int) -> Color:
+    """Returns the colour of an object, by its number: those of neighbouring numbers differ most."""
+    return colorsys.hsv_to_rgb(number * _HUE_STEP % 1, 0.7, 1.0)
 
 
 def _table() -> NDArray[np.uint32]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 import math
 from collections.abc import Sequence
 from typing import Any, Final
@@ -14,6 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.core.object_columns import object_columns
+from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.node.cloud_messages import encoded_message
 from msg_utils.point_cloud2 import encode_columns
 
@@ -22,7 +22,6 @@ _LIFETIME_S: Final = 2
 _NAMESPACES: Final = ("box", "velocity", "label")
 _SMALLEST_M: Final = 0.01  # viewers refuse markers without an extent
 _TEXT_HEIGHT_M: Final = 0.7
-_HUE_STEP: Final = 0.618  # of a turn: neighbouring ids differ most
 
 
 def objects_message(header: Header, objects: Sequence[TrackedObject]) -> PointCloud2:
@@ -92,6 +91,6 @@ def _marker(header: Header, item: TrackedObject, name: str, shape: int) -> Marke
     marker.lifetime.sec = _LIFETIME_S
     place, color = marker.pose.position, marker.color
     place.x, place.y, place.z = item.center.tolist()
-    color.r, color.g, color.b = colorsys.hsv_to_rgb(item.track_id * _HUE_STEP % 1, 0.7, 1.0)
+    color.r, color.g, color.b = object_color(item.track_id)
     color.a = 1.0
     return marker

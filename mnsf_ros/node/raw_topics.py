@@ -87,6 +87,10 @@ class RawTopics:
             message_class(msgtype), topic, on_message, _qos(depth=depth), raw=True
         )
 
+    def unsubscribe(self, subscription: Any) -> None:  # noqa: ANN401
+        """Ends what `subscribe` returned."""
+        self._node.destroy_subscription(subscription)
+
     def clock(self) -> Callable[[int], None]:
         """Returns what publishes a time in nanoseconds on /clock."""
         publisher = self._node.create_publisher(Clock, "/clock", _DEPTH)

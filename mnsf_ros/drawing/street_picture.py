@@ -1,0 +1,202 @@
+"""One picture of a sweep in perspective: what moves is coloured, with boxes and speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from mnsf_ros.drawing.color_wheel import flow_colors, packed_colors
+
+WIDTH_PX: Final = 880
+HEIGHT_PX: Final = 470
+_SCALE: Final = 2  # drawn larger and made smaller, so that edges are smooth
+_BACKGROUND: Final = np.array([13, 15, 20], np.uint8)
+_INK: Final = (225, 228, 232)
+_FAINT: Final = (140, 147, 156)
+# The camera is behind and above the sensor and looks ahead and down.
+_CAMERA: Final = np.array([-17.0, 0.0, 17.0])
+_PITCH_DEG: Final = 35.0
+_FOCAL_PX: Final = 620.0 * _SCALE
+_NEAREST_M: Final = 2.0
+_FARTHEST_M: Final = 120.0
+_GROUND_M: Final = -1.8  # about so far below the lidar of a car
+_STATIC_PX: Final = 2
+_MOVING_PX: Final = 4
+_WHEEL_PX: Final = 74
+_EDGES: Final = ((0, 1), (1, 3), (3, 2), (2, 0), (4, 5), (5, 7), (7, 6), (6, 4))
+_PILLARS: Final = ((0, 4), (1, 5), (2, 6), (3, 7))
+
+
+@dataclass(frozen=True, eq=False)
+class ShownObject:
+    """A box with its velocity.
+
+    Attributes:
+        center: (3,) metres, sensor frame.
+        size: (3,) metres: length along `yaw`, width, height.
+        yaw: Radians about z.
+        velocity: (3,) metres per second over ground.
+        way: (K, 3) metres, where its middle was before, oldest first.
+    """
+
+    center: NDArray[np.float64]
+    size: NDArray[np.float64]
+    yaw: float
+    velocity: NDArray[np.float64]
+    way: NDArray[np.float32]
+
+
+def street_picture(
+    xyz: NDArray[np.float32],
+    velocity: NDArray[np.float32],
+    objects: Sequence[ShownObject],
+    full_speed_m_s: float,
+) -> Image.Image:
+    """Draws a sweep, 880 x 470 pixels.
+
+    Args:
+        xyz: (N, 3) metres, sensor frame, x forward.
+        velocity: (N, 3) metres per second over ground; what does not move is grey.
+        objects: What moves.
+        full_speed_m_s: Speed of the full colour.
+    """
+    image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
+    canvas = ImageDraw.Draw(image, "RGBA")
+    _draw_sensor(canvas)
+    for item in objects:
+        _draw_object(canvas, item, full_speed_m_s)
+    image = image.resize((WIDTH_PX, HEIGHT_PX), Image.Resampling.BOX)
+    _draw_legend(image, full_speed_m_s)
+    return image
+
+
+def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pixels (N, 2) of points (N, 3), and their depths (N,) in metres."""
+    pitch = math.radians(_PITCH_DEG)
+    x, y, z = (points - _CAMERA).T
+    depth = x * math.cos(pitch) - z * math.sin(pitch)
+    up = x * math.sin(pitch) + z * math.cos(pitch)
+    safe = np.maximum(depth, _NEAREST_M)
+    columns = _SCALE * WIDTH_PX / 2 - _FOCAL_PX * y / safe
+    rows = _SCALE * HEIGHT_PX / 2 - _FOCAL_PX * up / safe
+    return np.column_stack([columns, rows]), depth
+
+
+def _points(
+    xyz: NDArray[np.float32], velocity: NDArray[np.float32], full_speed_m_s: float
+) -> NDArray[np.uint8]:
+    """The image (H, W, 3) of the points, the nearest on top, what moves over all."""
+    canvas = np.empty((_SCALE * HEIGHT_PX, _SCALE * WIDTH_PX, 3), np.uint8)
+    canvas[:] = _BACKGROUND
+    pixels, depth = _projected(xyz.astype(np.float64))
+    packed = packed_colors(velocity, full_speed_m_s)
+    colors = np.column_stack([packed >> 16, packed >> 8 & 0xFF, packed & 0xFF]).astype(np.float64)
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) > 0
+    # What is static fades into the distance, and is lighter above the ground.
+    light = np.clip(1.0 + 0.16 * xyz[:, 2], 0.55, 1.4) * np.clip(1.4 - depth / 80, 0.35, 1.0)
+    colors[~moving] *= light[~moving, None]
+    visible = (depth > _NEAREST_M) & (depth < _FARTHEST_M)
+    for chosen, size in ((visible & ~moving, _STATIC_PX), (visible & moving, _MOVING_PX)):
+        rows = np.flatnonzero(chosen)
+        rows = rows[np.argsort(-depth[rows], kind="stable")]
+        _splat(canvas, pixels[rows].astype(np.int64), colors[rows].astype(np.uint8), size)
+    return canvas
+
+
+def _splat(
+    canvas: NDArray[np.uint8], pixels: NDArray[np.int64], colors: NDArray[np.uint8], size: int
+) -> None:
+    """Sets squares of pixels; later ones cover earlier ones."""
+    height, width, _ = canvas.shape
+    for right in range(size):
+        for down in range(size):
+            columns, rows = pixels[:, 0] + right, pixels[:, 1] + down
+            inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+            canvas[rows[inside], columns[inside]] = colors[inside]
+
+
+def _draw_object(canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float) -> None:
+    pixels, depth = _projected(_corners(item))
+    if (depth < _NEAREST_M).any():
+        return
+    color = _color(item.velocity, full_speed_m_s)
+    points = [tuple(pixel) for pixel in pixels.tolist()]
+    for first, second in (*_EDGES, *_PILLARS):
+        canvas.line([points[first], points[second]], fill=(*color, 210), width=_SCALE)
+    _draw_way(canvas, item, color)
+    speed = float(np.hypot(item.velocity[0], item.velocity[1]))
+    x = (pixels[:, 0].min() + pixels[:, 0].max()) / 2
+    size_px = 12 * _SCALE
+    canvas.text(
+        (x, pixels[:, 1].min() - 4 * _SCALE),
+        f"{speed:.1f} m/s",
+        font=_font(size_px),
+        fill=_INK,
+        anchor="mb",
+        stroke_width=_SCALE,
+        stroke_fill=tuple(_BACKGROUND.tolist()),
+    )
+
+
+def _draw_sensor(canvas: ImageDraw.ImageDraw) -> None:
+    """An arrow on the ground that points ahead."""
+    arrow = np.array([[2.2, 0.0], [-1.6, 1.1], [-0.7, 0.0], [-1.6, -1.1]])
+    pixels, _ = _projected(np.column_stack([arrow, np.full(4, _GROUND_M)]))
+    canvas.polygon([tuple(pixel) for pixel in pixels.tolist()], fill=_INK)
+
+
+def _draw_way(canvas: ImageDraw.ImageDraw, item: ShownObject, color: tuple[int, int, int]) -> None:
+    """Where it was, fading."""
+    base = np.array([0.0, 0.0, -item.size[2] / 2])
+    pixels, depth = _projected(np.vstack([item.way, item.center]) + base)
+    for index in range(len(pixels) - 1):
+        if (depth[index : index + 2] > _NEAREST_M).all():
+            fade = round(200 * (index + 1) / len(pixels))
+            ends = [tuple(pixel) for pixel in pixels[index : index + 2].tolist()]
+            canvas.line(ends, fill=(*color, fade), width=2 * _SCALE)
+
+
+def _corners(item: ShownObject) -> NDArray[np.float64]:
+    """(8, 3): front before back, left before right; the lower four first."""
+    signs = np.array([[x, y, z] for z in (-1, 1) for x in (1, -1) for y in (1, -1)], float)
+    local = signs * item.size / 2
+    cos, sin = math.cos(item.yaw), math.sin(item.yaw)
+    turned = local @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turned + item.center, np.float64)
+
+
+def _color(velocity: NDArray[np.float64], full_speed_m_s: float) -> tuple[int, int, int]:
+    packed = int(packed_colors(velocity[None].astype(np.float32), full_speed_m_s)[0])
+    return packed >> 16, packed >> 8 & 0xFF, packed & 0xFF
+
+
+def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
+    """The wheel of colours as it is seen from here: ahead is up."""
+    size = _WHEEL_PX * _SCALE
+    across = np.linspace(-1.0, 1.0, size)
+    left, ahead = -across[None, :].repeat(size, 0), -across[:, None].repeat(size, 1)
+    radius = np.hypot(left, ahead)
+    directions = np.column_stack([ahead.ravel(), left.ravel()])
+    colors = flow_colors(directions / np.sqrt(radius).reshape(-1, 1), 1.0)  # as packed_colors
+    alpha = 255 * np.clip((1.0 - radius) * size / 2, 0.0, 1.0)
+    rgba = np.dstack([255 * colors.reshape(size, size, 3), alpha]).astype(np.uint8)
+    wheel = Image.fromarray(rgba, "RGBA").resize((_WHEEL_PX, _WHEEL_PX), Image.Resampling.BOX)
+    x, y = WIDTH_PX - _WHEEL_PX - 22, HEIGHT_PX - _WHEEL_PX - 34
+    image.paste(wheel, (x, y), wheel)
+    canvas = ImageDraw.Draw(image)
+    middle = x + _WHEEL_PX / 2
+    canvas.text((middle, y - 4), "ahead", font=_font(12), fill=_FAINT, anchor="mb")
+    below = f"full colour {full_speed_m_s:g} m/s"
+    canvas.text((middle, HEIGHT_PX - 12), below, font=_font(12), fill=_FAINT, anchor="mb")
+
+
+def _font(size_px: int) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(Path(mpl.get_data_path(), "fonts/ttf/DejaVuSans.ttf")), size_px)

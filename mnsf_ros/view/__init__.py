@@ -1,0 +1,1 @@
+"""A recording or a running node, seen live or as an animation."""

@@ -1,0 +1,76 @@
+"""What Foxglove and Lichtblick connect to: topics with messages of ROS 2, without ROS."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.recording.bag_messages import message_definition
+
+# Messages that wait for a slow viewer; then the oldest are dropped. Clouds have megabytes.
+_BACKLOG: Final = 16
+
+
+class ViewError(MnsfError):
+    """Nothing can be shown."""
+
+
+class ViewServer:
+    """A WebSocket server; use it as a context manager.
+
+    Attributes:
+        url: Where viewers find it.
+        app_url: A page that shows it in a browser.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        """Starts to listen; a port of 0 is any free one.
+
+        Raises:
+            ViewError: There is no foxglove-sdk, or the port cannot be used.
+        """
+        try:
+            import foxglove
+        except ImportError:
+            raise ViewError(
+                "no foxglove-sdk in this Python, by which it is shown: pip install 'mnsf_ros[view]'"
+            ) from None
+        self._foxglove: Any = foxglove
+        self._context = foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name="mnsf_ros",
+                host=host,
+                port=port,
+                context=self._context,
+                message_backlog_size=_BACKLOG,
+            )
+        except (OSError, RuntimeError, OverflowError) as error:
+            raise ViewError(
+                f"cannot serve on {host}:{port}: {error}; choose another --port"
+            ) from None
+        self.url = f"ws://{host}:{self._server.port}"
+        self.app_url = str(self._server.app_url())
+
+    def __enter__(self) -> ViewServer:
+        """Returns itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Ends the connections."""
+        self._server.stop()
+
+    def channel(self, topic: str, msgtype: str) -> Any:  # noqa: ANN401 - of a library without types
+        """Returns the channel of a topic for serialized messages of a type of ROS 2 Jazzy."""
+        schema = self._foxglove.Schema(
+            name=msgtype, encoding="ros2msg", data=message_definition(msgtype).encode()
+        )
+        return self._foxglove.Channel(
+            topic, schema=schema, message_encoding="cdr", context=self._context
+        )
+
+    def typed_channel(self, topic: str, kind: str) -> Any:  # noqa: ANN401
+        """Returns the channel of a topic for messages of Foxglove's own, such as `SceneUpdate`."""
+        from foxglove import channels
+
+        return getattr(channels, f"{kind}Channel")(topic, context=self._context)
