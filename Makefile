@@ -9,11 +9,11 @@ READY := $(VENV)/ready
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := networks,datasets,view,test,lint
+EXTRAS := networks,datasets,view,tune,test,lint
 # ROS is built with NumPy 1 and the libraries of the distribution.
 SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
-EXTRAS := wheels,networks,datasets,view,test,lint
+EXTRAS := wheels,networks,datasets,view,tune,test,lint
 endif
 
 # PyTorch's own index has torch without CUDA; that of the default index takes gigabytes. Only the

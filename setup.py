@@ -87,6 +87,8 @@ setup(
         "networks": ["torch>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.8", "protobuf>=4.22"],
         "ray": ["ray>=2.40"],
+        # For `mnsf tune`.
+        "tune": ["optuna>=5,<6"],
         # For `mnsf view`.
         "view": ["foxglove-sdk>=0.20,<0.40"],
         "test": ["pytest>=7.4,<9", "import-linter>=2", "websockets>=12"],

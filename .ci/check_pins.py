@@ -22,7 +22,7 @@ from setuptools import Distribution
 
 ROOT = Path(__file__).resolve().parents[1]
 VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
-EXTRAS = ("wheels", "networks", "datasets", "view", "test", "lint")
+EXTRAS = ("wheels", "networks", "datasets", "view", "tune", "test", "lint")
 UNREACHABLE = ("Failed to establish a new connection", "Name or service not known", "timed out")
 
 MACHINES = ("x86_64", "aarch64")

@@ -48,10 +48,13 @@ class EvaluationError(MnsfError, ValueError):
 def library_missing(error: ModuleNotFoundError) -> str:
     """Returns which library is not installed, for which Python, and what to do: one line."""
     name = (error.name or str(error)).partition(".")[0]
-    remedy = (
-        "pip install torch, or use a method without networks, for example online"
-        if name == "torch"
-        else "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon "
-        "build' in the virtual environment that has it"
+    remedies = {
+        "torch": "pip install torch, or use a method without networks, for example online",
+        "optuna": "pip install 'optuna>=5,<6'",
+    }
+    remedy = remedies.get(
+        name,
+        "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon build' "
+        "in the virtual environment that has it",
     )
     return f"the Python library {name!r} is not installed for {sys.executable}: {remedy}"

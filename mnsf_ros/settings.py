@@ -36,6 +36,7 @@ class Setting:
     maximum: float | None
     choices: tuple[str, ...]  # the words allowed, strings only
     fixed: bool  # it cannot change while a node runs
+    tuned: tuple[float, float] | None  # where `mnsf tune` searches, numbers only
 
     @property
     def unit(self) -> str:
@@ -96,9 +97,11 @@ def _setting(
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     fixed: bool = False,
+    tuned: tuple[float, float] | None = None,
 ) -> Any:  # noqa: ANN401 - dataclasses.field is typed like this, too
     metadata = {"text": text, "minimum": minimum, "maximum": maximum}
-    return field(default=default, metadata=metadata | {"choices": choices, "fixed": fixed})
+    others = {"choices": choices, "fixed": fixed, "tuned": tuned}
+    return field(default=default, metadata=metadata | others)
 
 
 @dataclass(frozen=True)
@@ -162,13 +165,17 @@ class GroundSettings:
         "Exclude ground points. Disable only for clouds without ground; otherwise objects merge "
         "and movers are missed",
     )
-    cell_size_m: float = _setting(0.5, "Cell size of the ground height map", 0.1, 10)
+    cell_size_m: float = _setting(
+        0.5, "Cell size of the ground height map", 0.1, 10, tuned=(0.3, 1.0)
+    )
     window_m: float = _setting(
         8.0, "Largest width of objects on the ground; wider structures count as terrain", 1, 50
     )
-    max_slope: float = _setting(0.25, "Steepest slope of the ground, rise over run", 0, 1)
+    max_slope: float = _setting(
+        0.25, "Steepest slope of the ground, rise over run", 0, 1, tuned=(0.1, 0.5)
+    )
     margin_m: float = _setting(
-        0.2, "Points lower than this above the height map are ground", 0.01, 2
+        0.2, "Points lower than this above the height map are ground", 0.01, 2, tuned=(0.1, 0.4)
     )
 
 
@@ -209,8 +216,9 @@ class EgoMotionSettings:
         "ground are 1.7 times as large",
         0.05,
         5,
+        tuned=(0.15, 0.6),
     )
-    map_cell_m: float = _setting(1.0, "Cell size of the local map", 0.1, 10)
+    map_cell_m: float = _setting(1.0, "Cell size of the local map", 0.1, 10, tuned=(0.5, 2.0))
     map_sweeps: int = _setting(
         30, "Map cells are deleted when not seen for this many sweeps", 1, 10_000
     )
@@ -255,16 +263,23 @@ class ObjectSettings:
         "Cell size for grouping: points in touching cells of the horizontal plane form one object",
         0.05,
         5,
+        tuned=(0.08, 0.35),
     )
     thinning_m: float = _setting(
-        0.1, "Cell size for thinning before objects are compared: one point per cell", 0.02, 1
+        0.1,
+        "Cell size for thinning before objects are compared: one point per cell",
+        0.02,
+        1,
+        tuned=(0.05, 0.2),
     )
     max_points: int = _setting(
         60_000, "Maximum number of points of a sweep that are compared", 1000, 10_000_000
     )
-    min_points: int = _setting(6, "Objects with fewer thinned points count as static", 3, 1000)
+    min_points: int = _setting(
+        6, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
+    )
     max_size_m: float = _setting(
-        12.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100
+        12.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(6, 25)
     )
     points_per_object: int = _setting(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
@@ -280,6 +295,7 @@ class ObjectSettings:
         "positives, more missed movers",
         0.01,
         0.99,
+        tuned=(0.1, 0.9),
     )
     max_unexplained: float = _setting(
         0.85,
@@ -287,6 +303,7 @@ class ObjectSettings:
         "it would have as a static object. Lower: fewer false positives, more missed movers",
         0.05,
         1,
+        tuned=(0.4, 1.0),
     )
 
 

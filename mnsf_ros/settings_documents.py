@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Collection
 
 from mnsf_ros.settings import Setting, Settings, SettingValue, declared_settings
 
 _WIDTH = 96
 
 
-def settings_yaml(settings: Settings, title: str) -> str:
+def settings_yaml(settings: Settings, title: str, names: Collection[str] | None = None) -> str:
     """A ROS parameter file that sets all parameters, each under a comment that explains it.
+
+    With `names`, only those that have one of these full names.
 
     Headed `/**:` because a file headed with a node's name is silently ignored once the node is
     renamed or put into a namespace. The title is its first comment.
@@ -19,6 +22,8 @@ def settings_yaml(settings: Settings, title: str) -> str:
     lines += ["/**:", "  ros__parameters:"]
     group = ""
     for setting in declared_settings():
+        if names is not None and setting.name not in names:
+            continue
         new_group, _, key = setting.name.partition(".")
         if new_group != group:
             lines.append(f"    {new_group}:")

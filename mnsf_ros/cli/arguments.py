@@ -88,13 +88,17 @@ class Arguments:
             default=default,
             choices=PRESET_NAMES,
         )
+        self.assignments("change a setting, for example crop.max_range_m=35; may be repeated")
+
+    def assignments(self, text: str) -> None:
+        """Adds `--set`; `parse_assignments` has the result."""
         self._container.add_argument(
             "--set",
             action="append",
             default=[],
             metavar="NAME=VALUE",
             dest="assignments",
-            help="change a setting, for example crop.max_range_m=35; may be repeated",
+            help=text,
         )
 
 

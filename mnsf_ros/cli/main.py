@@ -23,6 +23,7 @@ from mnsf_ros.cli import (
     report,
     simulate,
     study,
+    tune,
     view,
 )
 from mnsf_ros.cli.arguments import IntermixedParser
@@ -37,6 +38,7 @@ _SUBCOMMANDS = (
     explain,
     report,
     study,
+    tune,
     simulate,
     convert,
     parameters,

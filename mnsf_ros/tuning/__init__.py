@@ -1,0 +1,1 @@
+"""The best settings of the method online for recordings of one's own."""

@@ -1,0 +1,89 @@
+"""The halves of recordings: settings are chosen on the first one and judged on the second one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.errors import EvaluationError, MnsfError
+from mnsf_ros.evaluation.examples import Example, read_examples
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.methods import make_method
+from mnsf_ros.settings import Settings
+
+METHOD = "online"
+
+Estimate = tuple[Example, FlowEstimate | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Half:
+    """Examples of one half of each recording, in order.
+
+    Attributes:
+        stretches: One for each recording.
+    """
+
+    stretches: tuple[tuple[Example, ...], ...]
+
+    @property
+    def num_examples(self) -> int:
+        """How many there are in all."""
+        return sum(map(len, self.stretches))
+
+    def estimated(self, settings: Settings) -> Iterator[Iterator[Estimate]]:
+        """Yields, for each recording, its examples with their estimates; None where it fails."""
+        return (_estimated(stretch, settings) for stretch in self.stretches)
+
+
+def _estimated(stretch: Sequence[Example], settings: Settings) -> Iterator[Estimate]:
+    method = make_method(METHOD, settings)
+    for example in stretch:
+        try:
+            yield example, method.estimate(example.triplet)
+        except MnsfError:
+            yield example, None
+
+
+def read_halves(
+    recordings: Sequence[EvaluatedRecording], options: EvaluationOptions, max_examples: int
+) -> tuple[Half, Half]:
+    """Reads the first examples of both halves of each recording; no sweep is in both.
+
+    The points that are scored are those of `options`, whatever settings are tried later: settings
+    cannot win by leaving out what is difficult.
+
+    Raises:
+        EvaluationError: A half of all recordings has no example.
+        MnsfError: A recording cannot be read.
+    """
+    pairs = [_halves_of(recording, options, max_examples) for recording in recordings]
+    first, second = (Half(tuple(stretches)) for stretches in zip(*pairs, strict=True))
+    if not (first.num_examples and second.num_examples):
+        names = ", ".join(recording.name for recording in recordings)
+        raise EvaluationError(
+            f"{names}: too short to tune on one half and judge on the other; each half needs "
+            "three consecutive sweeps"
+        )
+    return first, second
+
+
+def _halves_of(
+    recording: EvaluatedRecording, options: EvaluationOptions, max_examples: int
+) -> tuple[tuple[Example, ...], tuple[Example, ...]]:
+    middle = recording.num_sweeps // 2
+    first: list[Example] = []
+    second: list[Example] = []
+    with recording.open() as reader:
+        for example in read_examples(reader, recording, options, Findings()):
+            # The current sweep has one before it and one after it.
+            if example.number + 1 < middle and len(first) < max_examples:
+                first.append(example)
+            elif example.number - 1 >= middle:
+                second.append(example)
+                if len(second) == max_examples:
+                    break
+    return tuple(first), tuple(second)
