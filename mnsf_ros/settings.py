@@ -279,7 +279,11 @@ class ObjectSettings:
         6, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
     )
     max_size_m: float = _setting(
-        12.0, "Longer objects count as static (walls, hedges, terrain)", 1, 100, tuned=(6, 25)
+        12.0,
+        "Longer objects count as static (walls, hedges, terrain), unless part of one came lately",
+        1,
+        100,
+        tuned=(6, 25),
     )
     points_per_object: int = _setting(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000

@@ -97,7 +97,7 @@ class ObjectFlowEstimator:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
-            scene = Scene.of(triplet, ready, self._memory, self.settings.objects.min_points)
+            scene = Scene.of(triplet, ready, self._memory, self.settings.objects)
         decision = self._decided(scene, clock)
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, decision)

@@ -41,9 +41,8 @@ class ObjectPoints:
         numbers, chosen, owners = _chosen(
             sweep.thinned,
             sweep.thinned_objects,
-            sweep.num_objects,
+            sweep.may_move,
             settings.min_points,
-            np.float32(settings.max_size_m),
             settings.points_per_object,
         )
         ranges = np.sqrt((chosen * chosen).sum(axis=1))
@@ -134,35 +133,28 @@ class ObjectPoints:
 
 @compiled(
     "Tuple((int64[::1], float32[:, ::1], int64[::1]))"
-    "(float32[:, ::1], int64[::1], int64, int64, float32, int64)"
+    "(float32[:, ::1], int64[::1], boolean[::1], int64, int64)"
 )
 def _chosen(
     points: NDArray[np.float32],
     objects: NDArray[np.int64],
-    num_objects: int,
+    may_move: NDArray[np.bool_],
     min_points: int,
-    max_size_m: np.float32,
     max_points: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
-    """Chooses points (T, 3) of objects (T,) that are neither too small nor too large to move.
+    """Chooses points (T, 3) of objects (T,) that may move and have enough points.
 
     Returns:
         (K,) the objects, (P, 3) their points, at most so many of each, and (P,) from 0 to K - 1.
     """
+    num_objects = len(may_move)
     counts = np.zeros(num_objects, np.int64)
-    low = np.full((num_objects, 2), np.float32(np.inf))
-    high = np.full((num_objects, 2), np.float32(-np.inf))
     for row in range(len(points)):
-        number = objects[row]
-        counts[number] += 1
-        for axis in range(2):
-            low[number, axis] = min(low[number, axis], points[row, axis])
-            high[number, axis] = max(high[number, axis], points[row, axis])
+        counts[objects[row]] += 1
     owner_of, first_of = np.full(num_objects, -1, np.int64), np.zeros(num_objects, np.int64)
     num_owners, num_chosen = 0, 0
     for number in range(1, num_objects):
-        size = max(high[number, 0] - low[number, 0], high[number, 1] - low[number, 1])
-        if counts[number] >= min_points and size < max_size_m:
+        if counts[number] >= min_points and may_move[number]:
             owner_of[number], first_of[number] = num_owners, num_chosen
             num_owners += 1
             num_chosen += min(counts[number], max_points)

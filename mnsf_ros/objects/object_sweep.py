@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.thinning import thinned
@@ -20,6 +22,8 @@ from mnsf_ros.sweeps.kept_points import kept_mask
 from mnsf_ros.sweeps.sweep import Sweep
 
 _MIN_POINTS: Final = 10
+# Points in touching cells of this size are one part of an object.
+_PART_CELL_M: Final = 0.25
 
 
 class ObjectSweep:
@@ -35,6 +39,7 @@ class ObjectSweep:
         thinned_objects: (T,) int, their objects.
         num_objects: Number of objects; number 0 is none.
         grid: The thinned points in cells.
+        may_move: (all objects,) bool, those that are not too long to move.
     """
 
     def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
@@ -64,11 +69,51 @@ class ObjectSweep:
         self.thinned = _thinned(points, settings)
         self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
+        self.may_move = self.sizes < settings.objects.max_size_m
 
     @cached_property
     def view(self) -> RangeView:
         """The range image of the sweep."""
         return RangeView(self.xyz)
+
+    @cached_property
+    def sizes(self) -> NDArray[np.float32]:
+        """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
+        return _sizes(self.thinned, self.thinned_objects, self.num_objects)
+
+    def with_parts(self, rows: NDArray[np.int64], may_move: NDArray[np.bool_]) -> ObjectSweep:
+        """Returns the same sweep with some thinned points, and what is around them, as new objects.
+
+        Args:
+            rows: (P,) the points; touching ones are one object, which may move.
+            may_move: (all objects,) which of the objects as they are may move.
+        """
+        other = copy(self)
+        other.may_move = may_move
+        if len(rows) == 0:
+            return other
+        chosen = self.thinned[rows]
+        parts = Segmentation(chosen, _PART_CELL_M)
+        low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
+        is_split = np.zeros(self.num_objects, np.bool_)
+        is_split[self.thinned_objects[rows]] = True
+
+        def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
+            own = np.flatnonzero(is_split[objects])
+            xy = points[own, :2]
+            own = own[((xy >= low) & (xy <= high)).all(axis=1)]
+            numbers, changed = parts.objects_of(points[own]), objects.copy()
+            changed[own[numbers > 0]] = numbers[numbers > 0] + self.num_objects - 1
+            return changed
+
+        num_parts = parts.num_objects - 1
+        other.__dict__.pop("sizes", None)
+        other.num_objects = self.num_objects + num_parts
+        other.may_move = np.append(may_move, np.ones(num_parts, np.bool_))
+        other.thinned_objects = apart(self.thinned, self.thinned_objects)
+        points = np.compress(self._in_objects, self.xyz, axis=0)
+        other._point_objects = apart(points, self._point_objects)
+        return other
 
     def objects(self) -> NDArray[np.int64]:
         """(N,) the object of each point of the sweep.
@@ -83,3 +128,23 @@ class ObjectSweep:
 def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
     stride = max(1, -(-len(points) // settings.objects.max_points))
     return thinned(points[::stride], settings.objects.thinning_m)
+
+
+@compiled("float32[::1](float32[:, ::1], int64[::1], int64)")
+def _sizes(
+    points: NDArray[np.float32], objects: NDArray[np.int64], number: int
+) -> NDArray[np.float32]:
+    """What `ObjectSweep.sizes` is, of points (N, 3) of objects (N,) from 0 to `number` - 1."""
+    low = np.full((number, 2), np.float32(np.inf), np.float32)
+    high = np.full((number, 2), np.float32(-np.inf), np.float32)
+    for point in range(len(points)):
+        for axis in range(2):
+            place, owner = points[point, axis], objects[point]
+            low[owner, axis] = min(low[owner, axis], place)
+            high[owner, axis] = max(high[owner, axis], place)
+    sizes = np.zeros(number, np.float32)
+    for owner in range(number):
+        sizes[owner] = max(
+            high[owner, 0] - low[owner, 0], high[owner, 1] - low[owner, 1], np.float32(0.0)
+        )
+    return sizes

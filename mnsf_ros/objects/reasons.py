@@ -38,7 +38,7 @@ class Reasons:
         size_m = float(np.ptp(points[:, :2], axis=0).max()) if len(points) else 0.0
         found = np.flatnonzero(self.decision.searched.objects.numbers == number)
         if len(found) == 0:
-            return Reason(self._before_search(number, len(points), size_m), len(points), size_m)
+            return Reason(self._before_search(number, len(points)), len(points), size_m)
         reason = Reason(
             Verdict.NO_BETTER_MOTION,
             len(points),
@@ -61,13 +61,13 @@ class Reasons:
             },
         )
 
-    def _before_search(self, number: int, num_points: int, size_m: float) -> Verdict:
+    def _before_search(self, number: int, num_points: int) -> Verdict:
         if num_points < self.settings.min_points:
             return Verdict.TOO_FEW_POINTS
         if number in self.decision.suspects.objects.numbers:
             return Verdict.LEFT_OUT
-        is_too_large = size_m >= self.settings.max_size_m
-        return Verdict.TOO_LARGE if is_too_large else Verdict.NOT_SUSPECTED
+        may_move = self.current.may_move[number]
+        return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE
 
 
 def _residuals(motions: JudgedMotions, row: int) -> dict[str, float]:

@@ -22,9 +22,11 @@ from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
+from mnsf_ros.objects.splitting import split
 from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
 
@@ -48,7 +50,11 @@ class Scene:
 
     @classmethod
     def of(
-        cls, triplet: SweepTriplet, ready: ReadySweeps, memory: MotionMemory, min_points: int
+        cls,
+        triplet: SweepTriplet,
+        ready: ReadySweeps,
+        memory: MotionMemory,
+        settings: ObjectSettings,
     ) -> Scene:
         """Looks at a triplet whose sweeps are ready."""
         start = memory.start(triplet)
@@ -63,7 +69,8 @@ class Scene:
             near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
-        return cls(current, Targets(near, past), interval_s, start, min_points)
+        current = split(current, past or near, settings.max_size_m)
+        return cls(current, Targets(near, past), interval_s, start, settings.min_points)
 
     @property
     def usual_interval_s(self) -> float:

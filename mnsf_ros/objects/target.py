@@ -16,6 +16,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to this.
 _TRUNCATION_M: Final = 0.5
+# A point farther off than this is that of something else.
+_NEAR_M: Final = 0.25
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
 # moved; less of the interval than this is not believed.
 _MIN_SHARE_OF_STEPS: Final = 0.5
@@ -90,6 +92,17 @@ class Target:
         )
         means = vectors / np.maximum(counts, 1)[:, None]
         return turned(means, self.from_current[:3, :3].T), counts
+
+    def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
+        places = transformed(points, self.from_current)
+        is_new, _ = self.sweep.view.free_and_hidden(places)
+        free = np.ascontiguousarray(places[is_new])
+        each, nothing = np.arange(len(free)), np.zeros_like(free)
+        exactly = np.zeros(len(free), np.float32)
+        _, _, num_near = self.sweep.grid.compared(free, each, nothing, np.eye(4), exactly, _NEAR_M)
+        is_new[is_new] = num_near == 0
+        return is_new
 
     def seen(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None

@@ -217,6 +217,15 @@ STAGES: Final[dict[str, Stage]] = {
         (*_HOUSES, *_POSTS),
         ego_speeds=((0.0, 0.25),),
     ),
+    "touching": Stage(
+        "people and scooters that touch a hedge, coaches of 17 m",
+        (
+            *(Mover("pedestrian", _along(6.85), 0.9 + 0.1 * n, 60.0 + 6.0 * n) for n in range(9)),
+            Mover("scooter", _along(-6.6), 6.0, 58.0, 4, -12.0),
+            Mover("coach", _along(2.2, _BACK), 8.0, 228.0, 2, -40.0),
+        ),
+        (*_HOUSES, Row("hedge", 7.5, 3.9), Row("hedge", -7.5, 3.9)),
+    ),
     "stop_and_go": Stage(
         "cars, scooters and people that start and stop",
         (

@@ -233,7 +233,8 @@ class TestManyMovers:
         assert result.num_left_out == 0
 
     def test_the_nearest_ones_are_looked_at_and_the_others_counted(self):
-        result = estimate(self.triplet(), **{"objects.max_suspects": 2})
+        # Parts of a long thing at 8 m, seen by few points, are among them.
+        result = estimate(self.triplet(), **{"objects.max_suspects": 6})
         np.testing.assert_array_equal(self.moving_share(result) > 0.5, [False, True, True, False])
         assert result.num_left_out >= 2
         # Nobody looked whether they move: that they stand is doubtful, as of all suspects.

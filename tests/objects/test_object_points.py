@@ -75,9 +75,10 @@ class TestOfASweep:
 
     def test_what_is_too_small_or_too_large_is_none(self, sweep):
         assert sweep.num_objects == 5
-        assert len(objects_of(sweep, min_points=6, max_size_m=12)) == 2
-        assert len(objects_of(sweep, min_points=5, max_size_m=12)) == 3
-        assert len(objects_of(sweep, min_points=6, max_size_m=16)) == 3
+        assert len(objects_of(sweep, min_points=6)) == 2
+        assert len(objects_of(sweep, min_points=5)) == 3
+        assert sweep.sizes[1:] == pytest.approx([0.0, 14.9, 2.0, 1.4], abs=0.05)
+        assert sweep.may_move.tolist() == [True, True, False, True, True]
 
     def test_at_most_so_many_points_stand_for_an_object(self, sweep):
         objects = objects_of(sweep, points_per_object=64)
