@@ -22,7 +22,10 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup demo test lint pins benchmark benchmark-online benchmark-movers config clean
+STREET := demo/street_seed0_6s
+STREET_OF_README := demo/street_seed3_6s
+
+.PHONY: setup demo view animation test lint pins benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -39,6 +42,17 @@ $(READY): setup.py constraints.txt
 
 demo: $(READY)
 	$(BIN)/mnsf demo $(if $(BAG),--bag '$(BAG)') $(if $(TOPIC),--topic '$(TOPIC)') $(DEMO_OPTIONS)
+
+# The demo's street, or BAG, live in a browser.
+view: $(READY) $(if $(BAG),,$(STREET))
+	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(TOPIC),--topic '$(TOPIC)') --loop $(VIEW_OPTIONS)
+
+$(STREET) $(STREET_OF_README): | $(READY)
+	$(BIN)/mnsf simulate --duration-s 6 --seed $(patsubst demo/street_seed%_6s,%,$@) $@
+
+# The animation in the README; two minutes.
+animation: $(READY) $(STREET_OF_README)
+	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
 
 test: $(READY)
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(TEST_OPTIONS)

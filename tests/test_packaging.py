@@ -28,7 +28,7 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 PYTHON_VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
-INSTALLED_EXTRAS = ("wheels", "networks", "datasets", "tune", "test", "lint")
+INSTALLED_EXTRAS = ("wheels", "networks", "datasets", "tune", "view", "test", "lint")
 
 
 def test_package_xml_has_the_version_of_the_package() -> None:
