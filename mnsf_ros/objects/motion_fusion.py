@@ -18,6 +18,9 @@ _MIN_BETTER_M: Final = 0.0025
 # So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
 # evenly.
 _MAX_SHARE: Final = 0.8
+# In the neighbouring sweeps it may leave so much more.
+_MAX_WORSE_M: Final = 0.01
+_SLOW_M: Final = 0.2
 # Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
 _LEVEL_M: Final = 0.05
 # To choose among candidates, a third of the points is enough.
@@ -183,9 +186,14 @@ def fuse_motions(
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
     near = Targets(targets.near, past=())
-    best = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
-    best = best_of(some, targets, with_past(some, targets, best), others, _MAX_SHARE)
-    return judge(objects, targets, best.motions, disagreement)
+    fitted = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
+    best = best_of(some, targets, with_past(some, targets, fitted), others, _MAX_SHARE)
+    # What brakes or starts moved otherwise before: the past does not outvote the neighbours. What
+    # is slow they hardly tell from noise.
+    is_fast = np.sqrt((best.motions**2).sum(axis=1)) > _SLOW_M
+    is_worse = is_fast & (best.cost > fitted.cost + _MAX_WORSE_M)
+    motions = np.where(is_worse[:, None], fitted.motions, best.motions)
+    return judge(objects, targets, motions, disagreement)
 
 
 def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -227,6 +227,27 @@ class TestFusion:
         )
         np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
 
+    def test_what_brakes_goes_as_the_neighbouring_sweeps_say_and_not_as_it_came(
+        self, objects, near, current
+    ):
+        """0.3 s ago it was 0.3 m farther back than at its present speed."""
+        faster = rows(1.1 * MOTION)
+        past = [target(prepared(moved_box(-3.3)), current, -3.0)]
+        matched = np.array([48])
+        now = MotionField(rows(MOTION), matched), MotionField(-rows(MOTION), matched)
+        for others, expected in (([], MOTION), ([faster], MOTION)):
+            fused = fuse_motions(objects, Targets(near, past), *now, rows(MOTION), others)
+            np.testing.assert_allclose(fused.motions, [expected], atol=1e-6)
+
+    def test_what_is_slow_goes_as_it_came_if_neighbours_hardly_tell(self, objects, current):
+        slow = rows(0.1 * MOTION)
+        near = [target(prepared(moved_box(0.1 * step)), current, step) for step in (1.0, -1.0)]
+        past = [target(prepared(moved_box(-0.6)), current, -6.0)]
+        off, matched = slow + rows((0.03, 0.03, 0)), np.array([48])
+        now = MotionField(off, matched), MotionField(-off, matched)
+        fused = fuse_motions(objects, Targets(near, past), *now, off, [slow])
+        np.testing.assert_allclose(fused.motions, slow, atol=1e-6)
+
     def test_what_has_no_match_at_all_is_no_division_by_zero(self, objects, near):
         nothing = MotionField(rows((0, 0, 0)), np.array([0]))
         fused = fuse_motions(objects, Targets(near, ()), nothing, nothing, rows((0, 0, 0)))
