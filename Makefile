@@ -25,7 +25,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
 
-.PHONY: setup demo view animation test lint pins benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup demo view animation test fuzz lint pins benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -56,6 +56,11 @@ animation: $(READY) $(STREET_OF_README)
 
 test: $(READY)
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(TEST_OPTIONS)
+
+# What readers of clouds, files and settings do with anything; FUZZ_EXAMPLES=100000 takes hours.
+FUZZ_EXAMPLES ?= 5000
+fuzz: $(READY)
+	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests/fuzzing $(TEST_OPTIONS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -69,7 +69,6 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "numba>=0.61",
-        "edt>=2.4",
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",
         "apsw>=3.40",
@@ -84,14 +83,14 @@ setup(
     extras_require={
         "wheels": ROS_WHEELS,
         # For the methods with networks (mnsf, fnsf, nsfp); online does without.
-        "networks": ["torch>=2.4"],
+        "networks": ["torch>=2.4", "edt>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.8", "protobuf>=4.22"],
         "ray": ["ray>=2.40"],
         # For `mnsf tune`.
         "tune": ["optuna>=5,<6"],
         # For `mnsf view`.
         "view": ["foxglove-sdk>=0.20,<0.40"],
-        "test": ["pytest>=7.4,<9", "import-linter>=2", "websockets>=12"],
+        "test": ["pytest>=7.4,<9", "import-linter>=2", "websockets>=12", "hypothesis>=6.100"],
         "lint": ["ruff", "mypy"],
         # What `make benchmark-online` compares the cost with.
         "benchmark": ["kiss-icp>=1.2,<2"],

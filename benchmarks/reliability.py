@@ -26,6 +26,8 @@ def _options() -> argparse.Namespace:
         if name in _NUMBERS:
             promise.add_argument("--number", type=int, default=_NUMBERS[name])
             promise.add_argument("--seed", type=int, default=0)
+        if name == "parameters":
+            promise.add_argument("--minutes", type=float, default=600, help="stop after them")
         if name == "clouds":
             promise.add_argument("--pause-ms", type=float, default=20, help="after each pair")
     return parser.parse_args()

@@ -222,10 +222,13 @@ def parameters(options: argparse.Namespace) -> Iterator[Figure]:
     good = serialized(sweep)
     changeable = [setting for setting in declared_settings() if not setting.fixed]
     wrong: list[str] = []
-    accepted = 0
+    accepted, done, end_s = 0, 0, time.monotonic() + options.minutes * 60
     with live_node("compute.device:=cpu") as node, _Parameters() as client:
         for number in range(options.number):
+            if time.monotonic() > end_s:
+                break
             node.process.check()
+            done += 1
             setting = changeable[int(random.integers(len(changeable)))]
             before, value = client.get(setting.name), _value(setting, random)
             is_accepted, after = client.set(setting.name, value), client.get(setting.name)
@@ -239,8 +242,8 @@ def parameters(options: argparse.Namespace) -> Iterator[Figure]:
             client.set(setting.name, setting.default)
         node.link.spin_for(2.0)
         is_alive = _is_answered(node, good)
-        changes = f"{options.number:,}, of them accepted {accepted:,}"
-        yield "changes", changes, 0 < accepted < options.number
+        changes = f"{done:,} of {options.number:,}, of them accepted {accepted:,}"
+        yield "changes", changes, 0 < accepted < done
         yield "not as answered", f"{len(wrong)} {'; '.join(wrong[:3])}", not wrong
         yield "flow after the defaults are set, without a restart", str(is_alive), is_alive
         node.settle()

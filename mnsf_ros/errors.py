@@ -50,6 +50,7 @@ def library_missing(error: ModuleNotFoundError) -> str:
     name = (error.name or str(error)).partition(".")[0]
     remedies = {
         "torch": "pip install torch, or use a method without networks, for example online",
+        "edt": "pip install edt, or use a method without networks, for example online",
         "optuna": "pip install 'optuna>=5,<6'",
     }
     remedy = remedies.get(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import edt
 import numpy as np
 import pytest
 import torch
 from moving_sweeps import QUICK
 
 from mnsf_ros.methods import make_method
+
+edt = pytest.importorskip("edt")
 
 GRID = {"distance.kind": "grid", "ego_motion.removed": True}
 

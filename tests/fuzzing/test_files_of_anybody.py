@@ -1,0 +1,155 @@
+"""Damaged and made-up files of every format: what is read, or one line that says why not."""
+
+from __future__ import annotations
+
+import importlib.util
+import tracemalloc
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.typesys import Stores, get_typestore
+
+from mnsf_ros.decompression import COMPRESSIONS, DecompressionError, decompress
+from mnsf_ros.decompression import MAX_BYTES as LIMIT
+from mnsf_ros.errors import RecordingError, SweepFileError
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.read_sweep import read_sweep
+from msg_utils.point_cloud2 import encode_columns
+
+XYZ = np.arange(12, dtype=np.float32).reshape(4, 3)
+PCD = (
+    "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\n"
+    "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\nDATA {}\n"
+)
+PLY = (
+    "ply\nformat {} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "end_header\n"
+)
+ROWS = "\n".join(" ".join(map(str, row)) for row in XYZ.tolist()).encode() + b"\n"
+# Where, how much is taken away, and what is put there instead.
+EDITS = st.lists(
+    st.tuples(st.floats(0, 1), st.integers(0, 40), st.binary(max_size=9)), min_size=1, max_size=4
+)
+# A Feather file of a kilobyte may claim as much as the largest cloud has, not more.
+MAX_BYTES = LIMIT + 64 * 2**20
+JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
+NUM_MESSAGES = 4
+
+
+def edited(content, edits):
+    for share, num_bytes, new in edits:
+        place = round(share * len(content))
+        content = content[:place] + new + content[place + num_bytes :]
+    return content
+
+
+@pytest.fixture(scope="module")
+def sweeps(tmp_path_factory):
+    """A small sweep in each format, by its name."""
+    folder = tmp_path_factory.mktemp("sweeps")
+    np.save(folder / "sweep.npy", XYZ)
+    np.savez_compressed(folder / "sweep.npz", xyz=XYZ)
+    (folder / "sweep.bin").write_bytes(np.hstack([XYZ, XYZ[:, :1]]).tobytes())
+    contents = {
+        "ascii.pcd": PCD.format("ascii").encode() + ROWS,
+        "binary.pcd": PCD.format("binary").encode() + XYZ.tobytes(),
+        "ascii.ply": PLY.format("ascii").encode() + ROWS,
+        "binary.ply": PLY.format("binary_little_endian").encode() + XYZ.tobytes(),
+    }
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    if importlib.util.find_spec("pyarrow"):
+        from pyarrow import Table, feather
+
+        table = Table.from_arrays([XYZ[:, axis] for axis in range(3)], names=["x", "y", "z"])
+        feather.write_feather(table, folder / "sweep.feather")
+    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
+
+
+@given(st.data())
+def test_a_damaged_sweep_is_read_or_refused_in_one_line(sweeps, tmp_path_factory, data):
+    name = data.draw(st.sampled_from(sorted(sweeps)))
+    file = tmp_path_factory.getbasetemp() / name
+    file.write_bytes(edited(sweeps[name], data.draw(EDITS)))
+    tracemalloc.start()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            found = read_sweep(str(file))
+    except SweepFileError as error:
+        assert "\n" not in str(error)
+    else:
+        assert found.xyz.ndim == 2 or isinstance(found, Sweep)
+    finally:
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert peak < MAX_BYTES
+
+
+@given(st.sampled_from(COMPRESSIONS), st.binary(max_size=200))
+def test_any_bytes_are_decompressed_or_refused(compression, data):
+    try:
+        assert isinstance(decompress(compression, data), bytes)
+    except DecompressionError as error:
+        assert "\n" not in str(error)
+
+
+def write_mcap(file):
+    definition, _ = JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, compression=CompressionType.NONE, chunk_size=900)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel("/points", "cdr", schema)
+        for number in range(NUM_MESSAGES):
+            raw = bytes(JAZZY.serialize_cdr(message(number), CLOUD_TYPE))
+            writer.add_message(channel, number + 1, raw, number + 1)
+        writer.finish()
+
+
+def write_ros1(file):
+    with Ros1Writer(file) as writer:
+        connection = writer.add_connection("/points", CLOUD_TYPE, typestore=NOETIC)
+        for number in range(NUM_MESSAGES):
+            raw = JAZZY.cdr_to_ros1(
+                bytes(JAZZY.serialize_cdr(message(number), CLOUD_TYPE)), CLOUD_TYPE
+            )
+            writer.write(connection, number + 1, raw)
+
+
+def message(number):
+    encoded = encode_columns({name: XYZ[:, axis] for axis, name in enumerate("xyz")}, 1, len(XYZ))
+    return cloud_message(encoded, number + 1, "lidar", is_dense=True)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bags")
+    write_mcap(folder / "bag.mcap")
+    write_ros1(folder / "bag.bag")
+    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
+
+
+@given(st.data())
+def test_a_damaged_recording_is_read_or_refused_in_one_line(bags, tmp_path_factory, data):
+    name = data.draw(st.sampled_from(sorted(bags)))
+    file = tmp_path_factory.getbasetemp() / name
+    file.write_bytes(edited(bags[name], data.draw(EDITS)))
+    try:
+        inspection = inspect_recording(file)
+        with inspection.open() as reader:
+            for topic in reader.topics:
+                for item in reader.readable_messages(topic):
+                    assert not isinstance(item, Damage) or "\n" not in str(item)
+    except RecordingError as error:
+        assert "\n" not in str(error)
