@@ -3,8 +3,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import tiny_bags
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.rosbag2 import CompressionMode
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import get_types_from_msg
 
 from mnsf_ros.errors import RecordingError
@@ -168,3 +177,44 @@ def test_unknown_topic_is_refused_before_reading(tmp_path):
             reader.messages("/left")
         with pytest.raises(RecordingError, match="no topic '/left'"):
             reader.raw_messages("/left")
+
+
+def latched_qos():
+    off = QosTime(0, 0)
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL,
+        off,
+        off,
+        QosLiveliness.AUTOMATIC,
+        off,
+        False,
+    )
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_latched_topics_are_known(tmp_path, plugin):
+    names = {"/plain": [], "/latched": [latched_qos()]}
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=plugin) as writer:
+        for name, profiles in names.items():
+            connection = writer.add_connection(
+                name, CLOUD_TYPE, typestore=tiny_bags.JAZZY, offered_qos_profiles=profiles
+            )
+            writer.write(connection, 1, tiny_bags.cdr(0))
+    with BagReader(tmp_path / "bag") as reader:
+        latched = {name: summary.is_latched for name, summary in reader.topics.items()}
+    assert latched == {"/plain": False, "/latched": True}
+
+
+def test_latched_topics_of_ros_1_are_known(tmp_path):
+    with Ros1Writer(tmp_path / "bag.bag") as writer:
+        for name, latching in (("/plain", 0), ("/latched", 1)):
+            connection = writer.add_connection(
+                name, CLOUD_TYPE, typestore=tiny_bags.NOETIC, latching=latching
+            )
+            writer.write(connection, 1, bytes(60))
+    with BagReader(tmp_path / "bag.bag") as reader:
+        latched = {name: summary.is_latched for name, summary in reader.topics.items()}
+    assert latched == {"/plain": False, "/latched": True}
