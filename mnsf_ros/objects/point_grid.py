@@ -94,6 +94,31 @@ def _in_buckets(
 
 @compiled(
     "Tuple((int64, float32))"
+    "(int64, float32, float32, float32, int64, float32, int32[::1], float32[:, ::1])"
+)
+def _nearer(
+    bucket: int,
+    x: np.float32,
+    y: np.float32,
+    z: np.float32,
+    row: int,
+    least: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+) -> tuple[int, np.float32]:
+    """The row of the nearest point in a bucket and its squared distance, if that is below least."""
+    number = np.uint64(bucket & (_NUM_BUCKETS - 1))
+    # Without a sign, an index is not looked at whether it counts from the end.
+    for other in range(np.uint32(starts[number]), np.uint32(starts[number + np.uint64(1)])):
+        dx, dy, dz = points[other, 0] - x, points[other, 1] - y, points[other, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < least:
+            row, least = int(other), squared
+    return row, least
+
+
+@compiled(
+    "Tuple((int64, float32))"
     "(float32, float32, float32, float32, float32, int32[::1], float32[:, ::1])"
 )
 def _nearest(
@@ -110,29 +135,28 @@ def _nearest(
     x, y, z = np.floor(px / _CELL_M), np.floor(py / _CELL_M), np.floor(pz / _CELL_M)
     if not (abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL):
         return row, least
-    # How far it is to the cells before, the same one and the next, along each axis.
     ix, iy, iz = int(x), int(y), int(z)
     in_x, in_y, in_z = px - x * _CELL_M, py - y * _CELL_M, pz - z * _CELL_M
-    gaps_x = (in_x, np.float32(0.0), _CELL_M - in_x)
-    gaps_y = (in_y, np.float32(0.0), _CELL_M - in_y)
-    gaps_z = (in_z, np.float32(0.0), _CELL_M - in_z)
+    # Squared distances to the cells below and above.
+    below, above = in_z * in_z, (_CELL_M - in_z) * (_CELL_M - in_z)
     enough = within_m * within_m
     for by_x in (0, -1, 1):
-        gap_x = gaps_x[by_x + 1] ** 2
+        to_x = np.float32(0.0) if by_x == 0 else in_x if by_x < 0 else _CELL_M - in_x
+        if to_x * to_x >= least:
+            continue
         for by_y in (0, -1, 1):
-            gap_xy = gap_x + gaps_y[by_y + 1] ** 2
-            if gap_xy >= least or least <= enough:
+            to_y = np.float32(0.0) if by_y == 0 else in_y if by_y < 0 else _CELL_M - in_y
+            beside = to_x * to_x + to_y * to_y
+            if beside >= least:
                 continue
-            column = (ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG
-            for by_z in (0, -1, 1):
-                if gap_xy + gaps_z[by_z + 1] ** 2 >= least or least <= enough:
-                    continue
-                bucket = column + iz + by_z & (_NUM_BUCKETS - 1)
-                for other in range(starts[bucket], starts[bucket + 1]):
-                    dx, dy, dz = points[other, 0] - px, points[other, 1] - py, points[other, 2] - pz
-                    squared = dx * dx + dy * dy + dz * dz
-                    if squared < least:
-                        row, least = other, squared
+            bucket = ((ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG) + iz
+            row, least = _nearer(bucket, px, py, pz, row, least, starts, points)
+            if beside + below < least and least > enough:
+                row, least = _nearer(bucket - 1, px, py, pz, row, least, starts, points)
+            if beside + above < least and least > enough:
+                row, least = _nearer(bucket + 1, px, py, pz, row, least, starts, points)
+            if least <= enough:
+                return row, least
     return row, least
 
 
@@ -155,7 +179,7 @@ def _compared(
     distances = np.zeros(len(motions))
     vectors = np.zeros((len(motions), 3))
     counts = np.zeros(len(motions), np.int64)
-    here = np.zeros(3, np.float32)
+    to_x, to_y, to_z = transform[0], transform[1], transform[2]
     for row in range(len(positions)):
         owner = owners[row]
         if distances[owner] > limits_m[owner]:
@@ -163,15 +187,14 @@ def _compared(
         x = positions[row, 0] + motions[owner, 0]
         y = positions[row, 1] + motions[owner, 1]
         z = positions[row, 2] + motions[owner, 2]
-        for axis in range(3):
-            turned = x * transform[axis, 0] + y * transform[axis, 1] + z * transform[axis, 2]
-            here[axis] = turned + transform[axis, 3]
-        nearest, squared = _nearest(
-            here[0], here[1], here[2], within_m[row], reach_m, starts, points
-        )
+        px = x * to_x[0] + y * to_x[1] + z * to_x[2] + to_x[3]
+        py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
+        pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
+        nearest, squared = _nearest(px, py, pz, within_m[row], reach_m, starts, points)
         distances[owner] += max(np.sqrt(squared) - within_m[row], np.float32(0.0))
         if nearest >= 0:
             counts[owner] += 1
-            for axis in range(3):
-                vectors[owner, axis] += points[nearest, axis] - here[axis]
+            vectors[owner, 0] += points[nearest, 0] - px
+            vectors[owner, 1] += points[nearest, 1] - py
+            vectors[owner, 2] += points[nearest, 2] - pz
     return distances, vectors, counts

@@ -53,14 +53,14 @@ class RangeView:
 def _angle(rise: np.float32, run: np.float32) -> np.float32:
     """Returns arctan2(rise, run) in radians, to 2e-6: twice as fast as the exact one."""
     steep, flat = abs(rise), abs(run)
-    longer = max(steep, flat)
-    ratio = min(steep, flat) / longer if longer > 0 else np.float32(0.0)
+    is_steep = steep > flat
+    longer, shorter = (steep, flat) if is_steep else (flat, steep)
+    ratio = shorter / longer if longer > 0 else np.float32(0.0)
     square = ratio * ratio
-    angle = np.float32(0.0)
-    for factor in _ARCTAN:
-        angle = angle * square + factor
-    angle *= ratio
-    angle = np.float32(np.pi / 2) - angle if steep > flat else angle
+    first, second, third, fourth, fifth, sixth = _ARCTAN
+    angle = (((first * square + second) * square + third) * square + fourth) * square
+    angle = ((angle + fifth) * square + sixth) * ratio
+    angle = np.float32(np.pi / 2) - angle if is_steep else angle
     angle = np.float32(np.pi) - angle if run < 0 else angle
     return -angle if rise < 0 else angle
 
@@ -70,16 +70,20 @@ def _directions(xyz: NDArray[np.float32]) -> tuple[NDArray[np.int32], NDArray[np
     """Returns (N,) cell and range of points (N, 3)."""
     cells = np.empty(len(xyz), np.int32)
     ranges = np.empty(len(xyz), np.float32)
+    # Of a flat array the compiler knows the steps: it looks at eight points at once.
+    values = xyz.reshape(-1)
     for row in range(len(xyz)):
-        x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
+        x, y, z = values[3 * row], values[3 * row + 1], values[3 * row + 2]
         flat = np.sqrt(x * x + y * y)
         ranges[row] = np.sqrt(flat * flat + z * z)
         azimuth = (_angle(y, x) + np.float32(np.pi)) * _AZIMUTHS_PER_RAD
         elevation = (_angle(z, flat) + np.float32(np.pi / 2)) * _ELEVATIONS_PER_RAD
         # What is not a number is in the last cell, too.
-        across = int(azimuth) if 0 <= azimuth < _NUM_AZIMUTHS else _NUM_AZIMUTHS - 1
-        up = int(elevation) if 0 <= elevation < _NUM_ELEVATIONS else _NUM_ELEVATIONS - 1
-        cells[row] = up * _NUM_AZIMUTHS + across
+        is_across = (azimuth >= 0) & (azimuth < _NUM_AZIMUTHS)
+        is_up = (elevation >= 0) & (elevation < _NUM_ELEVATIONS)
+        across = np.int32(azimuth) if is_across else np.int32(_NUM_AZIMUTHS - 1)
+        up = np.int32(elevation) if is_up else np.int32(_NUM_ELEVATIONS - 1)
+        cells[row] = up * np.int32(_NUM_AZIMUTHS) + across
     return cells, ranges
 
 

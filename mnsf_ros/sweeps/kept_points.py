@@ -40,10 +40,12 @@ def _inside(
     max_height_m: np.float32,
 ) -> NDArray[np.bool_]:
     inside = np.empty(len(xyz), np.bool_)
+    # Of a flat array the compiler knows the steps: it looks at several points at once.
+    values = xyz.reshape(-1)
     for row in range(len(xyz)):
         # float64: the square of a float32 coordinate of 1e20 is no float32.
-        x, y, z = np.float64(xyz[row, 0]), np.float64(xyz[row, 1]), xyz[row, 2]
-        squared = x * x + y * y
-        is_near = least_squared <= squared <= most_squared
-        inside[row] = is_near and min_height_m <= z <= max_height_m
+        x, y = np.float64(values[3 * row]), np.float64(values[3 * row + 1])
+        z, squared = values[3 * row + 2], x * x + y * y
+        is_near = (least_squared <= squared) & (squared <= most_squared)
+        inside[row] = is_near & (min_height_m <= z) & (z <= max_height_m)
     return inside
