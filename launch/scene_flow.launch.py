@@ -32,7 +32,11 @@ SWITCHES = ("lifecycle", "autostart", "use_sim_time", "rviz")
 
 # Relative names are in the namespace.
 ARGUMENTS = {
-    "points": ("", "PointCloud2 topic of the lidar; empty: the only one that is published"),
+    "points": (
+        "",
+        "PointCloud2 topic of the lidar, or topics of several, separated by commas; empty: the "
+        "only one that is published",
+    ),
     "odometry": ("odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
     "flow": ("", "another name for ~/flow, also of ~/flow/moving and ~/flow/standing"),
     "params_file": (
@@ -80,7 +84,10 @@ def _nodes(context: LaunchContext) -> list[Action]:
 
 def _flow_node(given: dict[str, str]) -> Node:
     frame = given["odom_frame"] or f"{given['namespace']}/scene_flow_odom".lstrip("/")
-    remappings = [("~/points", _points(given["points"])), ("~/odometry", given["odometry"])]
+    topics = _points(given["points"]).split(",")
+    own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
+    remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
+    several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
     if given["flow"]:
         remappings += [(f"~/{name}", given["flow"] + name[4:]) for name in FLOW_TOPICS]
     has_life_cycle = given["lifecycle"] == "true"
@@ -91,7 +98,7 @@ def _flow_node(given: dict[str, str]) -> Node:
         namespace=given["namespace"],
         parameters=[
             given["params_file"],
-            {"use_sim_time": given["use_sim_time"] == "true", "node.odom_frame": frame},
+            {"use_sim_time": given["use_sim_time"] == "true", "node.odom_frame": frame} | several,
         ],
         remappings=remappings,
         ros_arguments=["--log-level", given["log_level"]],

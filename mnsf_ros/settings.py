@@ -255,6 +255,54 @@ class TfSettings:
 
 
 @dataclass(frozen=True)
+class LidarsSettings:
+    """Several lidars whose clouds are merged, for the ROS node."""
+
+    count: int = _setting(
+        1,
+        "Number of lidars. With more than one, the clouds on ~/points, ~/points_2, ~/points_3 and "
+        "~/points_4 are merged into one",
+        1,
+        4,
+        fixed=True,
+    )
+    frame: str = _setting(
+        "base_link",
+        "Frame of the merged cloud. It must move with the lidars and should lie between them",
+        fixed=True,
+    )
+    poses: str = _setting(
+        "tf",
+        "Where the lidars are in that frame. tf: look it up (needs tf2_ros); parameters: "
+        "lidar_1.x_m to lidar_4.yaw_deg",
+        choices=("tf", "parameters"),
+        fixed=True,
+    )
+    tolerance_s: float = _setting(
+        0.06, "Stamps of clouds that are merged differ by this at most", 0, 1
+    )
+    max_wait_s: float = _setting(
+        0.2,
+        "Clouds wait this long for those of another lidar, which is then left out until it sends "
+        "again; longer than one revolution",
+        0.01,
+        1,
+    )
+
+
+@dataclass(frozen=True)
+class LidarSettings:
+    """Where one of several lidars is, with lidars.poses: parameters."""
+
+    x_m: float = _setting(0.0, "Position of this lidar in lidars.frame, x", -100, 100)
+    y_m: float = _setting(0.0, "Position of this lidar in lidars.frame, y", -100, 100)
+    z_m: float = _setting(0.0, "Position of this lidar in lidars.frame, z", -100, 100)
+    roll_deg: float = _setting(0.0, "Roll of this lidar in lidars.frame", -360, 360)
+    pitch_deg: float = _setting(0.0, "Pitch of this lidar in lidars.frame", -360, 360)
+    yaw_deg: float = _setting(0.0, "Yaw of this lidar in lidars.frame", -360, 360)
+
+
+@dataclass(frozen=True)
 class ObjectSettings:
     """How points are grouped into objects, and which objects are dynamic (method `online`)."""
 
@@ -618,6 +666,11 @@ class Settings:
     buffer: BufferSettings = BufferSettings()
     ego_motion: EgoMotionSettings = EgoMotionSettings()
     tf: TfSettings = TfSettings()
+    lidars: LidarsSettings = LidarsSettings()
+    lidar_1: LidarSettings = LidarSettings()
+    lidar_2: LidarSettings = LidarSettings()
+    lidar_3: LidarSettings = LidarSettings()
+    lidar_4: LidarSettings = LidarSettings()
     objects: ObjectSettings = ObjectSettings()
     distance: DistanceSettings = DistanceSettings()
     nsfp: NsfpSettings = NsfpSettings()

@@ -107,6 +107,15 @@ def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
     assert "/scene_flow/objects/markers:=/front/scene_flow/objects/markers" in line
 
 
+def test_several_lidars(prefix: Path) -> None:
+    status, output = launched(prefix, "points:=/front/points,rear/points")
+    assert status == 0
+    assert "~/points:=/front/points " in output
+    assert "~/points_2:=rear/points " in output
+    (path,) = (word for word in output.split() if word.startswith("/tmp/launch_params"))
+    assert "lidars.count: 2" in Path(path).read_text()
+
+
 def test_node_with_a_life_cycle(prefix: Path) -> None:
     status, output = launched(prefix, "points:=/x", "lifecycle:=true", "autostart:=false")
     assert status == 0

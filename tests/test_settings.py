@@ -32,7 +32,7 @@ def test_declaration_is_complete(setting):
     assert setting.text.strip()
     assert "\n" not in setting.text
     # Any method may be named, those of other packages, too, any field of a cloud, any frame.
-    is_free = setting.name in ("method.name", "time.field") or setting.name.endswith("_frame")
+    is_free = setting.name in ("method.name", "time.field") or setting.name.endswith("frame")
     assert bool(setting.choices) == (setting.kind is str and not is_free)
 
 

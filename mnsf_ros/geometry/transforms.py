@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 if TYPE_CHECKING:
-    from mnsf_ros.settings import EgoMotionSettings
+    from mnsf_ros.settings import EgoMotionSettings, LidarSettings
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 
@@ -41,10 +41,21 @@ def sensor_mount(settings: EgoMotionSettings) -> NDArray[np.float64]:
 
     The robot is the moving frame of the odometry. Angles are yaw, then pitch, then roll.
     """
-    pose = np.eye(4)
     angles_deg = (settings.sensor_yaw_deg, settings.sensor_pitch_deg, settings.sensor_roll_deg)
+    return _mounted((settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m), angles_deg)
+
+
+def mounted_at(settings: LidarSettings) -> NDArray[np.float64]:
+    """Returns the (4, 4) frame_from_lidar that the settings describe, see `sensor_mount`."""
+    angles_deg = (settings.yaw_deg, settings.pitch_deg, settings.roll_deg)
+    return _mounted((settings.x_m, settings.y_m, settings.z_m), angles_deg)
+
+
+def _mounted(position_m: ArrayLike, angles_deg: ArrayLike) -> NDArray[np.float64]:
+    """(4, 4) pose at a position, turned by yaw, then pitch, then roll."""
+    pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
-    pose[:3, 3] = settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m
+    pose[:3, 3] = position_m
     return pose
 
 

@@ -31,6 +31,7 @@ class InputState:
     num_publishers: int
     times: str = ""  # what the time of each point is read from
     pause: str = ""  # why clouds are ignored; empty if they are not
+    missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
 
 
 class Diagnostics:
@@ -71,6 +72,8 @@ class Diagnostics:
             level, message = DiagnosticStatus.WARN, "clouds without a finite point"
         elif silence_s > stale_after_s:
             level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
+        elif state.missing:
+            level, message = DiagnosticStatus.WARN, f"merged without {', '.join(state.missing)}"
         elif self._new(snapshot, CLOUDS_MISSED):
             level, message = DiagnosticStatus.WARN, f"clouds are missed (see {CLOUDS_MISSED})"
         else:

@@ -126,7 +126,7 @@ class SceneFlowParts:
             self._node.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
         self._node.get_logger().info(greeting(_with_node_threads(self._settings)))
         self._node.get_logger().info(
-            f"sweeps from {self._input.subscription.topic}, flow on {self._outputs.topic}"
+            f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}"
         )
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:
@@ -184,8 +184,7 @@ class SceneFlowParts:
         self._faults.error(f"failed {type(error).__name__}", text)
 
     def _refresh_input(self) -> None:
-        subscription = self._input.subscription
-        if subscription.refresh():
+        for subscription in self._input.refresh():
             self._node.get_logger().info(
                 f"subscribed {subscription.reliability} to {subscription.topic}"
             )

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, TypeAlias
 
 from rclpy.clock import Clock, ClockType
@@ -14,6 +15,7 @@ from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.node.cloud_intake import CloudIntake
 from mnsf_ros.node.diagnostics import InputState
+from mnsf_ros.node.lidar_merging import LidarMerging
 from mnsf_ros.node.subscriptions import Guard, InputSubscription, OdometrySubscription
 from mnsf_ros.node.transforms import ListenedTransforms, TransformError
 from mnsf_ros.settings import Settings
@@ -24,7 +26,7 @@ TRANSFORMS_MISSING: Final = "transforms_missing"
 # Takes an event that is counted, a text that is logged now and then, and how often it happened.
 Report: TypeAlias = Callable[..., None]
 
-_POLL_PERIOD_S: Final = 0.01
+_POLL_PERIOD_S: Final = 0.02
 # More than any lidar sends within the longest wait.
 _MAX_WAITING: Final = 50
 # A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
@@ -40,14 +42,13 @@ class _Arrived:
 
 
 class SweepInput:
-    """Subscribes to the lidar and to what tells where it was; hands out sweeps in their order.
+    """Subscribes to the lidars and to what tells where they were; hands out sweeps in their order.
 
     A sweep whose transform is not there yet waits for it, and those after it wait behind it; never
     longer than `tf.timeout_s`.
 
     Attributes:
         pause: Why clouds are ignored; empty if they are not.
-        subscription: That to the lidar.
         transforms: What is heard of frames; None while nobody asks.
     """
 
@@ -73,6 +74,7 @@ class SweepInput:
         self._odometry = OdometrySubscription(node, "~/odometry", report, guarded)
         self._waiting: deque[_Arrived] = deque()
         self._last_ns = 0
+        self._guarded = guarded
         # Without anything that asks for odometry or transforms.
         self._settings = Settings()
         self.change_settings(settings)
@@ -80,21 +82,26 @@ class SweepInput:
             _POLL_PERIOD_S, guarded(self._release), clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._timer.cancel()
-        self.subscription = InputSubscription(
-            node, "~/points", settings.node.input_reliability, self._on_cloud, report, guarded
-        )
+        count = settings.lidars.count
+        self._subscriptions = [self._subscribed(index) for index in range(count)]
+        topics = tuple(subscription.topic for subscription in self._subscriptions)
+        self._merging = LidarMerging(topics, report) if count > 1 else None
 
     @property
     def state(self) -> InputState:
         """How things stand, for diagnostics."""
-        subscription = self.subscription
         return InputState(
-            subscription.topic,
-            subscription.reliability,
-            subscription.num_publishers,
+            ", ".join(subscription.topic for subscription in self._subscriptions),
+            self._subscriptions[0].reliability,
+            sum(subscription.num_publishers for subscription in self._subscriptions),
             self._intake.times_source,
             self.pause,
+            () if self._merging is None else self._merging.missing,
         )
+
+    def refresh(self) -> list[InputSubscription]:
+        """Subscribes anew where the publishers offer something else, and returns those."""
+        return [subscription for subscription in self._subscriptions if subscription.refresh()]
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next sweep on.
@@ -116,34 +123,61 @@ class SweepInput:
     def reset(self) -> None:
         """Forgets all sweeps that wait, and what was heard of poses before."""
         self._waiting.clear()
+        if self._merging is not None:
+            self._merging.clear()
         self._odometry.change_settings(self._settings.ego_motion, self.transforms)
 
-    def _on_cloud(self, message: PointCloud2) -> None:
+    def _subscribed(self, index: int) -> InputSubscription:
+        return InputSubscription(
+            self._node,
+            f"~/points_{index + 1}" if index else "~/points",
+            self._settings.node.input_reliability,
+            partial(self._on_cloud, index),
+            self._report,
+            self._guarded,
+        )
+
+    def _on_cloud(self, index: int, message: PointCloud2) -> None:
         if self.pause:
             return
         arrived_ns = time.monotonic_ns()
         sweep = self._intake.sweep(message, self._settings.time)
         if sweep is None:
             return
+        if self._merging is None:
+            self._queue(sweep, arrived_ns)
+        else:
+            self._merging.add(index, sweep, self._settings)
+        self._release()
+
+    def _queue(self, sweep: Sweep, arrived_ns: int) -> None:
         if self.transforms is not None and sweep.stamp_ns < self._last_ns - _JUMP_NS:
             self.transforms.forget()
         self._last_ns = sweep.stamp_ns
         self._waiting.append(_Arrived(sweep, arrived_ns))
-        self._release()
 
     def _release(self) -> None:
-        """Hands out what need not wait any more."""
+        """Hands out what need not wait any more, and comes back as long as something waits."""
+        if self._merging is not None:
+            transforms = self.transforms if self._settings.lidars.poses == "tf" else None
+            for sweep, arrived_ns in self._merging.due(self._settings, transforms):
+                self._queue(sweep, arrived_ns)
+        self._hand_out()
+        if self._waiting or (self._merging is not None and self._merging.is_waiting):
+            self._timer.reset()
+        else:
+            self._timer.cancel()
+
+    def _hand_out(self) -> None:
         timeout_ns = self._settings.tf.timeout_s * NANOSECONDS
         while self._waiting:
             first = self._waiting[0]
             is_late = time.monotonic_ns() - first.arrived_ns >= timeout_ns
             sweep = self._located(first.sweep, may_wait=not is_late and not self._is_full)
             if sweep is None:
-                self._timer.reset()
                 return
             self._waiting.popleft()
             self._on_sweep(sweep, first.arrived_ns)
-        self._timer.cancel()
 
     @property
     def _is_full(self) -> bool:
@@ -176,4 +210,6 @@ def _purpose_of_transforms(settings: Settings) -> str:
         return "ego_motion.source: tf"
     if ego_motion.source == "odometry" and ego_motion.sensor_pose == "tf":
         return "ego_motion.sensor_pose: tf"
+    if settings.lidars.count > 1 and settings.lidars.poses == "tf":
+        return "lidars.poses: tf"
     return "tf.base_frame" if tf.broadcast and tf.base_frame else ""

@@ -13,7 +13,8 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from scene_flow_process import QUICK
 from scipy.spatial.transform import Rotation
-from synthetic_clouds import xyz_message
+from sensor_msgs.msg import PointCloud2
+from synthetic_clouds import column, xyz_columns, xyz_message
 
 HAS_TF2 = importlib.util.find_spec("tf2_ros") is not None
 STREET = BoxStreet()
@@ -277,6 +278,38 @@ class TestWithTf2:
             changes = {"ego_motion.source": "tf", "ego_motion.sensor_pose": "parameters"}
             assert all(result.successful for result in peer.set(changes))
             peer.node.destroy_publisher(odometry)
+
+    def test_several_lidars_are_merged_by_their_places(self, start_node, make_peer, transforms):
+        parameters = QUICK | {"ground.remove": "true", "lidars.count": 2}
+        parameters |= {"lidars.frame": "body", "node.input_reliability": "reliable"}
+        process = start_node(parameters, "-r", "__node:=merged")
+        peer = make_peer(process, node_name="/merged")
+        rear = peer.node.create_publisher(PointCloud2, "/merged/points_2", 50)
+        peer.spin_until(
+            lambda: peer.num_subscribers and rear.get_subscription_count(), "both subscriptions"
+        )
+        clouds = []
+        for index, has_place in enumerate((False, False, True, True, True)):
+            if has_place:
+                transforms.fixed(transform("body", "rear_lidar", pose(-1, yaw_deg=180)))
+            transforms.fixed(transform("body", "front_lidar", pose(1)))
+            peer.spin_for(0.3)
+            stamp_ns = START_NS + 10**15 + index * INTERVAL_NS
+            xyz = STREET.xyz(pose(0.5 * index), seed=index)
+            clouds.append(xyz_message(xyz, stamp_ns=stamp_ns, frame_id="front_lidar"))
+            before = peer.count("sweeps_received")
+            peer.publish(clouds[-1])
+            rear.publish(xyz_message(xyz, stamp_ns=stamp_ns, frame_id="rear_lidar"))
+            peer.spin_until(lambda before=before: peer.count("sweeps_received") > before, "it")
+        first, last = peer.flow_of(clouds[1]), peer.flow_of(clouds[3])
+        assert set(column(first, "lidar").tolist()) == {1}
+        assert set(column(last, "lidar").tolist()) == {1, 2}
+        assert last.header.frame_id == "body"
+        assert peer.count("clouds_of_lidar_2_without_transform") == 2
+        front, behind = (xyz_columns(last)[column(last, "lidar") == number] for number in (1, 2))
+        np.testing.assert_allclose(behind[:, :2], -front[:, :2], atol=1e-3)
+        assert process.stop() == 0
+        assert "Traceback" not in process.log
 
     def odometry_message(self, robot, index):
         message = Odometry(child_frame_id=robot.base)

@@ -1,0 +1,121 @@
+"""Sweeps of several lidars that belong together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.lidar_groups import LidarGroups, LidarSweep
+from mnsf_ros.sweeps.sweep import Sweep
+
+SETTINGS = Settings().lidars
+PERIOD_S = 0.1
+
+
+class Robot:
+    """Lidars that send at the times of a story; what became groups, by index and stamp."""
+
+    def __init__(self, num_lidars=2, settings=SETTINGS):
+        self._settings = settings
+        self._groups = LidarGroups(num_lidars)
+        self.found = []
+
+    def hear(self, *events):
+        """Takes events: steady time, number of the lidar, stamp; all in seconds."""
+        for now_s, index, stamp_s in sorted(events):
+            sweep = Sweep(np.zeros((1, 3), np.float32), stamp_ns=round(stamp_s * 1e9))
+            self._groups.add(index, LidarSweep(sweep, now_s), self._settings)
+            self.ask(now_s)
+        return self.found
+
+    def ask(self, now_s):
+        for group in self._groups.due(now_s, self._settings):
+            stamps = {
+                index: round(item.sweep.stamp_ns / 1e9, 3) for index, item in group.sweeps.items()
+            }
+            self.found.append(stamps)
+        return self.found
+
+
+def sweeps(index, *, start=0, stop=10, phase_s=0.0, delay_s=0.1, clock_s=0.0):
+    times = [number * PERIOD_S + phase_s for number in range(start, stop)]
+    return [(time + delay_s, index, time + clock_s) for time in times]
+
+
+def test_sweeps_of_the_same_time_are_one_group_at_once():
+    found = Robot().hear(*sweeps(0), *sweeps(1))
+    assert found == [{0: t, 1: t} for t in np.round(np.arange(10) * PERIOD_S, 3)]
+
+
+@pytest.mark.parametrize("phase_s", [-0.045, -0.02, 0.03, 0.04])
+def test_each_sweep_of_the_first_lidar_gets_the_nearest_of_the_other(phase_s):
+    found = Robot().hear(*sweeps(0, start=1), *sweeps(1, phase_s=phase_s, start=1))
+    assert len(found) >= 8
+    for group in found[:8]:
+        assert group[1] - group[0] == pytest.approx(phase_s, abs=1e-3)
+
+
+def test_lidar_that_fails_costs_one_wait_and_comes_back():
+    robot = Robot()
+    robot.hear(*sweeps(0, stop=3), *sweeps(1, stop=3))
+    assert len(robot.found) == 3
+    robot.hear((0.4, 0, 0.3))
+    assert len(robot.found) == 3
+    assert robot.ask(0.4 + SETTINGS.max_wait_s)[-1] == {0: 0.3}
+    # From now on nobody waits for it.
+    robot.hear(*sweeps(0, start=6, stop=8))
+    assert robot.found[-2:] == [{0: 0.6}, {0: 0.7}]
+    robot.hear(*sweeps(0, start=8, stop=11), *sweeps(1, start=8, stop=11, delay_s=0.101))
+    assert robot.found[-1] == {0: 1.0, 1: 1.0}
+
+
+def test_first_lidar_fails_and_comes_back():
+    robot = Robot()
+    robot.hear(*sweeps(0, stop=3), *sweeps(1, stop=9))
+    assert [group for group in robot.found if 0 not in group][-1] == {1: 0.8}
+    assert len(robot.found) >= 8
+    robot.hear(*sweeps(0, start=9, stop=12), *sweeps(1, start=9, stop=12))
+    assert robot.found[-1] == {0: 1.1, 1: 1.1}
+
+
+@pytest.mark.parametrize("clock_s", [-1e6, -3.0, 3.0, 1e6])
+def test_lidar_with_another_clock_stops_nobody(clock_s):
+    robot = Robot(3)
+    found = robot.hear(
+        *sweeps(0, stop=20), *sweeps(1, stop=20, clock_s=clock_s), *sweeps(2, stop=20)
+    )
+    assert len(found) >= 17
+    assert found[-1] == {0: 1.9, 2: 1.9}
+    # The only one that is left goes on alone, in its own time.
+    robot.hear(*sweeps(1, start=20, stop=30, clock_s=clock_s))
+    assert set(robot.found[-1]) == {1}
+    assert robot.found[-1][1] == pytest.approx(2.9 + clock_s, abs=1e-3)
+
+
+def test_phase_beyond_the_tolerance_leaves_the_other_out_of_each_group():
+    settings = replace(SETTINGS, tolerance_s=0.01)
+    found = Robot(settings=settings).hear(*sweeps(0), *sweeps(1, phase_s=0.04))
+    assert found[:9] == [{0: t} for t in np.round(np.arange(9) * PERIOD_S, 3)]
+
+
+def test_time_that_jumps_back_starts_anew():
+    robot = Robot()
+    robot.hear(*sweeps(0, start=100, stop=105), *sweeps(1, start=100, stop=105))
+    late = [(now_s + 20, index, stamp_s) for now_s, index, stamp_s in (*sweeps(0), *sweeps(1))]
+    robot.hear(*late)
+    assert robot.found[-1] == {0: 0.9, 1: 0.9}
+    assert len(robot.found) >= 13
+
+
+def test_memory_is_bounded_and_clear_forgets():
+    groups = LidarGroups(2)
+    for number in range(1000):
+        sweep = Sweep(np.zeros((1, 3), np.float32), stamp_ns=number * 10**8)
+        groups.add(0, LidarSweep(sweep, 0.0), SETTINGS)
+    assert groups.is_waiting
+    assert len(list(groups.due(1e9, SETTINGS))) <= 12
+    groups.clear()
+    assert not groups.is_waiting
