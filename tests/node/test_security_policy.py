@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 import pytest
 
 POLICY = Path(__file__).parents[2] / "config" / "security_policy.xml"
-# With use_sim_time, with the packages of other planners, with odometry, and with a life cycle.
+# With use_sim_time, with tf2_ros, the packages of other planners, odometry, and with a life cycle.
 OPTIONAL = {
-    "subscribe": {"/clock", "~/odometry"},
-    "publish": {"~/objects/autoware", "~/objects/nav2", "~/transition_event"},
+    "subscribe": {"/clock", "/tf", "/tf_static", "~/odometry"},
+    "publish": {"~/objects/autoware", "~/objects/nav2", "~/transition_event", "/tf"},
     "reply": {
         *("~/change_state", "~/get_state", "~/get_available_states"),
         *("~/get_available_transitions", "~/get_transition_graph"),
