@@ -32,7 +32,7 @@ _NUM_SWEEPS: Final = 24
 _EVERY: Final = 3
 # Real objects are few, and count more. So do static ones: false movers are worse than late ones.
 _REAL_WEIGHT: Final = 3.0
-_STATIC_WEIGHT: Final = 1.25
+_STATIC_WEIGHT: Final = 1.5
 # What moves by less than this to the next sweep is static, though a person may be slower than what
 # is called dynamic.
 _MIN_MOTION_M: Final = 0.02

@@ -14,10 +14,10 @@ from mnsf_ros.objects.visibility import Visibility
 # Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
-# track, and with what score of that, logarithm of the number of points and of the thickness, if it
-# is a reflection; with older sweeps: gain in metres there if the motion is slow, gain where the
-# object would be visible, logarithm of the share that the motion leaves.
-_WITH_PAST: Final = (-1.52, -0.83, 0.9, 0.7, 2.81, 0.27, -0.41, 1.01, -4.66, 10.7, 6.11, -0.22)
+# track, and with what score of that, logarithm of the number of points and of the thickness, how
+# much it is a reflection; with older sweeps: gain in metres there if the motion is slow, gain where
+# the object would be visible, logarithm of the share that the motion leaves.
+_WITH_PAST: Final = (-2.34, -1.31, 0.79, 0.09, 1.54, 0.45, -0.04, 1.49, -4.5, 19.4, 6.40, -0.43)
 _WITHOUT_PAST: Final = (-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95)
 # What the sweeps before say of an object does not count for more than this.
 _MAX_SCORE: Final = 6.0
@@ -62,7 +62,7 @@ def evidence(suspects: Suspects, moving: JudgedMotions, seen: Visibility) -> NDA
         is_same * np.maximum(expected.scores, 0.0),
         np.log(objects.counts),
         np.log(objects.thicknesses + _THIN_M),
-        seen.is_reflection,
+        seen.reflection,
     ]
     if standing.past.shape[1]:
         gains = standing.past - moving.past

@@ -21,14 +21,17 @@ _MIN_SENSOR_M: Final = 0.05
 # Glass returns light about its normal, that is, as far as this beside the foot of the sensor, as a
 # share of the distance.
 _BESIDE: Final = 0.27
+# All of a pane is this close to the foot, with some noise; of a vehicle it is not.
+_ALL_BESIDE: Final = 0.35
 
 
-def are_reflections(
+def reflections(
     objects: ObjectPoints, motions: NDArray[np.float32], sensor: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Returns (K,) whether objects are upright sheets that go along with the sensor beside them.
+) -> NDArray[np.int64]:
+    """Returns (K,) how much objects look like upright sheets that go along with the sensor.
 
-    A vehicle that drives beside the sensor, just as fast, is thicker or seen at other angles, too.
+    2: all of the sheet faces the sensor. 1: a part does, for example with some of the wall around
+    it; so may a vehicle that drives beside the sensor just as fast. 0: it is none.
 
     Args:
         objects: K objects.
@@ -50,6 +53,11 @@ def are_reflections(
     x, y = objects.centers[:, 0], objects.centers[:, 1]
     slides = (thick < _MAX_THICKNESS_M) & (along(motions) > _MIN_ALONG * lengths)
     goes_along = along(motions - sensor) < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
-    is_beside = along(objects.centers) < wide / 2 + _BESIDE * np.abs(y * cosines - x * sines)
-    result: NDArray[np.bool_] = slides & goes_along & is_beside & (along(sensor) > _MIN_SENSOR_M)
-    return result
+    aside = np.abs(y * cosines - x * sines)
+    goes_along &= slides & (along(sensor) > _MIN_SENSOR_M)
+    from_foot = along(objects.centers)
+    a_part = goes_along & (from_foot - wide / 2 < _BESIDE * aside)
+    counts: NDArray[np.int64] = a_part + (
+        a_part & (from_foot + wide / 2 < _ALL_BESIDE * aside)
+    ).astype(np.int64)
+    return counts

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
 
-# Objects of this share of the largest size and longer are looked at, and those of so many times
-# this size may move as a whole.
-_MIN_SIZE: Final = 0.5
+# Objects of up to so many times the largest size may move as a whole.
 _MAX_SIZE: Final = 2.0
+# Farther off, a wall that is seen along itself looks as if it had been seen through.
+_MAX_RANGE_M: Final = 30.0
 # If so much of one came lately, it is one thing that moves; if less, something touches it.
 _MIN_SHARE: Final = 0.1
 
@@ -32,7 +32,8 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
         max_size_m: Other objects of this length and longer do not move.
     """
     objects, sizes = current.thinned_objects, current.sizes
-    rows = np.flatnonzero(sizes[objects] >= _MIN_SIZE * max_size_m)
+    is_near = (current.thinned**2).sum(axis=1) < _MAX_RANGE_M**2
+    rows = np.flatnonzero(is_near & (sizes[objects] >= max_size_m))
     points = np.ascontiguousarray(current.thinned[rows])
     has_come = np.zeros(len(rows), dtype=bool)
     for target in targets:

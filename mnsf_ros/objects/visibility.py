@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_fusion import Targets
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.reflections import are_reflections
+from mnsf_ros.objects.reflections import reflections
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +24,12 @@ class Visibility:
             static, summed over the sweeps, less the same if it moves.
         visible_past: (K, S) share of its points that are not behind something in each of S older
             sweeps if it is static.
-        is_reflection: (K,) whether it goes along with the sensor as what a window shows.
+        reflection: (K,) how much it looks like what a window shows, see `reflections`.
     """
 
     free: NDArray[np.float64]
     visible_past: NDArray[np.float64]
-    is_reflection: NDArray[np.bool_]
+    reflection: NDArray[np.int64]
 
     @classmethod
     def of(
@@ -44,4 +44,4 @@ class Visibility:
             if number < len(targets.past):
                 visible_past[:, number] = 1 - is_hidden
         sensor = targets.near[0].to_current[:3, 3]
-        return cls(free, visible_past, are_reflections(objects, motions, sensor))
+        return cls(free, visible_past, reflections(objects, motions, sensor))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_scenes import objects_of, prepared, rows, surface
 
-from mnsf_ros.objects.reflections import are_reflections
+from mnsf_ros.objects.reflections import reflections
 
 SENSOR = np.array([0.8, 0.0, 0.0])
 PANE = {"center": (1.0, 12.0, 0.5), "size": (3.0, 0.05, 1.5)}
@@ -14,12 +14,17 @@ PANE = {"center": (1.0, 12.0, 0.5), "size": (3.0, 0.05, 1.5)}
 
 def reflects(motion, sensor=SENSOR, *, center, size):
     objects = objects_of(prepared(surface(center, size=size)))
-    return are_reflections(objects, rows(motion), sensor).tolist()
+    return reflections(objects, rows(motion), sensor).tolist()
 
 
 def test_a_pane_beside_the_sensor_that_goes_as_fast_is_one():
-    assert reflects((0.8, 0.0, 0.0), **PANE) == [True]
-    assert reflects((0.85, 0.01, 0.02), **PANE) == [True]
+    assert reflects((0.8, 0.0, 0.0), **PANE) == [2]
+    assert reflects((0.85, 0.01, 0.02), **PANE) == [2]
+
+
+def test_a_long_flat_side_beside_the_sensor_is_one_in_part_only():
+    lorry = {"center": (1.0, 3.0, 0.5), "size": (9.0, 0.05, 2.5)}
+    assert reflects((0.8, 0.0, 0.0), **lorry) == [1]
 
 
 @pytest.mark.parametrize(
@@ -35,9 +40,9 @@ def test_a_pane_beside_the_sensor_that_goes_as_fast_is_one():
     ids=["slower", "away", "standing sensor", "car", "far ahead", "rear of a car ahead"],
 )
 def test_what_moves_otherwise_or_looks_otherwise_is_none(change, motion, sensor):
-    assert reflects(motion, sensor, **{**PANE, **change}) == [False]
+    assert reflects(motion, sensor, **{**PANE, **change}) == [0]
 
 
 def test_none_at_all():
     objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
-    assert are_reflections(objects, rows(), SENSOR).tolist() == []
+    assert reflections(objects, rows(), SENSOR).tolist() == []
