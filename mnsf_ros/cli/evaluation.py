@@ -26,6 +26,7 @@ from mnsf_ros.evaluation.recordings import (
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.methods.registry import COMMAND_PREFIX
+from mnsf_ros.report.comparison import comparison_tables
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 from mnsf_ros.report.tables import main_tables, work_table
@@ -166,7 +167,8 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
         for text in ("No results.", *map(str, results.notes)):
             console.warn(text)
         return
-    for table in [*main_tables(results.summaries), work_table(results.summaries)]:
+    tables = main_tables(results.summaries), comparison_tables(results)
+    for table in (*chain(*tables), work_table(results.summaries)):
         console.print(table)
     for text in results.protocol:
         console.say(text)

@@ -56,18 +56,67 @@ def band_chart(
     return inline_svg(figure, label, titles)
 
 
-def _draw_series(
-    axes: Axes, number: int, name: str, values: Sequence[float], bands: Sequence[str]
-) -> dict[str, str]:
-    """Draws one line; returns the text of each of its marks."""
-    known = [place for place, value in enumerate(values) if math.isfinite(value)]
-    look: dict[str, Any] = {
+@mpl.rc_context(CHART_STYLE)
+def curve_chart(title: str, across: str, curves: Mapping[str, Sequence[float]]) -> str:
+    """Returns errors of N sweeps in order as inline SVG, one curve for each series.
+
+    Each series has N values in metres, at least 0, NaN where there is none.
+    """
+    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, curves)
+    for number, (name, values) in enumerate(curves.items()):
+        # A sweep between two without a flow is a point, which a line alone would not show.
+        look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
+        axes.plot(range(1, len(values) + 1), values, label=shortened(name), **look)
+    _set_scale(axes, [value for series in curves.values() for value in series])
+    axes.set_xlabel(across)
+    axes.grid(axis="y")
+    _draw_legend(figure, axes, columns)
+    return inline_svg(figure, f"{title}: {_ERROR} over {across}.", {})
+
+
+@mpl.rc_context(CHART_STYLE)
+def share_bars(
+    title: str, across: str, bins: Sequence[str], shares: Mapping[str, Sequence[float]]
+) -> str:
+    """Returns shares of points in B bins as inline SVG, a bar for each bin and series.
+
+    Each series has B shares from 0 to 1.
+    """
+    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, shares)
+    titles: dict[str, str] = {}
+    width = 0.8 / max(1, len(shares))
+    for number, (name, series) in enumerate(shares.items()):
+        look = {"color": _look(number)["color"], "edgecolor": CARD, "linewidth": 0.5}
+        for place, share in enumerate(series):
+            key = f"share-{number}-{place}"
+            left = place - 0.4 + number * width
+            label = shortened(name) if place == 0 else None
+            axes.bar(left, 100 * share, width, align="edge", gid=key, label=label, **look)
+            titles[key] = f"{name}, {bins[place]} m: {share:.1%}"
+    axes.set_xticks(range(len(bins)), bins)
+    axes.set(xlim=(-0.5, len(bins) - 0.5), xlabel=across, title="points (%)")
+    axes.grid(axis="y")
+    _draw_legend(figure, axes, columns)
+    return inline_svg(figure, f"{title}: share of points over {across}.", titles)
+
+
+def _look(number: int) -> dict[str, Any]:
+    """How the line of a series looks; colour is never its only mark."""
+    return {
         "color": SERIES[number % len(SERIES)],
         "linestyle": _DASHES[number // len(SERIES) % len(_DASHES)],
         "marker": _MARKS[number % len(_MARKS)],
         "markersize": 5.5,
         "linewidth": 1.7,
     }
+
+
+def _draw_series(
+    axes: Axes, number: int, name: str, values: Sequence[float], bands: Sequence[str]
+) -> dict[str, str]:
+    """Draws one line; returns the text of each of its marks."""
+    known = [place for place, value in enumerate(values) if math.isfinite(value)]
+    look = _look(number)
     axes.plot(known, [values[place] for place in known], label=shortened(name), **look)
     titles = {}
     for place in known:

@@ -57,6 +57,8 @@ class ResultRow:
         stop_reasons: Stage to the reason why its optimization ended.
         iterations: Stage to number of steps.
         errors: Group of points (all, dynamic, static) to its errors; empty without truth.
+        error_counts: Points with an error in each bin up to `metrics.ERROR_LIMITS_M`; empty without
+            truth, and in runs of early versions.
         by_range: Upper limit of a range band in metres, as text, to its errors.
         by_speed: Upper limit of a band of true residual speed in m/s, as text, to its errors.
         three_way_epe_m: Foreground dynamic, foreground static, background static to EPE.
@@ -83,6 +85,7 @@ class ResultRow:
     stop_reasons: dict[str, str] = field(default_factory=dict)
     iterations: dict[str, int] = field(default_factory=dict)
     errors: dict[str, FlowErrors] = field(default_factory=dict)
+    error_counts: list[int] = field(default_factory=list)
     by_range: dict[str, FlowErrors] = field(default_factory=dict)
     by_speed: dict[str, FlowErrors] = field(default_factory=dict)
     three_way_epe_m: dict[str, float] = field(default_factory=dict)

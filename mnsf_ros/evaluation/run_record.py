@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,6 +22,8 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 # Layout of the files of a run; those of another layout can be read, but not resumed.
 FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
+_COMMAND: Final = "mnsf"
+_MODULE: Final = ("cli", "__main__.py")
 _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD: Final = 5
@@ -86,12 +89,22 @@ class SessionRecord:
         )
 
     @property
+    def command_line(self) -> str:
+        """The command line as a shell takes it, empty if nobody knows."""
+        if not self.command:
+            return ""
+        program, *arguments = self.command
+        # `python -m mnsf_ros.cli` is the same command.
+        name = _COMMAND if Path(program).parts[-2:] == _MODULE else Path(program).name
+        return shlex.join([name, *arguments])
+
+    @property
     def facts(self) -> dict[str, str]:
         """What a reader of results wants to know of it, by name."""
         versions = (f"{name} {number}" for name, number in self.versions.items())
         facts = {
             "started": self.started,
-            "command": " ".join(self.command),
+            "command": self.command_line,
             "machine": str(self.machine),
             "versions": ", ".join(versions),
             "git commit": self.git_commit or "none, not a checkout",

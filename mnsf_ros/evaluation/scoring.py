@@ -22,6 +22,7 @@ from mnsf_ros.evaluation.metrics import (
     SPEED_LIMITS_M_S,
     by_motion,
     end_point_errors,
+    error_counts,
     errors_by_band,
 )
 from mnsf_ros.evaluation.movers import TrueMotion, mover_row
@@ -170,6 +171,7 @@ def _with_errors(
         row,
         movers=movers,
         errors=by_motion(flow, true_flow, dynamic),
+        error_counts=error_counts(errors_m),
         by_range=errors_by_band(flow, true_flow, np.linalg.norm(xy, axis=1), RANGE_LIMITS_M),
         by_speed=errors_by_band(flow, true_flow, own_m / interval_s, SPEED_LIMITS_M_S),
         three_way_epe_m=three_way_epe_m(groups),

@@ -73,7 +73,9 @@ class CloserLook(NamedTuple):
 
 
 def closer_look(results: RunResults, method: str | None = None) -> CloserLook:
-    """Looks closely at a method; None for the first one with a flow that is no reference.
+    """Looks closely at a method; None for the one under test.
+
+    That is the first one named that is no reference, if one has a flow the first of those.
 
     Raises:
         EvaluationError: The run has no such method.
@@ -85,7 +87,8 @@ def closer_look(results: RunResults, method: str | None = None) -> CloserLook:
     if method is None:
         found = [summary.method for summary in results.summaries if summary.num_examples]
         rivals = [name for name in found if name not in record.references]
-        method = next(iter(rivals or found), "")
+        named = [name for name in known if name not in record.references]
+        method = next(iter(rivals or named or found), "")
     return CloserLook.of(rows, method)
 
 

@@ -12,20 +12,20 @@ import jinja2
 from markupsafe import Markup
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.charts import band_chart, stage_bars, time_text
+from mnsf_ros.drawing.charts import stage_bars, time_text
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
 from mnsf_ros.evaluation.run_files import replace_file
 from mnsf_ros.report.cards import Cards
 from mnsf_ros.report.closer_look import CloserLook, missed_table, worst_table
+from mnsf_ros.report.comparison import comparison_tables
+from mnsf_ros.report.error_charts import bin_charts, point_charts
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
-# A reference so much worse than the best method would flatten all other lines of a chart.
-_OFF_THE_CHART: Final = 5.0
 _REST: Final = "other"
 # A smaller part of the time outside of all stages is not worth a color.
 _REST_SHARE: Final = 0.02
@@ -44,8 +44,11 @@ def write_report(
     path: Path,
     look: CloserLook,
     cards: Cards,
+    why_not: str = "",
 ) -> None:
     """Writes the report; an earlier one is replaced as a whole or not at all.
+
+    `why_not` says why sweeps have no pictures.
 
     Raises:
         WritingError: Writing fails.
@@ -62,15 +65,18 @@ def write_report(
         results=results,
         best_cells=lambda table: best_cells(table, record.references),
         tables=[table for table in main_tables(summaries) if table != consistency],
+        comparison=comparison_tables(results),
         consistency=consistency,
         more=further_tables(summaries),
         failures=_failures(rows),
-        charts=_band_charts(summaries, record.references),
+        charts=bin_charts(summaries, record.references),
+        wide_charts=point_charts(rows, summaries, record.references),
         times=_times_chart(rows, summaries),
         focus=look.method,
         worst=worst_table(look),
         missed=missed_table(look),
         cards=cards,
+        why_not=why_not,
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
     )
     replace_file(path, [f"{page}\n"])
@@ -140,48 +146,6 @@ def _failures(rows: Iterable[ResultRow]) -> list[tuple[str, str]]:
         )
         for (method, _), found in sorted(texts.items(), key=lambda item: -len(item[1]))
     ]
-
-
-def _band_charts(
-    summaries: Sequence[MethodSummary], references: frozenset[str]
-) -> list[tuple[str, Markup]]:
-    """Title and chart of the error against range and against speed; none without truth."""
-    # One that failed everywhere has no line.
-    scored = [s for s in summaries if s.by_range or s.by_speed]
-    best_m = min((s.errors["all"].epe_m for s in scored if s.method not in references), default=0)
-    limit_m = _OFF_THE_CHART * best_m or math.inf
-    shown = [s for s in scored if s.method not in references or s.errors["all"].epe_m <= limit_m]
-    charts = []
-    for title, across, bands in (
-        (
-            "Error against range",
-            "distance from the sensor (m)",
-            {s.method: s.by_range for s in shown},
-        ),
-        (
-            "Error against speed",
-            "true speed without ego motion (m/s)",
-            {s.method: s.by_speed for s in shown},
-        ),
-    ):
-        limits = sorted({limit for errors in bands.values() for limit in errors}, key=float)
-        values = {
-            method: [errors[x].epe_m if x in errors else math.nan for x in limits]
-            for method, errors in bands.items()
-        }
-        if limits:
-            chart = band_chart(title, across, band_names(limits), values)
-            charts.append((title, Markup(chart)))
-    return charts
-
-
-def band_names(limits: Sequence[str]) -> list[str]:
-    """Returns what bands are called, from their upper limits in ascending order."""
-    names, low = [], "0"
-    for limit in limits:
-        names.append(f"{low}+" if limit == "inf" else f"{low}–{limit}")
-        low = limit
-    return names
 
 
 def _times_chart(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary]) -> Markup:

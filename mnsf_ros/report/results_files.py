@@ -16,9 +16,11 @@ from mnsf_ros.evaluation.run_files import replace_file
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.report.comparison import comparison_tables
 from mnsf_ros.report.notes import nearest_preset
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import further_tables, main_tables
+from mnsf_ros.report.text_table import TextTable
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
@@ -35,7 +37,7 @@ _CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENC
 
 
 def write_results(folder: RunFolder, results: RunResults) -> None:
-    """Writes results.md, results.csv and results.json, in place of those of an earlier session.
+    """Writes results.md, .csv, .tex and .json, in place of those of an earlier session.
 
     Raises:
         WritingError: Writing fails; files that are not written yet are those of before.
@@ -43,6 +45,7 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     for name, text in (
         ("results.md", results_markdown(results)),
         ("results.csv", results_csv(results)),
+        ("results.tex", results_latex(results)),
         ("results.json", results_json(results)),
     ):
         replace_file(folder.path / name, [text])
@@ -51,10 +54,7 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
 def results_markdown(results: RunResults) -> str:
     """Returns all tables with what they are tables of."""
     parts = ["# Scene flow evaluation", *results.protocol]
-    parts += [
-        table.markdown().rstrip("\n")
-        for table in [*main_tables(results.summaries), *further_tables(results.summaries)]
-    ]
+    parts += [table.markdown().rstrip("\n") for table in _tables(results)]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
     *earlier, last = results.record.sessions
@@ -63,6 +63,19 @@ def results_markdown(results: RunResults) -> str:
         lines.append(f"* sessions: {len(earlier) + 1}, see run.json")
     parts += ["## Run", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
+
+
+def _tables(results: RunResults) -> list[TextTable]:
+    """All tables, those that everybody wants to see first."""
+    main, further = main_tables(results.summaries), further_tables(results.summaries)
+    return [*main, *comparison_tables(results), *further]
+
+
+def results_latex(results: RunResults) -> str:
+    """Returns all tables for LaTeX, with what they are tables of as comments."""
+    head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
+    command = results.record.sessions[-1].command_line
+    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in _tables(results))])
 
 
 def results_csv(results: RunResults) -> str:
@@ -150,5 +163,5 @@ def _cell(value: float) -> str:
 
 def session_lines(session: SessionRecord) -> list[str]:
     """Returns the facts of a session as lines of Markdown."""
-    facts = session.facts | {"command": f"`{' '.join(session.command)}`"}
+    facts = session.facts | {"command": f"`{session.command_line}`"}
     return [f"* {name}: {text}" for name, text in facts.items() if text != "``"]

@@ -56,7 +56,10 @@ def report_run(
     path, record, wanted = folder / REPORT_FILE, results.record, look.first(num_pictured)
     methods = list(dict.fromkeys([look.method, *(one.method for one in results.summaries)]))
     pictured = recorded_examples(folder, wanted.rows, methods)
-    write_report(results, path, look, cards_of(results.rows, wanted, pictured))
+    why_not = ""
+    if not pictured:
+        why_not = _why_not_written(wanted.rows, num_pictured, estimate_again=estimate_again)
+    write_report(results, path, look, cards_of(results.rows, wanted, pictured), why_not)
     if pictured or not estimate_again:
         return path
     if math.isfinite(limit_s):
@@ -67,10 +70,25 @@ def report_run(
     if methods and wanted.rows:
         times_s = {summary.method: summary.time_ms / 1e3 for summary in results.summaries}
         budget = TimeBudget(limit_s, times_s)
-        pictured = _estimated(record, wanted.rows, methods, budget, say)
-    if pictured:
-        write_report(results, path, look, cards_of(results.rows, wanted, pictured))
+        pictured, why_not = _estimated(record, wanted.rows, methods, budget, say)
+        if why_not:
+            say(why_not)
+    write_report(results, path, look, cards_of(results.rows, wanted, pictured), why_not)
     return path
+
+
+def _why_not_written(
+    wanted: Sequence[ResultRow], num_pictured: int, *, estimate_again: bool
+) -> str:
+    """Why there are no pictures, unless flow is found or estimated again."""
+    if num_pictured < 1:
+        return "No pictures: none were asked for (--pictures)."
+    if not wanted:
+        return "No pictures: there is no flow to look at."
+    text = "No pictures: the run wrote no flow (--write-flow), and "
+    if estimate_again:
+        return f"{text}no example can be estimated again soon; `mnsf report` on the folder can."
+    return f"{text}nothing was estimated again; `mnsf report` on the folder does that."
 
 
 def _estimated(
@@ -79,25 +97,25 @@ def _estimated(
     methods: Sequence[str],
     budget: TimeBudget,
     say: Callable[[str], None],
-) -> list[PicturedExample]:
-    """The examples that get ready in time; says why there are none."""
+) -> tuple[list[PicturedExample], str]:
+    """The examples that get ready in time, and why others do not."""
     if not record.is_of_this_version:
-        say("no pictures: the run was made by another version of mnsf_ros")
-        return []
+        return [], "No pictures: the run was made by another version of mnsf_ros."
     if not budget.allows(methods[0]):
         seconds = budget.needs_s(methods[0])
-        say(
-            f"no pictures: one flow takes {seconds:.0f} s; `mnsf report` on the folder waits for it"
-        )
-        return []
+        why = f"No pictures: one flow takes {seconds:.0f} s; `mnsf report` on the folder waits."
+        return [], why
     seconds = min(budget.limit_s, len(wanted) * sum(map(budget.needs_s, methods)))
     examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
     say(f"estimating {examples} again for pictures, about {seconds:.0f} s")
     try:
         found = estimated_examples(record, wanted, methods, budget)
     except MnsfError as error:
-        say(f"no pictures: {error}")
-        return []
-    if not found:
-        say("no pictures: no flow got ready in time; `mnsf report` on the folder waits for it")
-    return found
+        return [], f"No pictures: {error}"
+    missing = len(wanted) - len(found)
+    if missing:
+        which = f"{missing} of {len(wanted)} sweeps have no picture" if found else "No pictures"
+        return found, (
+            f"{which}: no flow got ready in time; `mnsf report` on the folder waits for it."
+        )
+    return found, ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
@@ -172,15 +172,11 @@ def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
             decimals=4,
         ),
         _bucketed_table(summaries),
-        _bands_table(
-            "EPE (m) by range (upper limit of each band)",
-            {s.method: s.by_range for s in summaries},
-            lambda limit: "farther" if limit == "inf" else f"{limit} m",
-        ),
-        _bands_table(
-            "EPE (m) by true speed without ego motion (upper limit of each band)",
+        _bins_table("EPE (m) in bins of range", {s.method: s.by_range for s in summaries}, "m"),
+        _bins_table(
+            "EPE (m) in bins of true speed without ego motion",
             {s.method: s.by_speed for s in summaries},
-            lambda limit: "faster" if limit == "inf" else f"{limit} m/s",
+            "m/s",
         ),
         objects_table(summaries, MOVER_GROUPS[2:]),
         losses_table(summaries),
@@ -211,12 +207,22 @@ def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     )
 
 
-def _bands_table(
-    title: str, bands: Mapping[str, Mapping[str, FlowErrors]], name_of: Callable[[str], str]
+def _bins_table(
+    title: str, bins: Mapping[str, Mapping[str, FlowErrors]], unit: str
 ) -> TextTable | None:
-    limits = sorted({limit for errors in bands.values() for limit in errors}, key=float)
-    values = {name: {x: item.epe_m for x, item in own.items()} for name, own in bands.items()}
-    return _values_table(title, values, {limit: name_of(limit) for limit in limits})
+    limits = sorted({limit for errors in bins.values() for limit in errors}, key=float)
+    values = {name: {x: item.epe_m for x, item in own.items()} for name, own in bins.items()}
+    names = (f"{name} {unit}" for name in bin_names(limits))
+    return _values_table(title, values, dict(zip(limits, names, strict=True)))
+
+
+def bin_names(limits: Sequence[str]) -> list[str]:
+    """Returns what bins are called, from their upper limits in ascending order."""
+    names, low = [], "0"
+    for limit in limits:
+        names.append(f"{low}+" if limit == "inf" else f"{low}\N{EN DASH}{limit}")
+        low = limit
+    return names
 
 
 def _values_table(

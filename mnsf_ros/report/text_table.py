@@ -18,6 +18,15 @@ from mnsf_ros.errors import EvaluationError
 Better = Callable[[Iterable[float]], float]
 
 NO_VALUE: Final = "-"
+_LATEX: Final = {
+    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "\N{EN DASH}": "--",
+}
 # A line and a blank on each side of a cell; and the line at the right end.
 _AROUND: Final = 3
 _END: Final = 1
@@ -66,6 +75,15 @@ class TextTable:
         lines += [_markdown_row(row) for row in self.rows]
         if self.title:
             lines = [self.title, "", *lines]
+        return "\n".join(lines) + "\n"
+
+    def latex(self) -> str:
+        """Returns the table for LaTeX with the package booktabs, the title as caption."""
+        columns = "l" + "r" * (len(self.header) - 1)
+        caption = [rf"\caption{{{_latex_text(self.title)}}}"] if self.title else []
+        lines = [r"\begin{table}", *caption, rf"\begin{{tabular}}{{{columns}}}", r"\toprule"]
+        lines += [_latex_row(self.header), r"\midrule", *map(_latex_row, self.rows)]
+        lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
         return "\n".join(lines) + "\n"
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -162,6 +180,14 @@ def _room_of(block: Block) -> int:
 
 def _word_width(text: str) -> int:
     return max(map(cell_len, text.split()), default=0)
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    return " & ".join(map(_latex_text, cells)) + r" \\"
+
+
+def _latex_text(text: str) -> str:
+    return "".join(_LATEX.get(sign, sign) for sign in " ".join(text.split()))
 
 
 def _markdown_row(cells: Sequence[str]) -> str:

@@ -135,8 +135,8 @@ def test_tables_without_content_are_left_out():
 def test_bands_are_in_order():
     bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
     tables = further_tables(summarize([row(1, 0.1, **bands)]))
-    (table,) = [table for table in tables if "by range" in table.title]
-    assert list(table.header) == ["method", "10 m", "80 m", "farther"]
+    (table,) = [table for table in tables if "of range" in table.title]
+    assert list(table.header) == ["method", "0–10 m", "10–80 m", "80+ m"]
     assert list(table.rows[0]) == ["mnsf", "0.100", "0.400", "0.500"]
 
 

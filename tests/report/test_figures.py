@@ -7,13 +7,14 @@ from small_runs import row, rows, run_record
 
 from mnsf_ros.evaluation.results import DROPPED
 from mnsf_ros.report.closer_look import CloserLook, closer_look
-from mnsf_ros.report.page import band_names, best_cells, stage_times_ms
+from mnsf_ros.report.page import best_cells, stage_times_ms
 from mnsf_ros.report.run_results import results_of
+from mnsf_ros.report.tables import bin_names
 from mnsf_ros.report.text_table import TextTable
 
 
 def test_bands_are_named_from_limit_to_limit():
-    assert band_names(["10", "20", "inf"]) == ["0–10", "10–20", "20+"]
+    assert bin_names(["10", "20", "inf"]) == ["0–10", "10–20", "20+"]
 
 
 def test_time_outside_of_all_stages_is_shown():

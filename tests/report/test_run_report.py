@@ -121,7 +121,8 @@ def test_run_of_another_version_is_reported_without_new_estimates(street, tmp_pa
     text, said = report_of(folder)
     assert "data:image/png" not in text
     (line,) = said
-    assert "no pictures" in line
+    assert "No pictures" in line
+    assert line in text
     assert "another version" in line
 
 
@@ -162,7 +163,8 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     slow = [dataclasses.replace(row, time_ms=9e3 if row.method == "ego" else 1.0) for row in rows]
     (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in slow))
     text, said = report_of(folder, limit_s=8.0)
-    assert said == ["no pictures: one flow takes 9 s; `mnsf report` on the folder waits for it"]
+    assert said == ["No pictures: one flow takes 9 s; `mnsf report` on the folder waits."]
+    assert said[0] in text
     assert "data:image/png" not in text
     text, said = report_of(folder, limit_s=8.0, focus="zero")
     assert said == ["estimating 3 examples again for pictures, about 8 s"]
@@ -204,7 +206,8 @@ def test_recording_that_is_gone_costs_only_the_pictures(street, tmp_path):
     shutil.rmtree(moved)
     text, said = report_of(folder)
     assert "data:image/png" not in text
-    assert said[-1].startswith("no pictures: ")
+    assert said[-1].startswith("No pictures: ")
+    assert "No pictures: " in text
 
 
 def test_folder_without_a_run_is_refused(tmp_path):
