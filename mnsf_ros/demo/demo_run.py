@@ -106,7 +106,7 @@ def _replayed(
         task = progress.add_task("starting the node", total=recording.num_sweeps)
 
         def show(num_sweeps: int, num_flows: int) -> None:
-            text = f"sweeps in, {num_flows} flows out"
+            text = f"{num_flows} flows out; sweeps in:"
             progress.update(task, completed=num_sweeps, description=text)
 
         log = replay(reader, topic, node, writer, show, namespace)
