@@ -29,7 +29,8 @@ from mnsf_ros.evaluation.scoring import by_motion
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.report.text_table import TextTable
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -10,7 +10,7 @@ from paper_plan import preset_of
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.presets import preset
-from mnsf_ros.settings import SettingValue
+from mnsf_ros.setting import SettingValue
 
 Values = dict[str, SettingValue]
 

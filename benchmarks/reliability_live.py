@@ -26,7 +26,8 @@ from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
-from mnsf_ros.settings import Setting, SettingValue, declared_settings
+from mnsf_ros.setting import Setting, SettingValue
+from mnsf_ros.settings import declared_settings
 
 # What was measured, the figure, and whether the promise holds.
 Figure = tuple[str, str, bool]

@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 # Section 3 of the paper and the settings of the authors' README, every triplet from scratch.
 _PAPER: dict[str, SettingValue] = {

@@ -8,107 +8,20 @@ ROS parameters, the YAML files in `config/`, command-line help and the table in
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 from mnsf_ros.errors import SettingsError
-
-SettingValue = bool | int | float | str
-
-# End of a setting's name -> its unit.
-_UNITS = {"_m_s": "m/s", "_m2": "m²", "_m": "m", "_ms": "ms", "_s": "s", "_deg": "degrees"}
-_LARGE = 1_000_000
-
-
-@dataclass(frozen=True)
-class Setting:
-    """The declaration of one setting."""
-
-    name: str  # `group.field`
-    kind: type  # bool, int, float or str
-    default: SettingValue  # of the `online` preset
-    text: str  # one line for people
-    minimum: float | None  # numbers only, as the maximum
-    maximum: float | None
-    choices: tuple[str, ...]  # the words allowed, strings only
-    fixed: bool  # it cannot change while a node runs
-    tuned: tuple[float, float] | None  # where `mnsf tune` searches, numbers only
-
-    @property
-    def unit(self) -> str:
-        """Unit of the value, which the name ends with; empty where it has none."""
-        return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
-
-    def checked(self, value: object) -> SettingValue:
-        """Returns `value` in this setting's type.
-
-        Raises:
-            SettingsError: If the type does not fit, or the value is outside the range.
-        """
-        typed = self._typed(value)
-        if self.choices and typed not in self.choices:
-            raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
-        if isinstance(typed, (int, float)) and not isinstance(typed, bool):
-            too_small = self.minimum is not None and typed < self.minimum
-            too_large = self.maximum is not None and typed > self.maximum
-            if too_small or too_large or not math.isfinite(typed):
-                raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
-        return typed
-
-    def _typed(self, value: object) -> SettingValue:
-        # bool is a subclass of int in Python, and `true` for a number is always a mistake.
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if self.kind is float and is_number:
-            with suppress(OverflowError):  # a whole number of more than 308 digits
-                return float(value)  # type: ignore[arg-type]
-        if self.kind is int and isinstance(value, float) and value.is_integer():
-            return int(value)
-        if type(value) is self.kind:
-            return value  # type: ignore[return-value]
-        raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
-
-    def _expected(self) -> str:
-        if self.choices:
-            return f"one of {', '.join(self.choices)}"
-        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
-        return f"{words[self.kind]}{self.range_text(' from {} to {}')}"
-
-    def range_text(self, pattern: str = "{} to {}") -> str:
-        """The range as text, empty where there is none."""
-        if self.choices:
-            return ", ".join(self.choices)
-        if self.minimum is None or self.maximum is None:
-            return ""
-        return pattern.format(_plain(self.minimum), _plain(self.maximum))
-
-
-def _plain(number: float) -> str:
-    return f"{number:g}" if abs(number) < _LARGE else f"{number:.0f}"
-
-
-def _setting(
-    default: SettingValue,
-    text: str,
-    minimum: float | None = None,
-    maximum: float | None = None,
-    choices: tuple[str, ...] = (),
-    fixed: bool = False,
-    tuned: tuple[float, float] | None = None,
-) -> Any:  # noqa: ANN401 - dataclasses.field is typed like this, too
-    metadata = {"text": text, "minimum": minimum, "maximum": maximum}
-    others = {"choices": choices, "fixed": fixed, "tuned": tuned}
-    return field(default=default, metadata=metadata | others)
+from mnsf_ros.setting import Setting, SettingValue, declared
 
 
 @dataclass(frozen=True)
 class MethodSettings:
     """Which method the node runs."""
 
-    name: str = _setting(
+    name: str = declared(
         "online",
         "Method that estimates the flow. online: ego motion plus one rigid motion per object, in "
         "about 0.1 s on a CPU; mnsf: the networks of the paper; or any other method listed in "
@@ -120,17 +33,17 @@ class MethodSettings:
 class TimeSettings:
     """Where a cloud says when each of its points was measured."""
 
-    field: str = _setting(
+    field: str = declared(
         "auto",
         "Field of the cloud with the time of each point. auto: t, time, timestamp, time_stamp or "
         "offset_time, if its values can be times; none: do not read any",
     )
-    unit: str = _setting(
+    unit: str = declared(
         "auto",
         "Unit of that field. auto: the one in which a sweep takes 0.002 to 2 s",
         choices=("auto", "s", "ms", "us", "ns"),
     )
-    stamp: str = _setting(
+    stamp: str = declared(
         "auto",
         "What the stamp of a cloud is. auto: found from the values; start: time of the first "
         "point; end: time of the last point",
@@ -142,16 +55,16 @@ class TimeSettings:
 class CropSettings:
     """Which points methods are fitted to. Points outside still get a flow."""
 
-    min_range_m: float = _setting(
+    min_range_m: float = declared(
         0.5, "Exclude points nearer than this, for example on the robot itself", 0, 1000
     )
-    max_range_m: float = _setting(
+    max_range_m: float = declared(
         80.0, "Exclude points farther than this, measured in the horizontal plane", 1, 1000
     )
-    min_height_m: float = _setting(
+    min_height_m: float = declared(
         -20.0, "Exclude points below this height in the sensor frame", -1000, 1000
     )
-    max_height_m: float = _setting(
+    max_height_m: float = declared(
         4.0, "Exclude points above this height in the sensor frame", -1000, 1000
     )
 
@@ -160,21 +73,21 @@ class CropSettings:
 class GroundSettings:
     """How ground points are found. They carry no information about the motion of objects."""
 
-    remove: bool = _setting(
+    remove: bool = declared(
         True,
         "Exclude ground points. Disable only for clouds without ground; otherwise objects merge "
         "and movers are missed",
     )
-    cell_size_m: float = _setting(
+    cell_size_m: float = declared(
         0.5, "Cell size of the ground height map", 0.1, 10, tuned=(0.3, 1.0)
     )
-    window_m: float = _setting(
+    window_m: float = declared(
         8.0, "Largest width of objects on the ground; wider structures count as terrain", 1, 50
     )
-    max_slope: float = _setting(
+    max_slope: float = declared(
         0.25, "Steepest slope of the ground, rise over run", 0, 1, tuned=(0.1, 0.5)
     )
-    margin_m: float = _setting(
+    margin_m: float = declared(
         0.2, "Points lower than this above the height map are ground", 0.01, 2, tuned=(0.1, 0.4)
     )
 
@@ -183,34 +96,34 @@ class GroundSettings:
 class EgoMotionSettings:
     """How the ego motion is estimated, and whether networks see it removed."""
 
-    removed: bool = _setting(
+    removed: bool = declared(
         False,
         "Remove the ego motion before networks are fitted: all sweeps are transformed into the "
         "frame of the current one. The method online always does so",
     )
-    source: str = _setting(
+    source: str = declared(
         "registration",
         "registration: align each sweep with a local map of recent sweeps; odometry: use the "
         "robot's odometry, and registration where it is missing; tf: the same with the transform "
         "of the cloud's frame in tf.fixed_frame (node only, needs tf2_ros)",
         choices=("registration", "odometry", "tf"),
     )
-    sensor_pose: str = _setting(
+    sensor_pose: str = declared(
         "parameters",
         "Where the lidar is in the odometry's child frame. parameters: sensor_x_m to "
         "sensor_yaw_deg; tf: look it up (node only, needs tf2_ros)",
         choices=("parameters", "tf"),
     )
-    deskew: bool = _setting(
+    deskew: bool = declared(
         True,
         "Where the time of each point is known, move points to where they would have been measured "
         "in the middle of the sweep. Disable for clouds that are already motion compensated",
     )
-    max_range_m: float = _setting(80.0, "Maximum range of points used for registration", 1, 1000)
-    max_points: int = _setting(
+    max_range_m: float = declared(80.0, "Maximum range of points used for registration", 1, 1000)
+    max_points: int = declared(
         65_000, "Maximum number of points of a sweep used for registration", 1000, 10_000_000
     )
-    thinning_m: float = _setting(
+    thinning_m: float = declared(
         0.3,
         "Cell size for thinning before registration: one point per cell is kept; cells near the "
         "ground are 1.7 times as large",
@@ -218,35 +131,35 @@ class EgoMotionSettings:
         5,
         tuned=(0.15, 0.6),
     )
-    map_cell_m: float = _setting(1.0, "Cell size of the local map", 0.1, 10, tuned=(0.5, 2.0))
-    map_sweeps: int = _setting(
+    map_cell_m: float = declared(1.0, "Cell size of the local map", 0.1, 10, tuned=(0.5, 2.0))
+    map_sweeps: int = declared(
         30, "Map cells are deleted when not seen for this many sweeps", 1, 10_000
     )
-    max_gap_s: float = _setting(2.0, "The map is reset after a longer gap between sweeps", 0.01, 60)
-    sensor_x_m: float = _setting(0.0, "Lidar position in the odometry's child frame, x", -100, 100)
-    sensor_y_m: float = _setting(0.0, "Lidar position in the odometry's child frame, y", -100, 100)
-    sensor_z_m: float = _setting(0.0, "Lidar position in the odometry's child frame, z", -100, 100)
-    sensor_roll_deg: float = _setting(0.0, "Lidar roll in the odometry's child frame", -360, 360)
-    sensor_pitch_deg: float = _setting(0.0, "Lidar pitch in the odometry's child frame", -360, 360)
-    sensor_yaw_deg: float = _setting(0.0, "Lidar yaw in the odometry's child frame", -360, 360)
+    max_gap_s: float = declared(2.0, "The map is reset after a longer gap between sweeps", 0.01, 60)
+    sensor_x_m: float = declared(0.0, "Lidar position in the odometry's child frame, x", -100, 100)
+    sensor_y_m: float = declared(0.0, "Lidar position in the odometry's child frame, y", -100, 100)
+    sensor_z_m: float = declared(0.0, "Lidar position in the odometry's child frame, z", -100, 100)
+    sensor_roll_deg: float = declared(0.0, "Lidar roll in the odometry's child frame", -360, 360)
+    sensor_pitch_deg: float = declared(0.0, "Lidar pitch in the odometry's child frame", -360, 360)
+    sensor_yaw_deg: float = declared(0.0, "Lidar yaw in the odometry's child frame", -360, 360)
 
 
 @dataclass(frozen=True)
 class TfSettings:
     """Frames of the robot, for the ROS node."""
 
-    fixed_frame: str = _setting(
+    fixed_frame: str = declared(
         "odom",
         "Frame in which static points do not move, for ego_motion.source: tf. It must be "
         "continuous: odom rather than map",
     )
-    timeout_s: float = _setting(
+    timeout_s: float = declared(
         0.1, "A sweep waits this long for its transform, then it is registered instead", 0, 1
     )
-    broadcast: bool = _setting(
+    broadcast: bool = declared(
         False, "Publish the pose of ~/ego_motion on /tf, too (needs tf2_ros)", fixed=True
     )
-    base_frame: str = _setting(
+    base_frame: str = declared(
         "",
         "Frame of the robot whose pose is broadcast in node.odom_frame, for example base_link; "
         "empty: the frame of the clouds",
@@ -258,7 +171,7 @@ class TfSettings:
 class LidarsSettings:
     """Several lidars whose clouds are merged, for the ROS node."""
 
-    count: int = _setting(
+    count: int = declared(
         1,
         "Number of lidars. With more than one, the clouds on ~/points, ~/points_2, ~/points_3 and "
         "~/points_4 are merged into one",
@@ -266,22 +179,22 @@ class LidarsSettings:
         4,
         fixed=True,
     )
-    frame: str = _setting(
+    frame: str = declared(
         "base_link",
         "Frame of the merged cloud. It must move with the lidars and should lie between them",
         fixed=True,
     )
-    poses: str = _setting(
+    poses: str = declared(
         "tf",
         "Where the lidars are in that frame. tf: look it up (needs tf2_ros); parameters: "
         "lidar_1.x_m to lidar_4.yaw_deg",
         choices=("tf", "parameters"),
         fixed=True,
     )
-    tolerance_s: float = _setting(
+    tolerance_s: float = declared(
         0.06, "Stamps of clouds that are merged differ by this at most", 0, 1
     )
-    max_wait_s: float = _setting(
+    max_wait_s: float = declared(
         0.2,
         "Clouds wait this long for those of another lidar, which is then left out until it sends "
         "again; longer than one revolution",
@@ -294,54 +207,54 @@ class LidarsSettings:
 class LidarSettings:
     """Where one of several lidars is, with lidars.poses: parameters."""
 
-    x_m: float = _setting(0.0, "Position of this lidar in lidars.frame, x", -100, 100)
-    y_m: float = _setting(0.0, "Position of this lidar in lidars.frame, y", -100, 100)
-    z_m: float = _setting(0.0, "Position of this lidar in lidars.frame, z", -100, 100)
-    roll_deg: float = _setting(0.0, "Roll of this lidar in lidars.frame", -360, 360)
-    pitch_deg: float = _setting(0.0, "Pitch of this lidar in lidars.frame", -360, 360)
-    yaw_deg: float = _setting(0.0, "Yaw of this lidar in lidars.frame", -360, 360)
+    x_m: float = declared(0.0, "Position of this lidar in lidars.frame, x", -100, 100)
+    y_m: float = declared(0.0, "Position of this lidar in lidars.frame, y", -100, 100)
+    z_m: float = declared(0.0, "Position of this lidar in lidars.frame, z", -100, 100)
+    roll_deg: float = declared(0.0, "Roll of this lidar in lidars.frame", -360, 360)
+    pitch_deg: float = declared(0.0, "Pitch of this lidar in lidars.frame", -360, 360)
+    yaw_deg: float = declared(0.0, "Yaw of this lidar in lidars.frame", -360, 360)
 
 
 @dataclass(frozen=True)
 class ObjectSettings:
     """How points are grouped into objects, and which objects are dynamic (method `online`)."""
 
-    cell_size_m: float = _setting(
+    cell_size_m: float = declared(
         0.15,
         "Cell size for grouping: points in touching cells of the horizontal plane form one object",
         0.05,
         5,
         tuned=(0.08, 0.35),
     )
-    thinning_m: float = _setting(
+    thinning_m: float = declared(
         0.1,
         "Cell size for thinning before objects are compared: one point per cell",
         0.02,
         1,
         tuned=(0.05, 0.2),
     )
-    max_points: int = _setting(
+    max_points: int = declared(
         60_000, "Maximum number of points of a sweep that are compared", 1000, 10_000_000
     )
-    min_points: int = _setting(
+    min_points: int = declared(
         6, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
     )
-    max_size_m: float = _setting(
+    max_size_m: float = declared(
         12.0,
         "Longer objects count as static (walls, hedges, terrain), unless part of one came lately",
         1,
         100,
         tuned=(6, 25),
     )
-    points_per_object: int = _setting(
+    points_per_object: int = declared(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000
     )
-    max_suspects: int = _setting(
+    max_suspects: int = declared(
         300, "Maximum number of objects whose motion is searched for, nearest first", 1, 100_000
     )
-    max_speed_m_s: float = _setting(36.0, "Maximum speed of objects over ground", 1, 100)
-    max_iterations: int = _setting(4, "Iterations when the motion of an object is fitted", 1, 100)
-    min_probability: float = _setting(
+    max_speed_m_s: float = declared(36.0, "Maximum speed of objects over ground", 1, 100)
+    max_iterations: int = declared(4, "Iterations when the motion of an object is fitted", 1, 100)
+    min_probability: float = declared(
         0.5,
         "An object is dynamic only if it moves with at least this probability. Higher: fewer false "
         "positives, more missed movers",
@@ -349,7 +262,7 @@ class ObjectSettings:
         0.99,
         tuned=(0.1, 0.9),
     )
-    max_unexplained: float = _setting(
+    max_unexplained: float = declared(
         0.85,
         "An object is dynamic only if its motion leaves less than this share of the residual that "
         "it would have as a static object. Lower: fewer false positives, more missed movers",
@@ -363,10 +276,10 @@ class ObjectSettings:
 class BufferSettings:
     """Which sweeps form a triplet."""
 
-    min_interval_s: float = _setting(
+    min_interval_s: float = declared(
         0.001, "A sweep sooner than this after the last one is a duplicate", 0.000001, 1
     )
-    max_interval_s: float = _setting(
+    max_interval_s: float = declared(
         0.5, "After a longer gap, the buffer is cleared and the next estimate starts cold", 0.01, 60
     )
 
@@ -375,23 +288,23 @@ class BufferSettings:
 class DistanceSettings:
     """The distance from a moved point to the target sweep: D in the paper."""
 
-    kind: str = _setting(
+    kind: str = declared(
         "tree",
         "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a CPU "
         "for few points; auto: grid on CUDA, tree on a CPU",
         choices=("grid", "tree", "auto"),
     )
-    cell_size_m: float = _setting(0.1, "Cell size of the distance transform", 0.01, 10)
-    max_cells: int = _setting(
+    cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
+    max_cells: int = declared(
         250_000_000,
         "Maximum number of grid cells (4 bytes each); larger sweeps use the tree instead",
         1000,
         2_000_000_000,
     )
-    truncation_m: float = _setting(
+    truncation_m: float = declared(
         2.0, "Distances are limited to this value, against outliers; 0: unlimited", 0, 1000
     )
-    dead_zone_m: float = _setting(
+    dead_zone_m: float = declared(
         0.0,
         "Distances below this value count as this value: so far apart are the points of one "
         "surface, whether it moves or not",
@@ -404,19 +317,19 @@ class DistanceSettings:
 class NsfpSettings:
     """Only for the methods `nsfp` and `nsfp-linear`."""
 
-    truncation_m: float = _setting(
+    truncation_m: float = declared(
         1.41421356,
         "Point pairs farther apart are ignored in the Chamfer distance; NSFP's code compares "
         "squared distances with 2",
         0.01,
         1000,
     )
-    learning_rate: float = _setting(0.008, "Learning rate of Adam", 1e-7, 1)
-    weight_decay: float = _setting(0.0, "Weight decay of Adam (the authors' code: 0.0001)", 0, 1)
-    patience: int = _setting(
+    learning_rate: float = declared(0.008, "Learning rate of Adam", 1e-7, 1)
+    weight_decay: float = declared(0.0, "Weight decay of Adam (the authors' code: 0.0001)", 0, 1)
+    patience: int = declared(
         30, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
-    min_delta_m2: float = _setting(
+    min_delta_m2: float = declared(
         0.001,
         "Smallest decrease of the loss that counts as improvement (the authors' code: 0.0001)",
         0,
@@ -428,7 +341,7 @@ class NsfpSettings:
 class MnsfCycleSettings:
     """Only for the method `mnsf-cycle`."""
 
-    weight: float = _setting(
+    weight: float = declared(
         0.1, "Weight of the cycle loss (not given in the paper; NSFP uses 1)", 0, 1000
     )
 
@@ -437,33 +350,33 @@ class MnsfCycleSettings:
 class LinearSettings:
     """Only for the methods `nsfp-linear` and `fnsf-linear`."""
 
-    node_spacing_m: float = _setting(2.0, "Distance between the nodes of the grid", 0.1, 100)
-    sigma_m: float = _setting(
+    node_spacing_m: float = declared(2.0, "Distance between the nodes of the grid", 0.1, 100)
+    sigma_m: float = declared(
         5.0, "Standard deviation of the Gaussian encoding along each axis", 0.1, 100
     )
-    variation_weight: float = _setting(
+    variation_weight: float = declared(
         0.5, "Weight of the total variation of the flow between nodes", 0, 1000
     )
-    learning_rate: float = _setting(0.03, "Learning rate of Adam", 1e-7, 1)
+    learning_rate: float = declared(0.03, "Learning rate of Adam", 1e-7, 1)
 
 
 @dataclass(frozen=True)
 class FieldSettings:
     """The networks of the forward and the backward field."""
 
-    num_hidden_layers: int = _setting(8, "Number of hidden layers, each with a ReLU", 1, 64)
-    hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
-    zero_start: bool = _setting(
+    num_hidden_layers: int = declared(8, "Number of hidden layers, each with a ReLU", 1, 64)
+    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
+    zero_start: bool = declared(
         False,
         "Start from a flow of zero everywhere, which is that of static points where the ego motion "
         "is removed; false: from a random one",
     )
-    rest_is_static: bool = _setting(
+    rest_is_static: bool = declared(
         False,
         "With ego_motion.removed: points that fields are not fitted to, which are ground or beyond "
         "the crop, are static; false: they have the flow of the fields, too",
     )
-    cell_size_m: float = _setting(
+    cell_size_m: float = declared(
         0.0,
         "Evaluate the fitted networks once per cell of this size, for all its points; 0: for each "
         "point",
@@ -476,28 +389,28 @@ class FieldSettings:
 class OptimizationSettings:
     """How a field is fitted to a pair of sweeps, by Adam."""
 
-    learning_rate: float = _setting(0.008, "Learning rate of Adam after a cold start", 1e-7, 1)
-    decay: bool = _setting(True, "Let the learning rate decay to zero along a cosine")
-    joint: bool = _setting(
+    learning_rate: float = declared(0.008, "Learning rate of Adam after a cold start", 1e-7, 1)
+    decay: bool = declared(True, "Let the learning rate decay to zero along a cosine")
+    joint: bool = declared(
         False,
         "Fit both fields together, from the same initial weights, until the forward loss stops "
         "falling (the authors' code); false: fit each on its own (the paper)",
     )
-    stacked: bool = _setting(
+    stacked: bool = declared(
         False,
         "Fit the fields, each on its own, in the same steps as one stack of networks, to the same "
         "random points. On CUDA always",
     )
-    max_iterations: int = _setting(
+    max_iterations: int = declared(
         150, "Maximum number of iterations per field after a cold start", 1, 100_000
     )
-    max_points: int = _setting(
+    max_points: int = declared(
         0, "Fit to this many random points of the cropped sweep; 0: all", 0, 10_000_000
     )
-    batch_points: int = _setting(
+    batch_points: int = declared(
         1024, "Random points per iteration; 0: all points in every iteration", 0, 10_000_000
     )
-    time_budget_ms: float = _setting(
+    time_budget_ms: float = declared(
         3000.0, "Time limit of the optimization after a cold start; 0: none", 0, 3_600_000
     )
 
@@ -506,10 +419,10 @@ class OptimizationSettings:
 class EarlyStoppingSettings:
     """When a fit has converged."""
 
-    patience: int = _setting(
+    patience: int = declared(
         0, "Stop a field after this many iterations without improvement; 0: never", 0, 100_000
     )
-    min_delta_m: float = _setting(
+    min_delta_m: float = declared(
         0.001, "Smallest decrease of the loss that counts as improvement", 0, 10
     )
 
@@ -518,35 +431,35 @@ class EarlyStoppingSettings:
 class FusionSettings:
     """How forward flow f and inverted backward flow f' are fused."""
 
-    kind: str = _setting(
+    kind: str = declared(
         "mlp",
         "mlp: a network, as in the paper; weighted_sum: W f + (I - W) f'; mean: (f + f') / 2",
         choices=("mlp", "weighted_sum", "mean"),
     )
-    input: str = _setting(
+    input: str = declared(
         "concat",
         "Input of the mlp. concat: the flows side by side, as in the paper; sum: their sum (the "
         "authors' code)",
         choices=("concat", "sum"),
     )
-    fields: str = _setting(
+    fields: str = declared(
         "best",
         "Weights of the fields whose flow is fused. best: those with the lowest loss; last: those "
         "of the last iteration (the authors' code)",
         choices=("best", "last"),
     )
-    inversion: bool = _setting(
+    inversion: bool = declared(
         True, "Invert the backward flow before fusion; false: only for the ablation of the paper"
     )
-    num_hidden_layers: int = _setting(3, "Number of hidden layers of the fusion network", 1, 64)
-    hidden_width: int = _setting(64, "Neurons per hidden layer", 1, 4096)
-    zero_start: bool = _setting(
+    num_hidden_layers: int = declared(3, "Number of hidden layers of the fusion network", 1, 64)
+    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
+    zero_start: bool = declared(
         False, "Start the mlp from a flow of zero, whatever its input; false: from a random one"
     )
-    max_iterations: int = _setting(
+    max_iterations: int = declared(
         100, "Maximum number of iterations after a cold start", 1, 100_000
     )
-    patience: int = _setting(
+    patience: int = declared(
         0, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
 
@@ -555,20 +468,20 @@ class FusionSettings:
 class WarmStartSettings:
     """What an estimate takes over from the last one: motions, networks and optimizer states."""
 
-    enabled: bool = _setting(
+    enabled: bool = declared(
         True, "Start from the motions or networks of the last estimate; false: from scratch"
     )
-    max_iterations: int = _setting(
+    max_iterations: int = declared(
         30, "Maximum number of iterations per network after a warm start", 1, 100_000
     )
-    learning_rate: float = _setting(0.002, "Learning rate of Adam after a warm start", 1e-7, 1)
-    time_budget_ms: float = _setting(
+    learning_rate: float = declared(0.002, "Learning rate of Adam after a warm start", 1e-7, 1)
+    time_budget_ms: float = declared(
         800.0, "Time limit of the optimization after a warm start; 0: none", 0, 3_600_000
     )
-    max_gap_s: float = _setting(
+    max_gap_s: float = declared(
         10.0, "Start cold if the last estimate is older than this", 0.01, 3600
     )
-    max_loss_ratio: float = _setting(
+    max_loss_ratio: float = declared(
         2.0, "Start cold if the loss of a warm-started field has grown by more than this", 1, 1000
     )
 
@@ -577,35 +490,35 @@ class WarmStartSettings:
 class ComputeSettings:
     """Device, threads and random seed."""
 
-    device: str = _setting(
+    device: str = declared(
         "auto",
         "Device of the networks. auto: CUDA if available, else the CPU",
         choices=("auto", "cpu", "cuda"),
     )
-    num_threads: int = _setting(
+    num_threads: int = declared(
         0,
         "Number of CPU threads. 0: one less than cores in the node, 1 in mnsf evaluate, "
         "elsewhere the default of PyTorch",
         0,
         512,
     )
-    cuda_graphs: bool = _setting(
+    cuda_graphs: bool = declared(
         True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
     )
-    seed: int = _setting(0, "Seed of initial weights and random batches", 0, 2_147_483_647)
+    seed: int = declared(0, "Seed of initial weights and random batches", 0, 2_147_483_647)
 
 
 @dataclass(frozen=True)
 class OutputSettings:
     """What the clouds of the node are made of."""
 
-    layout: str = _setting(
+    layout: str = declared(
         "full",
         "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic, "
         "confidence, speed and colour; compact: x, y, z, flow and dynamic only, for slow links",
         choices=("full", "compact"),
     )
-    rgb: bool = _setting(
+    rgb: bool = declared(
         True,
         "With the field rgb, by which RViz and Foxglove colour the clouds: direction and speed",
     )
@@ -615,34 +528,34 @@ class OutputSettings:
 class NodeSettings:
     """Only for the ROS node."""
 
-    always_estimate: bool = _setting(False, "Estimate even if nobody subscribes to any output")
-    input_reliability: str = _setting(
+    always_estimate: bool = declared(False, "Estimate even if nobody subscribes to any output")
+    input_reliability: str = declared(
         "auto",
         "Reliability of the input subscription. auto: reliable if every publisher offers it, else "
         "best effort",
         choices=("auto", "reliable", "best_effort"),
         fixed=True,
     )
-    diagnostics_period_s: float = _setting(
+    diagnostics_period_s: float = declared(
         1.0, "Period of messages on /diagnostics", 0.05, 60, fixed=True
     )
-    stale_after_s: float = _setting(
+    stale_after_s: float = declared(
         2.0,
         "Report the input as stale after this time without a sweep, and an error after this time "
         "with sweeps but without flow",
         0.1,
         3600,
     )
-    max_latency_ms: float = _setting(
+    max_latency_ms: float = declared(
         0.0,
         "Warn if the 95th percentile of the latency is above this; 0 for no limit",
         0,
         3_600_000,
     )
-    max_failures: int = _setting(
+    max_failures: int = declared(
         3, "Report an error if more estimates than this fail in a row", 0, 1000
     )
-    odom_frame: str = _setting(
+    odom_frame: str = declared(
         "scene_flow_odom",
         "Frame of the pose in ~/ego_motion: the sensor frame of the first sweep",
         fixed=True,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Collection
 
-from mnsf_ros.settings import Setting, Settings, SettingValue, declared_settings
+from mnsf_ros.setting import Setting, SettingValue
+from mnsf_ros.settings import Settings, declared_settings
 
 _WIDTH = 96
 

@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.settings import Settings, SettingValue, declared_setting
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings, declared_setting
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 

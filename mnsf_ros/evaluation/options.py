@@ -13,7 +13,8 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.errors import EvaluationError, SettingsError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.methods import make_method, method_names
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 TaskKey = tuple[str, str]
 

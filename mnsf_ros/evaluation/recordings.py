@@ -16,7 +16,7 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.recording.inspected import Inspection
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.settings import SettingValue
+from mnsf_ros.setting import SettingValue
 
 
 def path_text(path: Path | str) -> str:

@@ -20,7 +20,8 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import DROPPED, FailureKind, FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.settings import Settings, SettingValue, declared_settings
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings, declared_settings
 
 Kind = TypeVar("Kind")
 

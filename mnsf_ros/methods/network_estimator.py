@@ -24,7 +24,8 @@ from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, TripletPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # A point that is faster over ground is dynamic: 0.05 m within a sweep at 10 Hz.

@@ -28,7 +28,8 @@ from mnsf_ros.methods.without_optimization import (
 )
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.presets import settings_for
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 _LOG = logging.getLogger(__name__)
 

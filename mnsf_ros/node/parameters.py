@@ -16,7 +16,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.settings import Setting, Settings, declared_settings
+from mnsf_ros.setting import Setting
+from mnsf_ros.settings import Settings, declared_settings
 
 # Takes settings that are about to hold; raises SettingsError if they cannot.
 SettingsChange: TypeAlias = Callable[[Settings], None]

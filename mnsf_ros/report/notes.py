@@ -15,7 +15,8 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 _MAX_NAMES: Final = 4
 # Set by the evaluator itself.

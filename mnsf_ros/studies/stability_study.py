@@ -24,7 +24,8 @@ from mnsf_ros.evaluation.results import mean
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 from mnsf_ros.studies.study import StudyOptions, StudyResult, first_example
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_columns import COLOR_NAME, FLOW_NAMES
 from mnsf_ros.errors import SweepFileError
-from mnsf_ros.settings import SettingValue
+from mnsf_ros.setting import SettingValue
 
 # Arrays of an npz file, and the columns that they are made of.
 _VECTORS: Final = {"flow": FLOW_NAMES, "velocity": ("vx", "vy", "vz")}

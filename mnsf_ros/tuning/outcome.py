@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.report.text_table import TextTable, format_number
-from mnsf_ros.settings import Settings, SettingValue
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.tuning.judges import Judgement
 from mnsf_ros.tuning.search import Search, Trier

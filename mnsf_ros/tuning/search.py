@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from mnsf_ros.errors import EvaluationError, SettingsError, library_missing
-from mnsf_ros.settings import Setting, Settings, SettingValue, declared_setting, declared_settings
+from mnsf_ros.setting import Setting, SettingValue
+from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.tuning.judges import Judgement
 
 if TYPE_CHECKING:

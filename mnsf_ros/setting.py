@@ -1,0 +1,97 @@
+"""One setting: what is declared of it, and what it accepts."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from mnsf_ros.errors import SettingsError
+
+SettingValue = bool | int | float | str
+
+# End of a setting's name -> its unit.
+_UNITS = {"_m_s": "m/s", "_m2": "m²", "_m": "m", "_ms": "ms", "_s": "s", "_deg": "degrees"}
+_LARGE = 1_000_000
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The declaration of one setting."""
+
+    name: str  # `group.field`
+    kind: type  # bool, int, float or str
+    default: SettingValue  # of the `online` preset
+    text: str  # one line for people
+    minimum: float | None  # numbers only, as the maximum
+    maximum: float | None
+    choices: tuple[str, ...]  # the words allowed, strings only
+    fixed: bool  # it cannot change while a node runs
+    tuned: tuple[float, float] | None  # where `mnsf tune` searches, numbers only
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value, which the name ends with; empty where it has none."""
+        return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
+
+    def checked(self, value: object) -> SettingValue:
+        """Returns `value` in this setting's type.
+
+        Raises:
+            SettingsError: If the type does not fit, or the value is outside the range.
+        """
+        typed = self._typed(value)
+        if self.choices and typed not in self.choices:
+            raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+        if isinstance(typed, (int, float)) and not isinstance(typed, bool):
+            too_small = self.minimum is not None and typed < self.minimum
+            too_large = self.maximum is not None and typed > self.maximum
+            if too_small or too_large or not math.isfinite(typed):
+                raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+        return typed
+
+    def _typed(self, value: object) -> SettingValue:
+        # bool is a subclass of int in Python, and `true` for a number is always a mistake.
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if self.kind is float and is_number:
+            with suppress(OverflowError):  # a whole number of more than 308 digits
+                return float(value)  # type: ignore[arg-type]
+        if self.kind is int and isinstance(value, float) and value.is_integer():
+            return int(value)
+        if type(value) is self.kind:
+            return value  # type: ignore[return-value]
+        raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
+
+    def _expected(self) -> str:
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        words = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
+        return f"{words[self.kind]}{self.range_text(' from {} to {}')}"
+
+    def range_text(self, pattern: str = "{} to {}") -> str:
+        """The range as text, empty where there is none."""
+        if self.choices:
+            return ", ".join(self.choices)
+        if self.minimum is None or self.maximum is None:
+            return ""
+        return pattern.format(_plain(self.minimum), _plain(self.maximum))
+
+
+def _plain(number: float) -> str:
+    return f"{number:g}" if abs(number) < _LARGE else f"{number:.0f}"
+
+
+def declared(
+    default: SettingValue,
+    text: str,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    fixed: bool = False,
+    tuned: tuple[float, float] | None = None,
+) -> Any:  # noqa: ANN401 - dataclasses.field is typed like this, too
+    """Returns the field of a dataclass that declares a setting; see the fields of Setting."""
+    metadata = {"text": text, "minimum": minimum, "maximum": maximum}
+    others = {"choices": choices, "fixed": fixed, "tuned": tuned}
+    return field(default=default, metadata=metadata | others)
