@@ -21,9 +21,11 @@ ADDED_FIELDS = {
     **{f"v{axis}": PointField.FLOAT32 for axis in "xyz"},
     "dynamic": PointField.UINT8,
     "confidence": PointField.FLOAT32,
+    "speed": PointField.FLOAT32,
+    "rgb": PointField.FLOAT32,
 }
 # The byte of `dynamic` is followed by three that align `confidence`.
-ADDED_BYTES = 8 * 4
+ADDED_BYTES = 10 * 4
 
 _BOXES = (
     # center x, y, size x, y, z
