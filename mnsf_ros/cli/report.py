@@ -10,9 +10,9 @@ from mnsf_ros.cli.console import Console
 
 _EPILOG = """\
 Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it,
-the worst sweeps are estimated again, each from its sweeps alone. The flow is the
-same, unless the method continued from its last estimate, as with warm start: see
-the captions.
+the worst sweeps and the sweeps of missed movers are estimated again, by methods
+that remember earlier sweeps after the 8 before. Where that is another flow than
+that of the run, as it may be in real time, the caption says so.
 """
 
 

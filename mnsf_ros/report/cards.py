@@ -15,13 +15,16 @@ from mnsf_ros.report.closer_look import CloserLook, MissedMover, badness
 from mnsf_ros.report.text_table import format_number, format_percent
 
 _NANOSECONDS: Final = 1e9
-_SAME_M: Final = 1e-3
-_AGAIN: Final = ". Estimated again for the picture, from these sweeps alone"
+_SAME_M: Final = 1e-4
 _ANOTHER: Final = (
-    ". The picture shows another flow than that of the run, with a mean error of {:.3f} m: the "
-    "method had continued from its last estimate (--write-flow stores such flow), or code or "
-    "machine differ"
+    ". The picture shows another flow than that of the run: mean error {:.4f} m here, {:.4f} m in "
+    "the run. {}"
 )
+_CARRIED: Final = (
+    "The run continued from other sweeps, for example in real time (--write-flow stores its flow), "
+    "or code or machine differ"
+)
+_DIFFERS: Final = "Code or machine differ"
 
 
 class Picture(NamedTuple):
@@ -92,7 +95,7 @@ def _missed_card(missed: MissedMover, example: PicturedExample) -> Card | None:
         return None
     item, row = missed.item, missed.row
     caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
-    caption += _AGAIN if flows[0].is_again else ""
+    caption += _origin(flows[0], missed.row)
     alt = f"What moves around the {item.kind} in top view, in truth and by {row.method}. {caption}."
     subtitle = (
         f"{row.stamp_ns / _NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
@@ -104,13 +107,24 @@ def _missed_card(missed: MissedMover, example: PicturedExample) -> Card | None:
 
 def _caption(item: PicturedFlow, row: ResultRow | None) -> str:
     """The figures of the run, and whether the picture is one of its flow."""
-    again = _AGAIN if item.is_again else ""
-    if row is None:
-        return f"{item.method}{again}"
-    text = f"{item.method}: {_figures(row)}{again}"
+    return f"{item.method}{'' if row is None else f': {_figures(row)}'}{_origin(item, row)}"
+
+
+def _origin(item: PicturedFlow, row: ResultRow | None) -> str:
+    """How a flow was estimated again, and whether it is another one than that of the run."""
+    text = ""
+    if item.again is not None:
+        number = item.again.num_before
+        sweeps = "1 sweep" if number == 1 else f"{number} sweeps"
+        after = f"after the {sweeps} before" if number else "from these sweeps alone"
+        text = f". Estimated again for the picture, {after}"
     known_m = item.error_m[np.isfinite(item.error_m)]
     mean_m = float(known_m.mean()) if len(known_m) else math.nan
-    return text + (_ANOTHER.format(mean_m) if abs(mean_m - badness(row)) > _SAME_M else "")
+    if row is None or not abs(mean_m - badness(row)) > _SAME_M:
+        return text
+    is_carried = item.again is not None and item.again.num_before > 0
+    why = _CARRIED if is_carried else _DIFFERS
+    return text + _ANOTHER.format(mean_m, badness(row), why)
 
 
 def _figures(row: ResultRow) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_columns import FLOW_NAMES
-from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
+from mnsf_ros.drawing.example_pictures import Again, PicturedExample, PicturedFlow
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
@@ -31,6 +33,9 @@ from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_reader import BagReader
 from msg_utils.point_cloud2 import decode_points
+
+# Tracks settle in that time, and it has the sweeps of 0.6 s ago, which slow movers show in.
+_NUM_BEFORE: Final = 8
 
 
 class TimeBudget:
@@ -114,52 +119,108 @@ def _columns(points: NDArray[np.void], names: Sequence[str]) -> NDArray[np.float
     return np.stack([points[name].astype(np.float32) for name in names], axis=1)
 
 
+def num_estimates(record: RunRecord, rows: Iterable[ResultRow], method: str) -> int:
+    """Returns how many estimates the pictures of these rows take, with those before them."""
+    num_before = _num_before(record, [method])
+    return len(
+        {
+            (row.recording, number)
+            for row in rows
+            for number in range(max(0, row.number - num_before), row.number + 1)
+        }
+    )
+
+
 def estimated_examples(
     record: RunRecord, rows: Sequence[ResultRow], methods: Sequence[str], budget: TimeBudget
 ) -> list[PicturedExample]:
     """Returns the examples of rows, in their order, with flows that are estimated for them.
 
-    Each estimate starts from nothing, also by methods that carry something from one example to the
-    next. The most important method comes first; those that fail on an example are left out of it.
-    The budget is kept but for the estimate that is under way when it ends.
+    Methods that carry something from one example to the next estimate the ones before them, too,
+    so that the flow is that of the run. The most important method comes first; those that fail on
+    an example are left out of it. The budget is kept but for the estimate that is under way when
+    it ends.
 
     Raises:
         MnsfError: A recording cannot be read any more.
     """
-    options = record.options
-    examples: dict[tuple[str, int], Example] = {}
+    options, stretches = record.options, []
     for recording in record.recordings:
         wanted = {row.number for row in rows if row.recording == recording.name}
-        for example in _examples(recording, options, wanted, budget):
-            examples[recording.name, example.number] = example
-    known = [examples[_key(row)] for row in rows if _key(row) in examples]
-    pictured = [(example, _pictured(example)) for example in known]
+        num_before = _num_before(record, methods)
+        stretches += _stretches(recording, options, wanted, num_before, budget)
+    wanted_keys = {_key(row) for row in rows}
+    pictures = {
+        _key(example): _pictured(example)
+        for stretch in stretches
+        for example in stretch
+        if _key(example) in wanted_keys
+    }
     for method in methods:
-        for example, picture in pictured:
-            if budget.allows(method):
-                # Methods are other people's code, too: a bug in one costs its own picture only.
-                with suppress(Exception), budget.estimate(method):
-                    estimator = make_method(method, options.settings)
-                    flow = estimator.estimate(example.triplet).flow[example.scored]
-                    errors_m = _errors(example, picture, flow)
-                    picture.flows.append(PicturedFlow(method, flow, errors_m, is_again=True))
-    return [picture for _, picture in pictured if picture.flows]
+        for stretch in stretches:
+            # Methods are other people's code, too: a bug in one costs its own pictures only.
+            with suppress(Exception):
+                _add_estimated(pictures, stretch, method, options, budget)
+    found = [pictures[_key(row)] for row in rows if _key(row) in pictures]
+    return [picture for picture in found if picture.flows]
 
 
-def _examples(
+def _num_before(record: RunRecord, methods: Sequence[str]) -> int:
+    carries = any(one.traits.carries_state for one in record.methods if one.name in methods)
+    return _NUM_BEFORE if carries else 0
+
+
+def _stretches(
     recording: EvaluatedRecording,
     options: EvaluationOptions,
     wanted: set[int],
+    num_before: int,
     budget: TimeBudget,
-) -> Iterator[Example]:
+) -> list[list[Example]]:
+    """The wanted examples, each behind so many ones before it; without a gap in a list."""
+    stretches: list[list[Example]] = []
     if not wanted:
-        return
+        return stretches
+    recent: deque[Example] = deque(maxlen=num_before + 1)
     with recording.open() as reader:
         for example in read_examples(reader, recording, options, Findings()):
+            recent.append(example)
             if example.number in wanted:
-                yield example
+                # Nothing was pushed out since the last wanted one: one list goes on.
+                if stretches and len(recent) <= num_before:
+                    stretches[-1] += recent
+                else:
+                    stretches.append([*recent])
+                recent.clear()
             if example.number >= max(wanted) or budget.left_s <= 0:
-                return
+                break
+    return stretches
+
+
+def _add_estimated(
+    pictures: Mapping[tuple[str, int], PicturedExample],
+    stretch: Sequence[Example],
+    method: str,
+    options: EvaluationOptions,
+    budget: TimeBudget,
+) -> None:
+    """Adds the flow of a method to the pictures of a stretch."""
+    estimator, num_before = make_method(method, options.settings), 0
+    carries_state = estimator.traits.carries_state
+    for example in stretch:
+        picture = pictures.get(_key(example))
+        if picture is None and not carries_state:
+            continue
+        if not budget.allows(method):
+            return
+        with suppress(Exception), budget.estimate(method):
+            flow = estimator.estimate(example.triplet).flow
+            if picture is not None:
+                flow = flow[example.scored]
+                errors_m = _errors(example, picture, flow)
+                found = PicturedFlow(method, flow, errors_m, Again(num_before))
+                picture.flows.append(found)
+        num_before += carries_state
 
 
 def _pictured(example: Example) -> PicturedExample:
@@ -191,5 +252,5 @@ def _errors(
     return distances
 
 
-def _key(row: ResultRow) -> tuple[str, int]:
-    return row.recording, row.number
+def _key(one: ResultRow | Example) -> tuple[str, int]:
+    return one.recording, one.number

@@ -13,7 +13,12 @@ from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.cards import cards_of
 from mnsf_ros.report.closer_look import closer_look
 from mnsf_ros.report.page import REPORT_FILE, write_report
-from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
+from mnsf_ros.report.pictured_flows import (
+    TimeBudget,
+    estimated_examples,
+    num_estimates,
+    recorded_examples,
+)
 from mnsf_ros.report.run_results import RunResults
 
 
@@ -105,9 +110,13 @@ def _estimated(
         seconds = budget.needs_s(methods[0])
         why = f"No pictures: one flow takes {seconds:.0f} s; `mnsf report` on the folder waits."
         return [], why
-    seconds = min(budget.limit_s, len(wanted) * sum(map(budget.needs_s, methods)))
-    examples = "1 example" if len(wanted) == 1 else f"{len(wanted)} examples"
-    say(f"estimating {examples} again for pictures, about {seconds:.0f} s")
+    counts = {method: num_estimates(record, wanted, method) for method in methods}
+    seconds = sum(number * budget.needs_s(method) for method, number in counts.items())
+    sweeps = "1 sweep" if len(wanted) == 1 else f"{len(wanted)} sweeps"
+    say(
+        f"estimating {sweeps} again for pictures by {', '.join(methods)}, about "
+        f"{min(budget.limit_s, seconds):.0f} s"
+    )
     try:
         found = estimated_examples(record, wanted, methods, budget)
     except MnsfError as error:

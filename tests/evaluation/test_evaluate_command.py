@@ -106,7 +106,7 @@ def test_report_of_a_bag_without_truth_has_pictures(tmp_path, capsys, preset_nam
     arguments = [bag, f"--methods={method},zero", f"--preset={preset_name}", "--ground=settings"]
     assert mnsf(*arguments, "--set=ground.remove=false", "--out", out, pictures=2) == 0
     printed = capsys.readouterr().out
-    assert "estimating 2 examples again for pictures" in printed
+    assert "estimating 2 sweeps again for pictures" in printed
     assert f"Report: {out / 'report.html'}" in "".join(printed.split("\n"))
     text = (out / "report.html").read_text()
     assert text.count("data:image/png") == 2

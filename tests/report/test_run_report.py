@@ -23,7 +23,12 @@ from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.closer_look import badness
-from mnsf_ros.report.pictured_flows import TimeBudget, estimated_examples, recorded_examples
+from mnsf_ros.report.pictured_flows import (
+    TimeBudget,
+    estimated_examples,
+    num_estimates,
+    recorded_examples,
+)
 from mnsf_ros.report.run_report import report_run
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.simulation.recording import write_recording
@@ -77,7 +82,7 @@ def test_missed_movers_are_pictured_beside_the_worst_sweeps(street, tmp_path):
     rows = [dataclasses.replace(row, movers=movers) if row is best else row for row in rows]
     (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in rows))
     text, said = report_of(folder, num_pictured=1)
-    assert said == ["estimating 2 examples again for pictures, about 0 s"]
+    assert said == ["estimating 2 sweeps again for pictures by ego, about 0 s"]
     # The worst sweep has two pictures, the missed mover of another one has one.
     assert text.count("data:image/png") == 2 + 1
     assert text.count("<h3>Missed: car in street</h3>") == 1
@@ -86,7 +91,7 @@ def test_missed_movers_are_pictured_beside_the_worst_sweeps(street, tmp_path):
 def test_other_flows_are_estimated_once_more(street, tmp_path):
     folder = evaluate(street, tmp_path / "run")
     text, said = report_of(folder, num_pictured=2)
-    assert said == ["estimating 2 examples again for pictures, about 0 s"]
+    assert said == ["estimating 2 sweeps again for pictures by ego, zero, about 0 s"]
     assert text.count("Estimated again for the picture, from these sweeps alone</figcaption>") == 2
     assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
     assert "The picture shows another flow" not in text
@@ -145,16 +150,34 @@ def test_report_without_pictures(street, tmp_path):
 
 
 @pytest.mark.parametrize("method", ["online", "mnsf-frames2"])
-def test_methods_that_go_on_from_the_last_example_are_pictured_from_scratch(
+def test_methods_that_remember_earlier_sweeps_are_pictured_as_they_were_in_the_run(
     street, tmp_path, method
 ):
     folder = evaluate(street, tmp_path / "run", warm=True, methods=[method])
     text, said = report_of(folder, num_pictured=3)
-    assert said[-1].startswith("estimating 3 examples again")
+    assert said[-1].startswith("estimating 3 sweeps again for pictures by ")
     assert text.count("data:image/png") == 3 * (1 + 1)
-    # A method that knew the sweeps before may have been better in the run: that is said, too.
-    again = "<figcaption>[^<]*(?:Estimated again for the picture|The picture is a new estimate)"
-    assert len(re.findall(again, text)) == 3
+    captions = re.findall("Estimated again for the picture, ([^<]*)</figcaption>", text)
+    assert sorted(captions) == [
+        "after the 1 sweep before",
+        "after the 2 sweeps before",
+        "from these sweeps alone",
+    ]
+    run, rows = RunFolder(folder).read_record(), list(RunFolder(folder).rows)
+    # The last one alone: those before it are estimated on the way.
+    (example,) = estimated_examples(run, rows[-1:], [method], TimeBudget())
+    assert np.nanmean(example.flows[0].error_m) == pytest.approx(badness(rows[-1]), abs=1e-6)
+    assert num_estimates(run, rows[-1:], method) == rows[-1].number + 1
+
+
+def test_run_in_real_time_that_left_sweeps_out_differs_and_says_so(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", methods=["online"])
+    rows = list(RunFolder(folder).rows)
+    other = dataclasses.replace(rows[-1].errors["all"], epe_m=7.0)
+    rows[-1] = dataclasses.replace(rows[-1], errors={**rows[-1].errors, "all": other})
+    (folder / "rows.jsonl").write_text("".join(f"{to_json(row)}\n" for row in rows))
+    text, _ = report_of(folder, num_pictured=1)
+    assert re.search(r"mean error \d\.\d{4} m here, 7\.0000 m in the run", text)
 
 
 def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
@@ -167,7 +190,7 @@ def test_estimate_that_takes_too_long_is_not_begun(street, tmp_path):
     assert said[0] in text
     assert "data:image/png" not in text
     text, said = report_of(folder, limit_s=8.0, focus="zero")
-    assert said == ["estimating 3 examples again for pictures, about 8 s"]
+    assert said == ["estimating 3 sweeps again for pictures by zero, ego, about 8 s"]
     assert text.count("<figcaption>zero: EPE") == 3
     assert "<figcaption>ego: EPE" not in text
 

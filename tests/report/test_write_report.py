@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import pytest
 from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
 
+from mnsf_ros.drawing.example_pictures import Again
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.results import Failure, FailureKind
 from mnsf_ros.report.cards import cards_of
@@ -154,9 +155,9 @@ def test_picture_of_another_flow_says_so(tmp_path):
 
 
 @without_drawing
-def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
+def test_new_estimate_of_a_flow_that_went_on_from_others_says_so(tmp_path):
     example = pictured()
-    flows = [dataclasses.replace(flow, is_again=True) for flow in example.flows]
+    flows = [dataclasses.replace(flow, again=Again(8)) for flow in example.flows]
     example = dataclasses.replace(example, flows=flows)
     found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(flows[1].error_m.mean()))]
     report(tmp_path, found, run_record(), pictured=[example])
@@ -165,9 +166,9 @@ def test_picture_from_scratch_of_a_flow_that_went_on_says_so(tmp_path):
     (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
     assert "EPE 9.000 m" in mnsf
     mean_m = float(flows[0].error_m.mean())
-    assert "Estimated again for the picture, from these sweeps alone" in mnsf
-    assert f"another flow than that of the run, with a mean error of {mean_m:.3f} m" in mnsf
-    assert fnsf.endswith("Estimated again for the picture, from these sweeps alone")
+    assert "Estimated again for the picture, after the 8 sweeps before" in mnsf
+    assert f"mean error {mean_m:.4f} m here, 9.0000 m in the run. The run continued" in mnsf
+    assert fnsf.endswith("Estimated again for the picture, after the 8 sweeps before")
 
 
 def failed(number, method, failure):
