@@ -41,13 +41,18 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip(scores, -_MAX_SCORE, _MAX_SCORE)
 
 
-def evidence(suspects: Suspects, moving: JudgedMotions, seen: Visibility) -> NDArray[np.float64]:
+def evidence(
+    suspects: Suspects, moving: JudgedMotions, seen: Visibility, are_parts: NDArray[np.bool_]
+) -> NDArray[np.float64]:
     """Returns (K, F) what speaks for the motions of K objects, and against.
+
+    Free space says nothing of a part of a long object: that its place was free is why it is one.
 
     Args:
         suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
         seen: What the other sweeps could see of them.
+        are_parts: (K,) whether they were cut out of long objects.
     """
     objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
     lengths = np.sqrt((moving.motions**2).sum(axis=1))
@@ -56,7 +61,7 @@ def evidence(suspects: Suspects, moving: JudgedMotions, seen: Visibility) -> NDA
     columns = [
         np.ones(len(suspects)),
         _log_share(moving.cost, standing.cost, _NOISE_M),
-        np.log1p(np.maximum(seen.free, 0.0) * objects.counts),
+        np.log1p(np.where(are_parts, 0.0, np.maximum(seen.free, 0.0)) * objects.counts),
         np.minimum(lengths, _LONG_M),
         is_same,
         is_same * np.maximum(expected.scores, 0.0),

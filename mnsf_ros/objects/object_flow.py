@@ -128,7 +128,8 @@ class ObjectFlowEstimator:
         moving = self._moved(fitted, scene, start[is_worth], clock)
         with clock.stage("gate"):
             seen = Visibility.of(fitted.objects, targets, moving.motions)
-            scores = moving_scores(evidence(fitted, moving, seen))
+            are_parts = scene.current.are_parts[fitted.objects.numbers]
+            scores = moving_scores(evidence(fitted, moving, seen, are_parts))
             may_move, is_moving = moves(fitted.standing, moving, scores, settings)
         return Decision(
             suspects, searched, start, fitted, moving, seen, scores, may_move, is_moving

@@ -40,6 +40,7 @@ class ObjectSweep:
         num_objects: Number of objects; number 0 is none.
         grid: The thinned points in cells.
         may_move: (all objects,) bool, those that are not too long to move.
+        are_parts: (all objects,) bool, those that were cut out of others, see `with_parts`.
     """
 
     def __init__(self, sweep: Sweep, pose: SensorPose, settings: Settings) -> None:
@@ -70,6 +71,7 @@ class ObjectSweep:
         self.thinned_objects = segmentation.objects_of(self.thinned)
         self.grid = PointGrid(self.thinned)
         self.may_move = self.sizes < settings.objects.max_size_m
+        self.are_parts: NDArray[np.bool_] = np.zeros(self.num_objects, np.bool_)
 
     @cached_property
     def view(self) -> RangeView:
@@ -110,6 +112,7 @@ class ObjectSweep:
         other.__dict__.pop("sizes", None)
         other.num_objects = self.num_objects + num_parts
         other.may_move = np.append(may_move, np.ones(num_parts, np.bool_))
+        other.are_parts = np.append(self.are_parts, np.ones(num_parts, np.bool_))
         other.thinned_objects = apart(self.thinned, self.thinned_objects)
         points = np.compress(self._in_objects, self.xyz, axis=0)
         other._point_objects = apart(points, self._point_objects)

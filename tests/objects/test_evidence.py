@@ -20,7 +20,9 @@ def judged(motion, near, past):
     return JudgedMotions(rows(motion), np.array([near]), np.array([past]), nothing)
 
 
-def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0), reflects=0):
+def score(
+    size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0), reflects=0, is_part=False
+):
     """Logarithm of the odds that one object without a track moves.
 
     `standing` and `moving` are residuals in the neighbouring and in the older sweeps.
@@ -30,7 +32,8 @@ def score(size, motion, standing, moving, *, free=0.0, visible=(1.0, 1.0), refle
     still = judged((0, 0, 0), *standing)
     suspects = Suspects(np.zeros(1, np.int64), objects, still, unknown)
     seen = Visibility(np.array([free]), np.array([visible]), np.array([reflects]))
-    return moving_scores(evidence(suspects, judged(motion, *moving), seen))[0]
+    features = evidence(suspects, judged(motion, *moving), seen, np.array([is_part]))
+    return moving_scores(features)[0]
 
 
 class TestSlowWalker:
@@ -70,10 +73,20 @@ def test_what_a_window_reflects_does_not_move():
     assert reflected < in_part < 0 < seen
 
 
+def test_a_free_place_is_no_evidence_for_a_part_that_was_cut_out_for_it():
+    """The edge of a pane in a shop front; a pedestrian who leaves one is clear without it."""
+    edge = (0.16, 0.15, 1.65), (0.23, 0, 0), ((0.004, 0.159), (0.159, 0.155))
+    left = (0.0, 0.042), (0.013, 0.014)
+    assert score(*edge, left, free=1.8, is_part=True) < 0 < score(*edge, left, free=1.8)
+    walker = (0.3, 0.3, 1.5), (0.1, 0, 0), ((0.01, 0.1), (0.2, 0.3)), ((0.0, 0.0), (0.01, 0.02))
+    assert score(*walker, free=1.8, is_part=True) > 1
+
+
 def test_none_at_all():
     objects = objects_of(prepared(surface((10.0, 0.0, 0.0)))).only(np.zeros(1, bool))
     nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.float32))
     unknown = Expectation(np.zeros(0, bool), rows(), np.zeros(0))
     suspects = Suspects(np.zeros(0, np.int64), objects, nothing, unknown)
     seen = Visibility(np.zeros(0), np.zeros((0, 2)), np.zeros(0, bool))
-    assert moving_scores(evidence(suspects, nothing, seen)).shape == (0,)
+    scores = moving_scores(evidence(suspects, nothing, seen, np.zeros(0, bool)))
+    assert scores.shape == (0,)

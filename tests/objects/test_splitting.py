@@ -48,6 +48,7 @@ class TestSplit:
         assert (own == found.num_objects - 1).mean() > 0.7
         assert (hedge == found.num_objects - 1).mean() < 0.01
         assert found.may_move[-1]
+        assert np.flatnonzero(found.are_parts).tolist() == [found.num_objects - 1]
         assert not found.may_move[np.bincount(hedge).argmax()]
         numbers = objects_of(found).numbers
         assert numbers.tolist() == [found.num_objects - 1]
@@ -69,6 +70,7 @@ class TestSplit:
         assert found.num_objects == 3
         assert found.sizes[number] == pytest.approx(16.0, abs=0.1)
         assert found.may_move[number]
+        assert not found.are_parts.any()
 
     def test_a_parked_coach_does_not(self):
         assert not after([coach(0.0)], coach(0.0)).may_move[1:].any()

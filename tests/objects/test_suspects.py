@@ -81,7 +81,7 @@ def score(near, past=(), free=0.0, motion=(0.5, 0, 0), expected=None):
     standing = judged((0.2, 0.2), (0.3,) * len(past), (0, 0, 0))
     suspects = Suspects(np.zeros(1, int), objects, standing, expected or expectation())
     seen = Visibility(np.array([free]), np.ones((1, len(past))), np.zeros(1, bool))
-    features = evidence(suspects, judged(near, past, motion), seen)
+    features = evidence(suspects, judged(near, past, motion), seen, np.zeros(1, bool))
     return float(moving_scores(features)[0])
 
 
