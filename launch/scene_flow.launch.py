@@ -74,6 +74,8 @@ def _nodes(context: LaunchContext) -> list[Action]:
     if not Path(given["params_file"]).is_file():
         raise SettingsError(f"params_file: there is no file {given['params_file']}")
     for name in SWITCHES:
+        # As Python and ROS 1 spell them, too.
+        given[name] = given[name].lower()
         if given[name] not in ("true", "false"):
             raise SettingsError(f"{name}: got {given[name]!r}, expected true or false")
     rviz = [_rviz(context, given)] if given["rviz"] == "true" else []

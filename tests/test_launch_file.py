@@ -75,6 +75,12 @@ def launched(prefix: Path, *arguments: str) -> tuple[int, str]:
     return ended.returncode, ended.stdout
 
 
+def test_switches_may_be_spelled_as_in_python(prefix: Path) -> None:
+    status, output = launched(prefix, "points:=points", "use_sim_time:=True", "lifecycle:=FALSE")
+    assert status == 0, output
+    assert "started scene_flow_node" in output
+
+
 def test_names_are_relative(prefix: Path) -> None:
     status, output = launched(prefix, "points:=points", "namespace:=front", "name:=flow")
     assert status == 0

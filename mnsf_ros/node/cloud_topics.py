@@ -7,6 +7,7 @@ from typing import Final
 
 import rclpy
 from rclpy.context import Context
+from rclpy.node import Node
 
 from mnsf_ros.errors import SettingsError
 
@@ -23,7 +24,7 @@ def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
     Raises:
         SettingsError: If there is none, or more than one; it names them.
     """
-    topics = _cloud_topics(search_s)
+    topics = _found_topics(search_s)
     if len(topics) == 1:
         return topics[0]
     if topics:
@@ -34,18 +35,23 @@ def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
     )
 
 
-def _cloud_topics(search_s: float) -> list[str]:
+def cloud_topics(node: Node) -> list[str]:
+    """Returns the topics on which a node sees clouds published, beside those of this package."""
+    return sorted(
+        name
+        for name, types in node.get_topic_names_and_types()
+        if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
+    )
+
+
+def _found_topics(search_s: float) -> list[str]:
     context = Context()
     rclpy.init(args=[], context=context)
     try:
         node = rclpy.create_node("scene_flow_search", context=context)
         time.sleep(search_s)
-        topics = [
-            name
-            for name, types in node.get_topic_names_and_types()
-            if _CLOUD_TYPE in types and node.count_publishers(name) > 0
-        ]
+        topics = cloud_topics(node)
         node.destroy_node()
     finally:
         context.try_shutdown()
-    return sorted(name for name in topics if not name.endswith(_OWN_ENDS))
+    return topics

@@ -42,7 +42,7 @@ def require_ros() -> None:
     if importlib.util.find_spec("rclpy") is None:
         raise NoRosError(
             "there is no rclpy: source your ROS 2 (source /opt/ros/jazzy/setup.bash), or install "
-            "its wheels (pip install 'mnsf_ros[wheels]')"
+            "its wheels (in the checkout: pip install '.[wheels]')"
         )
 
 

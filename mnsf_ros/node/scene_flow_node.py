@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from std_srvs.srv import SetBool
@@ -18,6 +19,12 @@ from mnsf_ros.node.scene_flow_parts import SceneFlowParts
 NODE_NAME = "scene_flow"
 
 _DISABLED = "disabled, see the service set_enabled"
+_TRANSITIONS = {
+    Transition.TRANSITION_CONFIGURE: "configure",
+    Transition.TRANSITION_CLEANUP: "clean up",
+    Transition.TRANSITION_ACTIVATE: "activate",
+    Transition.TRANSITION_DEACTIVATE: "deactivate",
+}
 _INACTIVE = "inactive, see ros2 lifecycle"
 # A transition waits so long for the estimate under way to end.
 _CLEANUP_TIMEOUT_S = 1.0
@@ -151,8 +158,11 @@ class SceneFlowLifecycleNode(LifecycleNode):
         def answer(request: Any, response: Any) -> Any:  # noqa: ANN401 - lifecycle_msgs
             try:
                 return change(request, response)
-            except Exception as error:  # noqa: BLE001 - rclpy's class for this is private
-                self.get_logger().warning(f"the transition is refused: {error}")
+            except Exception:  # noqa: BLE001 - rclpy's class for this is private
+                wanted = request.transition
+                what = _TRANSITIONS.get(wanted.id, wanted.label or f"make transition {wanted.id}")
+                _, state = self._state_machine.current_state
+                self.get_logger().warning(f"cannot {what}: the state of the node is {state}")
                 response.success = False
                 return response
 

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.node.cloud_topics import cloud_topics
 from mnsf_ros.node.debug_times import DebugTimes
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.fault_log import FaultLog
@@ -22,6 +23,7 @@ from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.node.greeting import greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
 from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
+from mnsf_ros.node.silence_log import SilenceLog
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
@@ -61,6 +63,7 @@ class SceneFlowParts:
             if isinstance(error, RuntimeError) and node.context.ok():
                 raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
             raise
+        self._silence = SilenceLog(node.get_logger(), lambda: cloud_topics(node))
         self._diagnostics = Diagnostics(node.get_fully_qualified_name().lstrip("/"))
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_service(Trigger, "~/reset", self._on_reset)
@@ -190,14 +193,16 @@ class SceneFlowParts:
             )
 
     def _publish_diagnostics(self) -> None:
-        message = DiagnosticArray()
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        message.status = self._diagnostics.statuses(
+        snapshot, state, settings = (
             self._pipeline.statistics.snapshot(),
             self._input.state,
-            self._pipeline.load,
             self._settings,
         )
+        self._silence.look(snapshot.arrivals_s, state, settings.node.stale_after_s)
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        load = self._pipeline.load
+        message.status = self._diagnostics.statuses(snapshot, state, load, settings)
         self._diagnostics_publisher.publish(message)
 
     def _change_settings(self, settings: Settings) -> None:

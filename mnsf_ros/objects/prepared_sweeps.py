@@ -115,7 +115,7 @@ class PreparedSweeps:
         if any(sweep not in self._sweeps for sweep in sweeps):
             # The map was restarted in between: poses before and after cannot be related.
             raise SweepError(
-                f"sweep {sweeps[-2].stamp_ns}: the sweeps of its triplet do not follow each other, "
+                "the sweeps of the triplet do not follow each other, "
                 f"expected one frame_id, rising stamps and no gap above ego_motion.max_gap_s, "
                 f"which is {self._settings.ego_motion.max_gap_s:g}"
             )

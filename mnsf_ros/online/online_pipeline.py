@@ -98,7 +98,8 @@ class OnlinePipeline:
     * The caller's thread (the executor's): the buffer and the plan. `add_sweep`, `change_settings`
       and `reset` are for this one only.
     * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
-    * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares.
+    * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares, and
+      what is known of who did it last.
 
     An error in `on_estimate` counts as a failed estimate; one in `on_failure` is logged and
     counted.
@@ -125,6 +126,8 @@ class OnlinePipeline:
         self._estimator = make_method(settings.method.name, settings)
         self._estimator_plan = self._plan
         self._preparation = threading.Lock()
+        # By which the worker that prepares has prepared last.
+        self._prepared_by = self._estimator
         self._estimating = LatestOnlyWorker(self._estimate, "estimator")
         self._preparing = LatestOnlyWorker(self._prepare, "preparation", NUM_PREPARED_IN_ORDER)
 
@@ -192,6 +195,7 @@ class OnlinePipeline:
         """Runs in the worker that prepares."""
         with self._preparation:
             prepared = _prepared(job, self._estimator)
+            self._prepared_by = prepared.estimator
         if self._estimating.submit(prepared):
             self.statistics.count(TRIPLETS_DROPPED)
 
@@ -208,8 +212,11 @@ class OnlinePipeline:
         try:
             if is_abandoned():
                 raise CancelledError("the triplet was abandoned")
-            prepared = self._adapted(plan, prepared)
-            estimate = _estimate(prepared, is_abandoned)
+            adapted = self._adapted(plan, prepared)
+            if adapted is None:
+                self.statistics.count(TRIPLETS_DROPPED)
+                return
+            estimate = _estimate(adapted, is_abandoned)
             if self._estimating.is_closing:
                 return
             self._on_estimate(job, estimate)
@@ -224,12 +231,19 @@ class OnlinePipeline:
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
 
-    def _adapted(self, plan: _Plan, prepared: _PreparedJob) -> _PreparedJob:
-        """Returns the job prepared by an estimator that does what the plan says."""
+    def _adapted(self, plan: _Plan, prepared: _PreparedJob) -> _PreparedJob | None:
+        """Returns the job prepared by an estimator that does what the plan says.
+
+        None if a newer triplet was prepared with other settings meanwhile: sweeps can be prepared
+        in their order only.
+        """
         if plan is self._estimator_plan and prepared.estimator is self._estimator:
             return prepared
         with self._preparation:
             self._adapt(plan)
+            is_overtaken = self._prepared_by is not prepared.estimator
+            if is_overtaken and isinstance(self._estimator, PreparingEstimator):
+                return None
             # Under the same lock: the worker that prepares goes on with the triplet after this one.
             return _prepared(prepared.job, self._estimator)
 

@@ -125,7 +125,8 @@ def test_a_transition_that_the_state_does_not_have_is_refused(managed, process):
     assert not managed.change(Transition.TRANSITION_CLEANUP)
     assert not managed.change(77)
     assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
-    assert "the transition is refused" in process.log
+    assert "cannot activate: the state of the node is unconfigured" in process.log
+    assert "cannot make transition 77: the state of the node is unconfigured" in process.log
     assert managed.change(Transition.TRANSITION_CONFIGURE)
     assert not managed.change(Transition.TRANSITION_CONFIGURE)
     assert managed.state == State.PRIMARY_STATE_INACTIVE

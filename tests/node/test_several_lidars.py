@@ -28,6 +28,8 @@ def process(start_node):
     parameters = QUICK | {"ground.remove": "true", "lidars.count": 2, "lidars.poses": "parameters"}
     # It would subscribe anew once it sees the publishers, and miss clouds until then.
     parameters["node.input_reliability"] = "reliable"
+    # However slow the machine is.
+    parameters["node.stale_after_s"] = 3600.0
     for number, mount in enumerate(MOUNTS, start=1):
         parameters |= {f"lidar_{number}.{name}": value for name, value in vars(mount).items()}
     process = start_node(parameters, "-r", "__node:=two")

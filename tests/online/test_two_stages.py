@@ -242,6 +242,41 @@ def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_one
     assert script.prepared == stamps(2, 3, 3, 4)
 
 
+def test_a_triplet_that_newer_settings_have_overtaken_is_dropped(
+    pipeline, script, add, quick_settings, monkeypatch, wait_until
+):
+    """Its sweeps are older than those that are ready: prepared now, they would be a gap."""
+    monkeypatch.setattr(online_pipeline, "_ABANDONED_AFTER_S", PATIENCE_S)
+    script.at_estimate.hold()
+    add(pipeline, 0, 1, 2)
+    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    add(pipeline, 3)
+    wait_until(lambda: script.prepared == stamps(2, 3) and pipeline.load == 2)
+    script.at_prepare.hold()
+    add(pipeline, 4)
+    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.3}))
+    script.at_estimate.let_go()
+    wait_until(lambda: script.estimated == stamps(2) and pipeline.load == 2)
+    # Now 3 has its turn. It waits for 4, which is prepared with the settings before.
+    script.at_estimate.hold()
+    script.at_prepare.let_go()
+    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    wait_until(lambda: pipeline.load == 2)
+    script.at_prepare.hold()
+    add(pipeline, 5)
+    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    script.at_estimate.let_go()
+    wait_until(lambda: script.estimated == stamps(2, 3) and pipeline.load == 2)
+    # Now 4 has its turn. It waits for 5, which is prepared with the new settings.
+    script.at_prepare.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.prepared == stamps(2, 3, 4, 3, 5)
+    assert script.estimated == stamps(2, 3, 5)
+    assert counts_of(pipeline)["triplets_dropped"] == 1
+    assert_balanced(pipeline)
+
+
 def test_settings_change_nothing_under_a_sweep_that_is_being_prepared(
     pipeline, script, add, quick_settings, wait_until
 ):
