@@ -37,7 +37,7 @@ $(READY): setup.py constraints.txt
 	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
 	$(PIP) install --constraint $(VENV)/constraints.txt --editable '.[$(EXTRAS)]'
 	@echo "compiling loops for this computer, about a second each"
-	$(BIN)/python -c "import mnsf_ros.methods"
+	$(BIN)/python -c "import mnsf_ros.methods, mnsf_ros.drawing.color_wheel, mnsf_ros.core.flow_columns"
 	touch $@
 
 demo: $(READY)

@@ -20,7 +20,7 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 # Of ROS and of what works on the project itself nothing is told here.
-EXTRAS = ("networks", "datasets")
+EXTRAS = ("networks", "datasets", "view", "tune")
 # Part of a licence's name -> what it is called here. The first that fits is taken.
 KNOWN = {
     "mpl": "MPL-2.0",
@@ -46,7 +46,7 @@ BY_HAND = {
     "triton": "MIT",
 }
 # Stricter: docs/security.md says why it may be used all the same.
-EXCEPTIONS = ("edt",)
+EXCEPTIONS = ("edt", "tqdm")
 
 
 def wanted() -> Iterator[Requirement]:

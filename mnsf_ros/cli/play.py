@@ -12,6 +12,7 @@ from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 from mnsf_ros.node.environment import prepare_environment, require_ros
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import known_topic
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
@@ -21,7 +22,7 @@ def add_to(subparsers: Subparsers) -> None:
     """Adds the subcommand."""
     arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _run)
     arguments.value("bag", "recording, of ROS 1 or ROS 2", Path)
-    arguments.value("--topics TOPIC", "only these topics", nargs="+")
+    arguments.value("--topics TOPIC,...", "only these topics")
     arguments.value("--rate", "speed over that of the recording", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
     arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
@@ -34,15 +35,18 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.demo.play import PlayOptions, play
 
     console = Console(stderr=True)
-    how = PlayOptions(options.topics or (), options.rate, options.loop, options.clock)
-    with BagReader(options.bag) as reader, counting_progress(console) as progress:
-        chosen = options.topics or reader.topics
-        total = sum(reader.topics[topic].count for topic in chosen if topic in reader.topics)
+    topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
+    how = PlayOptions(topics, options.rate, options.loop, options.clock)
+    with BagReader(options.bag) as reader:
+        for topic in topics:
+            known_topic(reader.path, reader.topics, topic)
+        total = sum(reader.topics[topic].count for topic in topics or reader.topics)
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
-        task = progress.add_task(
-            f"playing on ROS domain {domain}", total=None if options.loop else total
-        )
-        play(reader, how, lambda number: progress.update(task, completed=number), console.warn)
+        with counting_progress(console) as progress:
+            task = progress.add_task(
+                f"playing on ROS domain {domain}", total=None if options.loop else total
+            )
+            play(reader, how, lambda number: progress.update(task, completed=number), console.warn)
 
 
 def rate(text: str) -> float:

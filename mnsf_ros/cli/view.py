@@ -52,6 +52,10 @@ def _run(options: argparse.Namespace) -> None:
             raise SettingsError("--animation: needs a recording, mnsf view BAG --animation FILE")
         _show_node(options, console)
     elif options.animation is not None:
+        if options.animation.suffix.lower() != ".webp":
+            raise SettingsError(
+                f"--animation: got {options.animation}, expected the name of a .webp file"
+            )
         _animate(options, console)
     else:
         _show_recording(options, console)

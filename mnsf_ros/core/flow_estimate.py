@@ -75,6 +75,14 @@ class TrackedObject:
     age_s: float
     num_points: int
 
+    def __repr__(self) -> str:
+        """Number, speed and points, not its arrays."""
+        speed = float(np.linalg.norm(self.velocity))
+        return (
+            f"TrackedObject(track_id={self.track_id}, speed={speed:.1f} m/s, "
+            f"num_points={self.num_points})"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class OverGround:
@@ -108,6 +116,13 @@ class OverGround:
     motion_covariance: NDArray[np.float64] | None = None
     objects: tuple[TrackedObject, ...] = ()
     track_ids: NDArray[np.int32] | None = None
+
+    def __repr__(self) -> str:
+        """How many points are dynamic and how many objects there are, not its arrays."""
+        return (
+            f"OverGround(points={len(self.dynamic)}, dynamic={np.count_nonzero(self.dynamic)}, "
+            f"objects={len(self.objects)}, source={str(self.source)!r})"
+        )
 
     def part(self, rows: NDArray[np.int64]) -> OverGround:
         """Returns what is said of some points, by their numbers (M,), and all that is said else."""
@@ -151,6 +166,16 @@ class FlowEstimate:
     over_ground: OverGround | None = None
     num_left_out: int = 0
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None
+
+    def __repr__(self) -> str:
+        """How many points there are, what is known of them, and the time, not its arrays."""
+        known = self.over_ground
+        moving = (
+            ""
+            if known is None
+            else (f"dynamic={np.count_nonzero(known.dynamic)}, objects={len(known.objects)}, ")
+        )
+        return f"FlowEstimate(points={len(self.flow)}, {moving}time={self.time_ms:.1f} ms)"
 
     def part(self, rows: NDArray[np.int64]) -> FlowEstimate:
         """Returns the estimate of some points, by their numbers (M,)."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -19,6 +22,7 @@ from mnsf_ros.demo.console_progress import counting_progress, simulate_with_prog
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.demo.replay import DIAGNOSTICS_TOPIC, FLOW_TOPIC, ReplayLog, replay
 from mnsf_ros.drawing.top_view import save_top_view
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
@@ -40,6 +44,7 @@ from msg_utils.point_cloud2 import decode_points
 _GROUND, _OTHERS = "ground", "without ground"
 _NANOSECONDS: Final = 1e9
 _NUM_DOMAINS: Final = 101  # from 1 on; above, ports of Linux are used for something else
+_LOCK: Final = "demo.lock"
 _ENOUGH: Final = 0.95  # of the flows that there can be
 
 
@@ -55,15 +60,40 @@ def run_demo(
     `topic` is that of the clouds, None for the only one; everything is written into `folder`.
 
     Raises:
-        MnsfError: If the recording cannot be read or the node gives no flow; one line.
+        MnsfError: If the recording cannot be read, the node gives no flow, or another demo writes
+            into the folder; one line.
     """
+    with _locked(folder):
+        _run_demo(source, topic, settings, folder, console)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keeps other demos out of the folder, as long as this process lives at most."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / _LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise MnsfError(
+                f"{folder}: another demo is running there; wait for it, or name another --out"
+            ) from None
+        yield
+
+
+def _run_demo(
+    source: Path | SimulationSettings,
+    topic: str | None,
+    settings: Settings,
+    folder: Path,
+    console: Console,
+) -> None:
     if isinstance(source, SimulationSettings):
         street = folder / f"street_seed{source.seed}_{source.duration_s:g}s"
         if not street.exists():
             simulate_with_progress(source, street, console)
         source = street
     recording = choose_topics(inspect_recording(source), source.name, topic)
-    folder.mkdir(parents=True, exist_ok=True)
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
     console.print(figures_table(log))
@@ -207,7 +237,7 @@ def drop_hint(log: ReplayLog) -> str | None:
     if not log.num_dropped:
         return None
     text = busy_text(len(log.arrived_s), log.num_dropped, log.estimate_ms, log.interval_ms)
-    return f"{text} See docs/performance.md."
+    return f"{text} See docs/tuning.md#faster."
 
 
 def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:

@@ -12,7 +12,6 @@ from typing import Final
 from mnsf_ros.demo.pace import Pace
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import known_topic
 
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
@@ -26,7 +25,7 @@ class PlayOptions:
     """How a recording is played.
 
     Attributes:
-        topics: Only these; all if empty.
+        topics: Only these, which must be in the recording; all if empty.
         rate: Speed over that of the recording, above 0.
         loop: Start again at the end.
         clock: Publish the time of the recording on /clock, for `use_sim_time`.
@@ -53,11 +52,9 @@ def play(
         on_left_out: Called once for each topic that cannot be published, with the reason.
 
     Raises:
-        RecordingError: A topic is not in the recording, or damage is met.
+        RecordingError: Damage is met.
         MessageTypeError: No topic can be published.
     """
-    for topic in options.topics:
-        known_topic(reader.path, reader.topics, topic)
     with RawTopics("mnsf_play") as ros:
         publishers = _publishers(reader, ros, options.topics, on_left_out)
         tell_time = ros.clock() if options.clock else _nothing

@@ -35,6 +35,10 @@ _EDGES: Final = ((0, 1), (1, 3), (3, 2), (2, 0), (4, 5), (5, 7), (7, 6), (6, 4))
 _PILLARS: Final = ((0, 4), (1, 5), (2, 6), (3, 7))
 
 
+# Left, top, right and bottom, pixels.
+_Box = tuple[float, float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class ShownObject:
     """A box with its velocity.
@@ -71,8 +75,10 @@ def street_picture(
     image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
     canvas = ImageDraw.Draw(image, "RGBA")
     _draw_sensor(canvas)
-    for item in objects:
-        _draw_object(canvas, item, full_speed_m_s)
+    labels: list[_Box] = []
+    # The labels of the nearest are kept where several would overlap.
+    for item in sorted(objects, key=lambda item: float(np.hypot(item.center[0], item.center[1]))):
+        _draw_object(canvas, item, full_speed_m_s, labels)
     image = image.resize((WIDTH_PX, HEIGHT_PX), Image.Resampling.BOX)
     _draw_legend(image, full_speed_m_s)
     return image
@@ -123,7 +129,10 @@ def _splat(
             canvas[rows[inside], columns[inside]] = colors[inside]
 
 
-def _draw_object(canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float) -> None:
+def _draw_object(
+    canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float, labels: list[_Box]
+) -> None:
+    """Draws box, way and speed; the speed only where it covers none of the labels before."""
     pixels, depth = _projected(_corners(item))
     if (depth < _NEAREST_M).any():
         return
@@ -133,16 +142,32 @@ def _draw_object(canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s:
         canvas.line([points[first], points[second]], fill=(*color, 210), width=_SCALE)
     _draw_way(canvas, item, color)
     speed = float(np.hypot(item.velocity[0], item.velocity[1]))
-    x = (pixels[:, 0].min() + pixels[:, 0].max()) / 2
-    size_px = 12 * _SCALE
+    text, font = f"{speed:.1f} m/s", _font(12 * _SCALE)
+    place = (
+        float(pixels[:, 0].min() + pixels[:, 0].max()) / 2,
+        float(pixels[:, 1].min()) - 4 * _SCALE,
+    )
+    label = canvas.textbbox(place, text, font=font, anchor="mb", stroke_width=_SCALE)
+    if any(_overlap(label, other) for other in labels):
+        return
+    labels.append(label)
     canvas.text(
-        (x, pixels[:, 1].min() - 4 * _SCALE),
-        f"{speed:.1f} m/s",
-        font=_font(size_px),
+        place,
+        text,
+        font=font,
         fill=_INK,
         anchor="mb",
         stroke_width=_SCALE,
         stroke_fill=tuple(_BACKGROUND.tolist()),
+    )
+
+
+def _overlap(first: _Box, second: _Box) -> bool:
+    return (
+        first[0] < second[2]
+        and second[0] < first[2]
+        and first[1] < second[3]
+        and second[1] < first[3]
     )
 
 

@@ -1,7 +1,7 @@
 """Tasks on a Ray cluster: one Ray task per recording and method.
 
 The recordings must be at the same path on all machines, and this package installed there. Ray
-itself is an extra: `pip install 'mnsf_ros[ray]'`.
+itself is an extra: `pip install '.[ray]'`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def start_mailbox(ray: Any) -> Any:  # noqa: ANN401 - Ray is optional, so its ty
 LOCAL: Final = "local"
 _POLL_S: Final = 0.2
 _CONNECT_S: Final = 10.0
-_NO_RAY: Final = "--ray needs Ray: pip install 'mnsf_ros[ray]'"
+_NO_RAY: Final = "--ray needs Ray; in the checkout: pip install '.[ray]'"
 
 
 class RayCluster:

@@ -104,6 +104,10 @@ class Sweep:
     def __len__(self) -> int:
         return len(self.xyz)
 
+    def __repr__(self) -> str:
+        """How many points, when and where, not its arrays."""
+        return f"Sweep(points={len(self)}, stamp_ns={self.stamp_ns}, frame_id={self.frame_id!r})"
+
 
 @dataclass(frozen=True, eq=False)
 class SweepTriplet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -71,19 +72,72 @@ class Outcome:
         return f"{words}, {1 - after / before:.1%} less."
 
 
-def concluded(search: Search, start: Settings, goal: str, tuned: Trier, held_out: Trier) -> Outcome:
-    """Gives back each change that gains nothing, and measures what the others gain."""
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A search that is over.
+
+    Attributes:
+        search: The trials.
+        start: The settings that it started from.
+        goal: What the cost is, with its unit.
+        tuned: Tries settings on the half that was tuned.
+        held_out: Tries settings on the other half.
+    """
+
+    search: Search
+    start: Settings
+    goal: str
+    tuned: Trier
+    held_out: Trier
+
+    @property
+    def changed(self) -> dict[str, SettingValue]:
+        """What the best trial changes."""
+        best = self.search.best_values.items()
+        return {name: value for name, value in best if value != self.start.value_of(name)}
+
+
+def write_best(found: Found, folder: Path, command: str) -> None:
+    """Writes the parameter file of the best trial, which nobody has measured further yet.
+
+    Raises:
+        OSError: Writing fails.
+    """
+    title = (
+        f"Written by `{command}`. Best of {len(found.search.trials)} trials; not judged on the "
+        "other half yet."
+    )
+    _write_parameters(found.start, found.changed, folder, title)
+
+
+def concluded(found: Found, watch: Callable[[int, int], None]) -> Outcome:
+    """Gives back each change that gains nothing, and measures what the others gain.
+
+    `watch` gets how many settings are tried, and how many there will be at most.
+    """
+    search, start, changed = found.search, found.start, found.changed
+    num_done, num_in_all = 0, 4 + 3 * len(changed)
+
+    def counted(trier: Trier) -> Trier:
+        def tried(settings: Settings) -> Judgement:
+            nonlocal num_done
+            judgement = trier(settings)
+            num_done += 1
+            watch(num_done, num_in_all)
+            return judgement
+
+        return tried
+
+    tuned, held_out = counted(found.tuned), counted(found.held_out)
     importances = search.importances
     before = tuned(start)
-    changed = {
-        name: value for name, value in search.best_values.items() if value != start.value_of(name)
-    }
     after = tuned(start.changed(changed))
     for name in sorted(changed, key=lambda name: importances[name]):
         fewer = {other: value for other, value in changed.items() if other != name}
         judgement = tuned(start.changed(fewer))
         if judgement.cost <= after.cost * (1 + _WORTH):
             changed, after = fewer, judgement
+            num_in_all -= 2
     before_held_out = held_out(start)
     gains = [
         Gain(
@@ -97,7 +151,7 @@ def concluded(search: Search, start: Settings, goal: str, tuned: Trier, held_out
         for name, value in changed.items()
     ]
     both = before_held_out, held_out(start.changed(changed))
-    return Outcome(goal, len(search.trials), gains, (before, after), both)
+    return Outcome(found.goal, len(search.trials), gains, (before, after), both)
 
 
 def gains_table(outcome: Outcome) -> TextTable:
@@ -135,14 +189,22 @@ def write_outcome(outcome: Outcome, start: Settings, folder: Path, command: str)
     Raises:
         OSError: Writing fails.
     """
-    page, parameters = folder / PAGE, folder / PARAMETER_FILE
+    page = folder / PAGE
     parts = ["# Tuning", outcome.verdict, f"Command: `{command}`"]
     parts += [table.markdown() for table in (figures_table(outcome), gains_table(outcome))]
     page.write_text("\n\n".join(parts), encoding="utf-8")
-    parameters.unlink(missing_ok=True)
-    if not outcome.gains:
-        return [page]
     values = {gain.name: gain.after for gain in outcome.gains}
     title = f"Written by `{command}`. {outcome.verdict}"
-    parameters.write_text(settings_yaml(start.changed(values), title, values), encoding="utf-8")
-    return [page, parameters]
+    return [page, *_write_parameters(start, values, folder, title)]
+
+
+def _write_parameters(
+    start: Settings, values: dict[str, SettingValue], folder: Path, title: str
+) -> list[Path]:
+    """Writes the parameter file, or removes an older one where nothing changes."""
+    path = folder / PARAMETER_FILE
+    if not values:
+        path.unlink(missing_ok=True)
+        return []
+    path.write_text(settings_yaml(start.changed(values), title, values), encoding="utf-8")
+    return [path]

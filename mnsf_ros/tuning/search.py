@@ -108,8 +108,8 @@ class Search:
     def run(self, judge: Trier, budget: Budget, watch: Callable[[int, float], None]) -> None:
         """Tries settings until the budget is spent; the first trial is the settings to start from.
 
-        `watch` gets the number of trials that are done and the lowest cost. A search that was
-        interrupted goes on as if it had not been.
+        `watch` gets the number of trials that are done and the lowest cost, also at the start if
+        there are any. A search that was interrupted goes on as if it had not been.
         """
         import optuna
 
@@ -117,6 +117,8 @@ class Search:
         state = optuna.trial.TrialState
         for lost in self._study.get_trials(states=(state.RUNNING, state.WAITING)):
             self._study.tell(lost.number, state=state.FAIL)
+        if self._done():
+            watch(len(self._done()), self._study.best_value)
         while len(self._done()) < budget.num_trials and time.monotonic() < end_s:
             number = len(self._done())
             # A sampler of its own for each trial, so that it does not matter who made the last one.

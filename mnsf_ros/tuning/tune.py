@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.settings import Settings
 from mnsf_ros.tuning.halves import Half, read_halves
 from mnsf_ros.tuning.judges import LABELLED_GOALS, Judge, LabelledJudge
-from mnsf_ros.tuning.outcome import Outcome, concluded
+from mnsf_ros.tuning.outcome import Found
 from mnsf_ros.tuning.search import Budget, Search, tuned_settings
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
 
@@ -52,12 +52,12 @@ class TuneOptions:
             raise EvaluationError(f"max-examples: got {self.max_examples}, expected 1 or more")
 
 
-def tune(
+def search_settings(
     recordings: Sequence[EvaluatedRecording],
     options: TuneOptions,
     watch: Callable[[int, float], None],
-) -> Outcome:
-    """Searches, and measures what was found on the halves that were not searched.
+) -> Found:
+    """Searches on the first halves of recordings; see `concluded` for what is next.
 
     `watch` gets the number of finished trials and the lowest cost.
 
@@ -87,7 +87,7 @@ def tune(
     # Nothing is estimated twice with the same settings.
     tried = cache(first)
     search.run(tried, options.budget, watch)
-    return concluded(search, evaluation.settings, first.goal, tried, cache(second))
+    return Found(search, evaluation.settings, first.goal, tried, cache(second))
 
 
 def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:

@@ -33,7 +33,8 @@ class ViewServer:
             import foxglove
         except ImportError:
             raise ViewError(
-                "no foxglove-sdk in this Python, by which it is shown: pip install 'mnsf_ros[view]'"
+                "no foxglove-sdk in this Python, by which it is shown; in the checkout: "
+                "pip install '.[view]'"
             ) from None
         self._foxglove: Any = foxglove
         self._context = foxglove.Context()
@@ -49,7 +50,8 @@ class ViewServer:
             raise ViewError(
                 f"cannot serve on {host}:{port}: {error}; choose another --port"
             ) from None
-        self.url = f"ws://{host}:{self._server.port}"
+        shown_host = f"[{host}]" if ":" in host else host
+        self.url = f"ws://{shown_host}:{self._server.port}"
         self.app_url = str(self._server.app_url())
 
     def __enter__(self) -> ViewServer:

@@ -9,10 +9,13 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import (
     FlowEstimate,
     OptimizationResult,
+    OverGround,
     StageClock,
     Start,
     StopReason,
+    TrackedObject,
 )
+from mnsf_ros.sweeps.sweep import Sweep
 
 
 def test_time_and_words():
@@ -30,6 +33,36 @@ def test_time_and_words():
     )
     assert estimate.time_ms == 3.5
     assert estimate.stop_reasons == {"forward": "converged", "backward": "time_budget"}
+
+
+def test_large_results_are_shown_in_one_line():
+    num_points = 50_000
+    walker = TrackedObject(
+        7, np.zeros(3), np.ones(3), 0.0, np.array([1.2, 0.0, 0.0]), np.eye(6), 1.0, 40
+    )
+    over_ground = OverGround(
+        motion=np.zeros((num_points, 3), np.float32),
+        dynamic=np.arange(num_points) < 40,
+        confidence=np.ones(num_points, np.float32),
+        world_from_sensor=np.eye(4),
+        next_from_current=np.eye(4),
+        source="registration",
+        objects=(walker,) * 30,
+    )
+    estimate = FlowEstimate(
+        flow=np.zeros((num_points, 3), np.float32),
+        kept=np.ones(num_points, bool),
+        times_ms={"prepare": 1.5},
+        over_ground=over_ground,
+    )
+    shown = "points=50000, dynamic=40, objects=30, "
+    assert repr(estimate) == f"FlowEstimate({shown}time=1.5 ms)"
+    assert repr(over_ground) == f"OverGround({shown}source='registration')"
+    assert repr(walker) == "TrackedObject(track_id=7, speed=1.2 m/s, num_points=40)"
+    plain = FlowEstimate(np.zeros((2, 3), np.float32), np.ones(2, bool))
+    assert repr(plain) == "FlowEstimate(points=2, time=0.0 ms)"
+    sweep = Sweep(np.zeros((5, 3), np.float32), 3, "lidar", source=b"large" * 1000)
+    assert repr(sweep) == "Sweep(points=5, stamp_ns=3, frame_id='lidar')"
 
 
 def test_clock_adds_up_the_blocks_of_a_stage(device):

@@ -1,5 +1,6 @@
 """The demo with a small simulated street: the real node over real DDS."""
 
+import fcntl
 import os
 import re
 import subprocess
@@ -106,6 +107,16 @@ def _stamps_are_of_the_recording(street: Path, tmp_path: Path) -> None:
     assert flows.keys() <= set(sorted(sweeps)[1:-1])
     for stamp, cloud in flows.items():
         assert (cloud["x"] == sweeps[stamp]["x"]).all()
+
+
+def test_a_folder_is_for_one_demo_at_a_time(street: Path, tmp_path: Path) -> None:
+    (tmp_path / "demo").mkdir()
+    with (tmp_path / "demo" / "demo.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = run_demo(tmp_path, "--duration", "0.5")
+    assert done.returncode == 2
+    assert "another demo is running there; wait for it, or name another --out" in done.stderr
+    assert [path.name for path in (tmp_path / "demo").iterdir()] == ["demo.lock"]
 
 
 def test_a_node_that_cannot_run_is_one_line(street: Path, tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_messages_come_as_they_are_stored_and_at_their_times(street: Path) -> No
 
 
 def test_topics_are_chosen_and_repeated(street: Path) -> None:
-    arguments = (str(street), "--topics", "/points", "--loop", "--rate", "100")
+    arguments = ("--topics", "/points", str(street), "--loop", "--rate", "100")
     num_sweeps = SMALL.num_sweeps
     heard, _ = heard_of(*arguments, until=lambda heard: len(heard["/points"]) > 2 * num_sweeps)
     points = heard["/points"]
@@ -107,6 +107,7 @@ def test_topics_are_chosen_and_repeated(street: Path) -> None:
     [
         (["--topics", "/tf"], "no topic can be published"),
         (["--topics", "/nothing"], "no topic '/nothing'"),
+        (["--topics", "/points,/nothing"], "no topic '/nothing'"),
         (["--rate", "0"], "expected 0.01 to 100"),
         (["--rate", "nan"], "expected 0.01 to 100"),
     ],

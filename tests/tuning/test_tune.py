@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.cli.main import EXIT_INTERRUPTED, EXIT_USAGE, run
 from mnsf_ros.errors import EvaluationError, SettingsError
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
@@ -19,10 +19,12 @@ from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import declared_settings
+from mnsf_ros.tuning import outcome
 from mnsf_ros.tuning.halves import read_halves
 from mnsf_ros.tuning.judges import LabelledJudge
+from mnsf_ros.tuning.outcome import concluded
 from mnsf_ros.tuning.search import Budget, tuned_settings
-from mnsf_ros.tuning.tune import TuneOptions, tune
+from mnsf_ros.tuning.tune import TuneOptions, search_settings
 
 TWO = ("objects.min_probability", "ground.margin_m")
 START = preset("online")
@@ -75,7 +77,8 @@ def test_settings_that_fail_do_not_win(halves):
 
 def tuned(recording, out, num_trials, **changes):
     options = TuneOptions(out, START, Budget(num_trials), TWO, "consistency", max_examples=4)
-    return tune([recording], replace(options, **changes), lambda *_: None)
+    found = search_settings([recording], replace(options, **changes), lambda *_: None)
+    return concluded(found, lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +121,51 @@ def test_command_writes_what_changes(street, tmp_path, capsys):
     assert names == {"ground.margin_m"}
     assert "| ground.margin_m | 0.2 | " in page
     assert (out / "tuned.yaml").read_text().startswith("# Written by `mnsf")
+
+
+def test_interrupted_search_says_how_to_go_on(street, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("optuna")
+    num_judged = 0
+    summary = LabelledJudge.summary
+
+    def interrupted_later(judge, settings):
+        nonlocal num_judged
+        num_judged += 1
+        if num_judged == 3:
+            raise KeyboardInterrupt
+        return summary(judge, settings)
+
+    monkeypatch.setattr(LabelledJudge, "summary", interrupted_later)
+    out = tmp_path / "out"
+    arguments = ["tune", str(street), "--out", str(out), "--trials", "4", "--max-examples", "2"]
+    assert run(arguments) == EXIT_INTERRUPTED
+    said = capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.fullmatch(
+        rf"2 trials, lowest cost \d\.\d+; repeat the command with --resume .* {out}", said
+    )
+    assert [path.name for path in out.iterdir()] == ["trials.log"]
+
+
+def test_best_trial_is_kept_while_its_gains_are_measured(street, tmp_path, monkeypatch):
+    pytest.importorskip("optuna")
+    out = tmp_path / "out"
+    shown = []
+
+    def interrupted(found, watch):
+        concluded(found, lambda *numbers: shown.append(numbers))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(outcome, "concluded", interrupted)
+    arguments = ["tune", str(street), "--out", str(out), "--trials", "3", "--max-examples", "4"]
+    arguments += ["--parameters", ",".join(TWO)]
+    assert run(arguments) == EXIT_INTERRUPTED
+    text = (out / "tuned.yaml").read_text()
+    assert "Best of 3 trials; not judged on the other half yet." in " ".join(
+        text.replace("#", "").split()
+    )
+    assert "margin_m" in text
+    assert [done for done, _ in shown] == list(range(1, len(shown) + 1))
+    assert shown[-1][0] == shown[-1][1]
 
 
 def test_without_optuna_it_is_one_line(street, tmp_path, capsys, monkeypatch):

@@ -37,6 +37,34 @@ def test_a_node_is_not_animated(capsys) -> None:
     assert "needs a recording" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["x.gif", "x", "x.webp.mp4"])
+def test_only_webp_is_written(tmp_path: Path, capsys, name: str) -> None:
+    path = tmp_path / name
+    assert run(["view", str(tmp_path), "--animation", str(path)]) == 2
+    assert "expected the name of a .webp file" in capsys.readouterr().err
+    assert not path.exists()
+
+
+def test_of_labels_that_would_overlap_the_nearest_is_shown() -> None:
+    nothing = np.zeros((0, 3), np.float32)
+
+    def shown(*centers: tuple[float, float, float]) -> np.ndarray:
+        boxes = [
+            ShownObject(np.array(at), np.ones(3), 0.0, np.full(3, at[0]), nothing) for at in centers
+        ]
+        return np.asarray(street_picture(nothing, nothing, boxes, 15.0)).astype(int)
+
+    def ink(picture: np.ndarray) -> int:
+        return int((picture[:350, :, :].min(axis=2) > 200).sum())
+
+    near, far, aside = (10.0, 0.0, 0.0), (10.5, 0.1, 0.0), (10.0, 8.0, 0.0)
+    one = ink(shown(near))
+    assert one > 20
+    assert ink(shown(near, far)) <= one
+    assert ink(shown(far, near)) == ink(shown(near, far))
+    assert ink(shown(near, aside)) > 1.3 * one
+
+
 def test_only_what_moves_is_coloured() -> None:
     """Two walls, of which the left one moves ahead, which is red; a box behind the camera."""
     z, y = np.meshgrid(np.linspace(-1, 2, 60), np.linspace(2, 6, 60))

@@ -23,6 +23,7 @@ from viewer import Viewer
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.view.view_server import ViewServer
 from msg_utils.point_cloud2 import decode_points
 
 SMALL = SimulationSettings(num_beams=16, num_columns=360, duration_s=1.0)
@@ -104,6 +105,16 @@ def test_what_cannot_be_shown_is_one_line(street: Path, tmp_path: Path) -> None:
     assert "cannot serve on 127.0.0.1:99999" in refused(str(street), "--port", "99999")
 
 
+def test_an_address_of_ipv6_has_brackets() -> None:
+    try:
+        with socket.socket(socket.AF_INET6) as probe:
+            probe.bind(("::1", 0))
+    except OSError:
+        pytest.skip("needs IPv6")
+    with ViewServer("::1", 0) as server:
+        assert re.fullmatch(r"ws://\[::1\]:\d+", server.url)
+
+
 def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) -> None:
     hidden = tmp_path / "foxglove"
     hidden.mkdir()
@@ -119,7 +130,7 @@ def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) 
     )
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert "pip install 'mnsf_ros[view]'" in line
+    assert "pip install '.[view]'" in line
 
 
 def test_topics_of_a_node_are_handed_on_while_somebody_looks(monkeypatch, tmp_path: Path) -> None:
