@@ -84,7 +84,8 @@ class Arguments:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(
             "--preset",
-            "settings to start from: paper is the method as published, authors its released "
+            "settings to start from, by all methods but online, which has its own: paper is the "
+            "method as published, authors its released "
             "code, neural its networks made fast, online the default of the live node",
             default=default,
             choices=PRESET_NAMES,

@@ -146,7 +146,6 @@ def _run(options: argparse.Namespace) -> int:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
         options.out = new_folder(options.bags)
-        console.say(f"Results folder: {options.out}")
     evaluation = EvaluationOptions(
         settings=chosen_settings(options),
         num_points=None if options.num_points == ALL else options.num_points,

@@ -60,6 +60,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
         watching=partial(checking_progress, console),
     )
     folder.start(recordings, methods, evaluation, resume=options.resume, arguments=sys.argv)
+    console.say(f"Results folder: {path_text(folder.path)}")
     runs = plan_runs(recordings, methods, evaluation, folder.rows)
     try:
         with EvaluationProgress(console, runs, evaluation.every) as progress:

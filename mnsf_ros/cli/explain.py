@@ -37,7 +37,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.value("--method NAME", "see docs/evaluation.md", default="online")
-    arguments.settings()
+    arguments.settings(default="online")
 
 
 def _stamp_ns(text: str) -> int:

@@ -11,7 +11,7 @@ from mnsf_ros.cli.console import Console
 _EPILOG = """\
 Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it,
 the worst sweeps and the sweeps of missed movers are estimated again, by methods
-that remember earlier sweeps after the 8 before. Where that is another flow than
+that remember earlier sweeps after up to 30 before. Where that is another flow than
 that of the run, as it may be in real time, the caption says so.
 """
 

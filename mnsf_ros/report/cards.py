@@ -21,8 +21,8 @@ _ANOTHER: Final = (
     "the run. {}"
 )
 _CARRIED: Final = (
-    "The run continued from other sweeps, for example in real time (--write-flow stores its flow), "
-    "or code or machine differ"
+    "The method had seen other sweeps in the run: earlier ones, or fewer in real time "
+    "(--write-flow stores its flow); or code or machine differ"
 )
 _DIFFERS: Final = "Code or machine differ"
 

@@ -76,6 +76,15 @@ def point_charts(
     return charts
 
 
+def methods_not_drawn(summaries: Sequence[MethodSummary], references: frozenset[str]) -> str:
+    """Returns which references the charts of errors leave out, and why; empty if none."""
+    scored = [s for s in summaries if s.errors and s.errors["all"].num_points]
+    drawn = {one.method for one in _on_the_chart(scored, references)}
+    left_out = ", ".join(one.method for one in scored if one.method not in drawn)
+    reason = f"an error more than {_OFF_THE_CHART:g} times that of the best method"
+    return f"Not in these charts: {left_out}, with {reason}." if left_out else ""
+
+
 def _on_the_chart(
     scored: Sequence[MethodSummary], references: frozenset[str]
 ) -> list[MethodSummary]:

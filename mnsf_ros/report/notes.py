@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.presets import PRESET_NAMES, preset, settings_for
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 
@@ -31,7 +31,7 @@ def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[st
     return [
         _means_text(len(run.recordings), summaries, options.every),
         _points_text(options, [one.truth is not None for one in run.recordings]),
-        _settings_text(options.settings, summaries),
+        _settings_text(run, summaries),
         _time_text(options, summaries),
     ]
 
@@ -84,14 +84,18 @@ def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
     return f"{text}; {chosen}, the same for all methods. Seed {options.seed}."
 
 
-def _settings_text(settings: Settings, summaries: Sequence[MethodSummary]) -> str:
-    name, changed = nearest_preset(settings)
-    changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
-    warm = "on" if settings.warm_start.enabled else "off"
-    # Of a preset for another method they do not take the warm start.
-    others = [one.method for one in summaries if one.starts.get("warm") and warm == "off"]
-    warm += f", but on for {', '.join(others)}" if others else ""
-    return f"Settings: preset {name}{f' with {changes}' if changes else ''}. Warm start: {warm}."
+def _settings_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> str:
+    """The preset of each method; references have none, unless there is nothing else."""
+    names = [one.method for one in summaries]
+    methods: dict[str, list[str]] = {}
+    for name in [name for name in names if name not in run.references] or names:
+        settings = settings_for(name, run.options.settings)
+        start, changed = nearest_preset(settings)
+        changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
+        warm = "on" if settings.warm_start.enabled else "off"
+        text = f"preset {start}{f' with {changes}' if changes else ''}, warm start {warm}"
+        methods.setdefault(text, []).append(name)
+    return "Settings: " + "; ".join(f"{', '.join(m)}: {text}" for text, m in methods.items()) + "."
 
 
 def _time_text(options: EvaluationOptions, summaries: Sequence[MethodSummary]) -> str:

@@ -16,10 +16,11 @@ from mnsf_ros.drawing.charts import stage_bars, time_text
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
 from mnsf_ros.evaluation.run_files import replace_file
+from mnsf_ros.presets import settings_for
 from mnsf_ros.report.cards import Cards
 from mnsf_ros.report.closer_look import CloserLook, missed_table, worst_table
 from mnsf_ros.report.comparison import comparison_tables
-from mnsf_ros.report.error_charts import bin_charts, point_charts
+from mnsf_ros.report.error_charts import bin_charts, methods_not_drawn, point_charts
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
@@ -56,7 +57,7 @@ def write_report(
     rows, summaries, record = results.rows, results.summaries, results.record
     consistency = consistency_table(summaries)
     units = {setting.name: setting.unit for setting in declared_settings()}
-    settings = record.options.settings.to_mapping()
+    settings = settings_for(look.method, record.options.settings).to_mapping()
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -78,6 +79,7 @@ def write_report(
         cards=cards,
         why_not=why_not,
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
+        not_drawn=methods_not_drawn(summaries, record.references),
     )
     replace_file(path, [f"{page}\n"])
 

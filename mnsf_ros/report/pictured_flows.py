@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -35,7 +35,9 @@ from mnsf_ros.recording.bag_reader import BagReader
 from msg_utils.point_cloud2 import decode_points
 
 # Tracks settle in that time, and it has the sweeps of 0.6 s ago, which slow movers show in.
-_NUM_BEFORE: Final = 8
+_LEAST_BEFORE: Final = 8
+# What happened longer ago plays hardly any part.
+_MOST_BEFORE: Final = 30
 
 
 class TimeBudget:
@@ -119,16 +121,23 @@ def _columns(points: NDArray[np.void], names: Sequence[str]) -> NDArray[np.float
     return np.stack([points[name].astype(np.float32) for name in names], axis=1)
 
 
-def num_estimates(record: RunRecord, rows: Iterable[ResultRow], method: str) -> int:
-    """Returns how many estimates the pictures of these rows take, with those before them."""
-    num_before = _num_before(record, [method])
-    return len(
-        {
-            (row.recording, number)
-            for row in rows
-            for number in range(max(0, row.number - num_before), row.number + 1)
-        }
-    )
+def num_estimates(
+    record: RunRecord, rows: Sequence[ResultRow], methods: Sequence[str], budget: TimeBudget
+) -> dict[str, int]:
+    """Returns method to how many estimates pictures of these rows take, with those before them."""
+    num_before = _num_before(record, rows, methods, budget)
+    carrying = _carrying(record, methods)
+    return {
+        method: len(
+            {
+                (row.recording, number)
+                for row in rows
+                for number in range(row.number - num_before * (method in carrying), row.number + 1)
+                if number >= 0
+            }
+        )
+        for method in methods
+    }
 
 
 def estimated_examples(
@@ -145,9 +154,9 @@ def estimated_examples(
         MnsfError: A recording cannot be read any more.
     """
     options, stretches = record.options, []
+    num_before = _num_before(record, rows, methods, budget)
     for recording in record.recordings:
         wanted = {row.number for row in rows if row.recording == recording.name}
-        num_before = _num_before(record, methods)
         stretches += _stretches(recording, options, wanted, num_before, budget)
     wanted_keys = {_key(row) for row in rows}
     pictures = {
@@ -165,9 +174,21 @@ def estimated_examples(
     return [picture for picture in found if picture.flows]
 
 
-def _num_before(record: RunRecord, methods: Sequence[str]) -> int:
-    carries = any(one.traits.carries_state for one in record.methods if one.name in methods)
-    return _NUM_BEFORE if carries else 0
+def _carrying(record: RunRecord, methods: Sequence[str]) -> frozenset[str]:
+    known = frozenset(one.name for one in record.methods if one.traits.carries_state)
+    return known.intersection(methods)
+
+
+def _num_before(
+    record: RunRecord, rows: Sequence[ResultRow], methods: Sequence[str], budget: TimeBudget
+) -> int:
+    """How many examples before each one methods that carry state estimate: as time allows."""
+    carrying = _carrying(record, methods)
+    if not carrying:
+        return 0
+    one_s = len(rows) * sum(map(budget.needs_s, carrying))
+    affordable = budget.limit_s / one_s - 1 if one_s > 0 else math.inf
+    return int(min(max(affordable, _LEAST_BEFORE), _MOST_BEFORE))
 
 
 def _stretches(

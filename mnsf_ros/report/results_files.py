@@ -16,6 +16,7 @@ from mnsf_ros.evaluation.run_files import replace_file
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.presets import settings_for
 from mnsf_ros.report.comparison import comparison_tables
 from mnsf_ros.report.notes import nearest_preset
 from mnsf_ros.report.run_results import RunResults
@@ -82,16 +83,18 @@ def results_csv(results: RunResults) -> str:
     """Returns one line for each method and group of points: of all recordings, then of each.
 
     The column `recording` is empty for all recordings together. How, with what and where figures
-    were made is the same on every line; those of movers, which come last, are for all points.
+    were made is the same on every line of a method; those of movers, which come last, are for all
+    points.
     """
-    origin = _origin(results.record)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     # What came later stands behind the rest, so that columns keep their places.
     added = [f"{kind}_{key}" for kind in _CSV_GROUPS for key in _CSV_GROUP]
-    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *origin, *_CSV_MOVERS, *added))
+    names = _origin(results.record, results.record.options.settings.method.name)
+    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *names, *_CSV_MOVERS, *added))
     for recording, summaries in {"": results.summaries, **results.by_recording}.items():
         for summary in summaries:
+            origin = _origin(results.record, summary.method)
             for cells in _csv_lines(summary):
                 writer.writerow((recording, *cells, *origin.values(), *_mover_cells(summary)))
     return text.getvalue()
@@ -119,10 +122,10 @@ def _mover_cells(summary: MethodSummary) -> Iterator[str]:
             yield _cell(math.nan if group is None else getattr(group, key))
 
 
-def _origin(run: RunRecord) -> dict[str, str]:
-    """How, with what and where a run was made; what sessions do not agree on is listed."""
+def _origin(run: RunRecord, method: str) -> dict[str, str]:
+    """How, with what and where a method ran; what sessions do not agree on is listed."""
     options, sessions = run.options, run.sessions
-    name, changes = nearest_preset(options.settings)
+    name, changes = nearest_preset(settings_for(method, options.settings))
     return {
         "seed": str(options.seed),
         "preset": name,

@@ -110,7 +110,7 @@ def _estimated(
         seconds = budget.needs_s(methods[0])
         why = f"No pictures: one flow takes {seconds:.0f} s; `mnsf report` on the folder waits."
         return [], why
-    counts = {method: num_estimates(record, wanted, method) for method in methods}
+    counts = num_estimates(record, wanted, methods, budget)
     seconds = sum(number * budget.needs_s(method) for method, number in counts.items())
     sweeps = "1 sweep" if len(wanted) == 1 else f"{len(wanted)} sweeps"
     say(

@@ -12,6 +12,7 @@ from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGro
 from mnsf_ros.evaluation.movers import LostBy
 from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.report.text_table import (
+    NO_VALUE,
     Better,
     Column,
     TextTable,
@@ -33,6 +34,8 @@ _MOVERS: Final = (
     Column("IoU (%)", lambda one: format_percent(one.iou), max),
     Column("false movers per sweep", lambda one: format_number(one.ghosts_per_sweep, 2), min),
     Column("sweeps with one (%)", lambda one: format_percent(one.ghost_sweeps), min),
+)
+_TRACKED: Final = (
     Column("velocity error (m/s)", lambda one: format_number(one.velocity_error_m_s, 2), min),
     Column("direction error (deg)", lambda one: format_number(one.direction_error_deg, 1), min),
     Column("after a stop (s)", lambda one: format_number(one.after_stop_s, 1), min),
@@ -83,7 +86,7 @@ def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
     """Returns the tables that everybody wants to see, without those that would be empty."""
     consistency = consistency_table(summaries)
     objects = objects_table(summaries, (FAST, SLOW))
-    tables = [*group_tables(summaries), movers_table(summaries), objects]
+    tables = [*group_tables(summaries), movers_table(summaries), tracked_table(summaries), objects]
     return [table for table in (*tables, consistency) if table is not None]
 
 
@@ -104,8 +107,15 @@ def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
 def movers_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
     """Returns how right methods are about what moves; None if nothing is known of that."""
     rows = [(one.method, one.movers) for one in summaries if one.movers is not None]
-    title = "Points called dynamic, and tracked objects (median; after a stop: longest time)"
-    return table_of(rows, _MOVERS, title) if rows else None
+    return table_of(rows, _MOVERS, "Points called dynamic, and false movers") if rows else None
+
+
+def tracked_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
+    """Returns how right methods are about tracked objects; None if nothing is known of that."""
+    rows = [(one.method, one.movers) for one in summaries if one.movers is not None]
+    table = table_of(rows, _TRACKED, "Tracked objects (median; after a stop: longest time)")
+    is_known = any(cell != NO_VALUE for row in table.rows for cell in row[1:])
+    return table if is_known else None
 
 
 def objects_table(

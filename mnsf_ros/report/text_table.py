@@ -94,7 +94,8 @@ class TextTable:
         blocks.
         """
         for number, block in enumerate(self._blocks(options.max_width - _END)):
-            yield self._drawn(block, self.title if number == 0 else "")
+            more = " (continued)" if number and self.title else ""
+            yield self._drawn(block, f"{self.title}{more}")
 
     def _drawn(self, block: Block, title: str) -> Table:
         # Text, not str: rich would take a method called "[a]" for markup and swallow it.

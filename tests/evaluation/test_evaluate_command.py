@@ -163,6 +163,14 @@ def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, capsys, monkeyp
         assert (tmp_path / name / "results.md").stat().st_size > 0
 
 
+def test_no_folder_is_named_that_is_not_made(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MnsfError, match="none: no such file"):
+        mnsf("none", "--methods", "zero")
+    assert "Results folder" not in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_default_folder_is_never_one_that_is_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for _ in range(3):

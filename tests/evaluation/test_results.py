@@ -233,8 +233,8 @@ def test_markdown_says_what_the_figures_are_of(results):
         "mean over 3 examples from 1 recording",
         "20 random points of each sweep, the same for all methods",
         "without ground (flag in the truth",
-        "preset paper with crop.max_range_m = 35.0",
-        "Warm start: off",
+        "Settings: mnsf: preset paper with crop.max_range_m = 35.0, ",
+        ", warm start off.",
         "on cpu with 1 thread",
         "git commit",
         "machine:",
@@ -401,9 +401,28 @@ def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said
     assert said in " ".join(protocol_text(run, found.summaries))
 
 
-def test_methods_that_start_warm_in_spite_of_the_preset_are_named(results):
+def test_settings_are_told_of_each_method(results):
     found, _ = results
-    (warm, *others) = found.summaries
-    assert "Warm start: off." in " ".join(found.protocol)
-    text = " ".join(protocol_text(found.record, [replace(warm, starts={"warm": 2}), *others]))
-    assert f"Warm start: off, but on for {warm.method}." in text
+    (first, *others) = found.summaries
+    settings = preset("paper").changed({"objects.min_probability": 0.4})
+    run = replace(found.record, options=replace(found.record.options, settings=settings))
+    changed = "objects.min_probability = 0.4"
+    text = " ".join(protocol_text(run, [replace(first, method="online"), *others]))
+    assert (
+        f"Settings: online: preset online with {changed}, warm start on; "
+        f"mnsf: preset paper with {changed}, warm start off."
+    ) in text
+    references = [one for one in found.summaries if one.method in run.references]
+    text = " ".join(protocol_text(run, [replace(first, method="online"), *references]))
+    assert f"Settings: online: preset online with {changed}, warm start on. " in text
+    lines = list(
+        csv.DictReader(
+            io.StringIO(
+                results_csv(
+                    replace(found, record=run, summaries=[replace(first, method="online"), *others])
+                )
+            )
+        )
+    )
+    presets = {line["method"]: line["preset"] for line in lines if not line["recording"]}
+    assert (presets["online"], presets["mnsf"]) == ("online", "paper")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import re
 import shutil
 
@@ -167,7 +168,7 @@ def test_methods_that_remember_earlier_sweeps_are_pictured_as_they_were_in_the_r
     # The last one alone: those before it are estimated on the way.
     (example,) = estimated_examples(run, rows[-1:], [method], TimeBudget())
     assert np.nanmean(example.flows[0].error_m) == pytest.approx(badness(rows[-1]), abs=1e-6)
-    assert num_estimates(run, rows[-1:], method) == rows[-1].number + 1
+    assert num_estimates(run, rows[-1:], [method], TimeBudget()) == {method: rows[-1].number + 1}
 
 
 def test_run_in_real_time_that_left_sweeps_out_differs_and_says_so(street, tmp_path):
@@ -266,3 +267,13 @@ def test_command_line(street, tmp_path, capsys):
     text = (folder / "report.html").read_text()
     assert "Worst sweeps of zero" in text
     assert text.count("data:image/png") == 3
+
+
+@pytest.mark.parametrize(("limit_s", "number"), [(math.inf, 31), (12.0, 12), (1.0, 9)])
+def test_as_many_sweeps_before_are_estimated_as_time_allows(street, tmp_path, limit_s, number):
+    folder = evaluate(street, tmp_path / "run", methods=["online", "zero"])
+    run, (row, *_) = RunFolder(folder).read_record(), RunFolder(folder).rows
+    late = [dataclasses.replace(row, number=100)]
+    budget = TimeBudget(limit_s, {"online": 1.0, "zero": 1.0})
+    counts = num_estimates(run, late, ["online", "zero"], budget)
+    assert counts == {"online": number, "zero": 1}

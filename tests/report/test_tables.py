@@ -88,3 +88,10 @@ def test_numbers():
     assert format_percent(0.12345) == "12.3"
     assert format_percent(1.0, 0) == "100"
     assert format_percent(math.nan) == "-"
+
+
+def test_columns_that_find_no_room_follow_under_the_same_title():
+    table = TextTable(["name", *(f"column{n}" for n in range(12))], [["a", *"b" * 12]], "A title")
+    text = printed(table)
+    assert text.count("A title") == 2
+    assert text.count("A title (continued)") == 1

@@ -167,7 +167,7 @@ def test_new_estimate_of_a_flow_that_went_on_from_others_says_so(tmp_path):
     assert "EPE 9.000 m" in mnsf
     mean_m = float(flows[0].error_m.mean())
     assert "Estimated again for the picture, after the 8 sweeps before" in mnsf
-    assert f"mean error {mean_m:.4f} m here, 9.0000 m in the run. The run continued" in mnsf
+    assert f"mean error {mean_m:.4f} m here, 9.0000 m in the run. The method had seen" in mnsf
     assert fnsf.endswith("Estimated again for the picture, after the 8 sweeps before")
 
 
@@ -198,6 +198,7 @@ def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
     text = (tmp_path / "report.html").read_text()
     bands = text[text.index('id="bands"') : text.index('id="time"')]
     assert set(re.findall(r">(mnsf|fnsf|zero)</text>", bands)) == {"mnsf"}
+    assert "Not in these charts: zero, with an error more than 5 times that" in bands
 
 
 @without_drawing
