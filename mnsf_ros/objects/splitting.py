@@ -32,9 +32,10 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
         max_size_m: Other objects of this length and longer do not move.
     """
     objects, sizes = current.thinned_objects, current.sizes
-    is_near = (current.thinned**2).sum(axis=1) < _MAX_RANGE_M**2
-    rows = np.flatnonzero(is_near & (sizes[objects] >= max_size_m))
-    points = np.ascontiguousarray(current.thinned[rows])
+    rows = np.flatnonzero((sizes >= max_size_m)[objects])
+    points = np.take(current.thinned, rows, axis=0)
+    is_near = (points**2).sum(axis=1) < _MAX_RANGE_M**2
+    rows, points = rows[is_near], np.compress(is_near, points, axis=0)
     has_come = np.zeros(len(rows), dtype=bool)
     for target in targets:
         has_come |= target.are_new(points)
