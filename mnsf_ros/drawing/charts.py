@@ -9,7 +9,7 @@ from typing import Any, Final
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from mnsf_ros.drawing.figures import (
     CARD,
@@ -68,6 +68,7 @@ def curve_chart(title: str, across: str, curves: Mapping[str, Sequence[float]]) 
         look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
         axes.plot(range(1, len(values) + 1), values, label=shortened(name), **look)
     _set_scale(axes, [value for series in curves.values() for value in series])
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel(across)
     axes.grid(axis="y")
     _draw_legend(figure, axes, columns)

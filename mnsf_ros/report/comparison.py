@@ -31,7 +31,7 @@ def differences_table(results: RunResults) -> TextTable | None:
     """Returns by how much the method under test is better than each other one; None without."""
     focus = closer_look(results).method
     rows = [
-        (f"{summary.method}, {group} points", difference)
+        (f"{summary.method}, {group}", difference)
         for summary in results.summaries
         if summary.method != focus
         for group in _GROUPS
@@ -39,9 +39,9 @@ def differences_table(results: RunResults) -> TextTable | None:
     ]
     columns = (
         Column("sweeps", lambda one: str(one.num_sweeps)),
-        Column(f"EPE of {focus} (m)", lambda one: format_number(one.under_test_m, 3)),
-        Column("EPE of the other (m)", lambda one: format_number(one.other_m, 3)),
-        Column("difference (m)", lambda one: f"{one.mean_m:+.3f}"),
+        Column(f"{focus} (m)", lambda one: format_number(one.under_test_m, 3)),
+        Column("other (m)", lambda one: format_number(one.other_m, 3)),
+        Column("difference (m)", lambda one: _signed(one.mean_m)),
         Column("95 % interval (m)", _interval_text),
         Column(f"{focus} is", lambda one: one.verdict),
     )
@@ -61,7 +61,12 @@ def _difference(
 def _interval_text(difference: PairedDifference) -> str:
     if math.isnan(difference.low_m):
         return format_number(math.nan, 3)
-    return f"{difference.low_m:+.3f} to {difference.high_m:+.3f}"
+    return f"{_signed(difference.low_m)} to {_signed(difference.high_m)}"
+
+
+def _signed(value_m: float) -> str:
+    """The value with a sign, but no minus where all digits are zero."""
+    return f"{round(value_m, 3) + 0.0:+.3f}"
 
 
 def common_table(results: RunResults) -> TextTable | None:

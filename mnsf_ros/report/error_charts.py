@@ -88,8 +88,9 @@ def methods_not_drawn(summaries: Sequence[MethodSummary], references: frozenset[
 def _on_the_chart(
     scored: Sequence[MethodSummary], references: frozenset[str]
 ) -> list[MethodSummary]:
-    best_m = min((s.errors["all"].epe_m for s in scored if s.method not in references), default=0)
-    limit_m = _OFF_THE_CHART * best_m or math.inf
+    rivals_m = [s.errors["all"].epe_m for s in scored if s.method not in references]
+    best_m, worst_m = min(rivals_m, default=0), max(rivals_m, default=0)
+    limit_m = max(_OFF_THE_CHART * best_m, worst_m) or math.inf
     return [s for s in scored if s.method not in references or s.errors["all"].epe_m <= limit_m]
 
 

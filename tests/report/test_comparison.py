@@ -10,6 +10,7 @@ from mnsf_ros.evaluation.paired import paired_difference
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind
 from mnsf_ros.report.closer_look import closer_look
 from mnsf_ros.report.comparison import common_table, comparison_tables, differences_table
+from mnsf_ros.report.error_charts import methods_not_drawn
 from mnsf_ros.report.results_files import results_latex, results_markdown
 from mnsf_ros.report.run_results import results_of
 from mnsf_ros.report.text_table import TextTable
@@ -69,16 +70,16 @@ def test_table_says_which_is_better_and_by_how_much():
     table = differences_table(results())
     assert table.title.startswith("mnsf against the others")
     cells = {line[0]: line[1:] for line in table.rows}
-    assert cells["fnsf, all points"] == [
+    assert cells["fnsf, all"] == [
         "10",
         "0.155",
         "0.255",
         "+0.100",
-        *cells["fnsf, all points"][4:],
+        *cells["fnsf, all"][4:],
     ]
-    assert cells["fnsf, all points"][-1] == "better"
+    assert cells["fnsf, all"][-1] == "better"
     assert set(cells) == {
-        f"{m}, {g} points" for m in ("fnsf", "zero") for g in ("all", "dynamic", "static")
+        f"{m}, {g}" for m in ("fnsf", "zero") for g in ("all", "dynamic", "static")
     }
 
 
@@ -129,3 +130,18 @@ def test_latex_of_a_run_has_its_command_and_all_tables():
     assert "% mnsf evaluate street\n" in text
     assert text.count(r"\begin{table}") == text.count(r"\end{table}") >= 5
     assert "mnsf against the others" in text
+
+
+def test_difference_of_nothing_has_no_minus():
+    found = [row(n, m, e) for n in range(1, 7) for m, e in (("mnsf", 0.1), ("fnsf", 0.0999))]
+    table = differences_table(results_of(run_record(), found))
+    assert {line[4] for line in table.rows} == {"+0.000"}
+
+
+def test_reference_that_is_better_than_a_rival_is_in_the_charts():
+    found = [row(1, "mnsf", 0.01), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
+    summaries = results_of(run_record(), found).summaries
+    assert methods_not_drawn(summaries, frozenset({"zero"})) == ""
+    found[1] = row(1, "fnsf", 0.05)
+    summaries = results_of(run_record(), found).summaries
+    assert "zero" in methods_not_drawn(summaries, frozenset({"zero"}))
