@@ -63,8 +63,13 @@ def run_demo(
         MnsfError: If the recording cannot be read, the node gives no flow, or another demo writes
             into the folder; one line.
     """
+    # What cannot be read leaves no folder behind.
+    recording = _recording(source, topic) if isinstance(source, Path) else None
     with _locked(folder):
-        _run_demo(source, topic, settings, folder, console)
+        if isinstance(source, SimulationSettings):
+            recording = _recording(_street(source, folder, console), topic)
+        if recording is not None:
+            _run_demo(recording, settings, folder, console)
 
 
 @contextmanager
@@ -81,19 +86,21 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
 
 
+def _recording(path: Path, topic: str | None) -> EvaluatedRecording:
+    return choose_topics(inspect_recording(path), path.name, topic)
+
+
+def _street(settings: SimulationSettings, folder: Path, console: Console) -> Path:
+    """The simulated street of a folder; it is made if it is not there yet."""
+    street = folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
+    if not street.exists():
+        simulate_with_progress(settings, street, console)
+    return street
+
+
 def _run_demo(
-    source: Path | SimulationSettings,
-    topic: str | None,
-    settings: Settings,
-    folder: Path,
-    console: Console,
+    recording: EvaluatedRecording, settings: Settings, folder: Path, console: Console
 ) -> None:
-    if isinstance(source, SimulationSettings):
-        street = folder / f"street_seed{source.seed}_{source.duration_s:g}s"
-        if not street.exists():
-            simulate_with_progress(source, street, console)
-        source = street
-    recording = choose_topics(inspect_recording(source), source.name, topic)
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
     console.print(figures_table(log))

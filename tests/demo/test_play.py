@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -76,20 +77,30 @@ def heard_of(*arguments: str, until=lambda heard: False) -> tuple[dict[str, list
         return heard, ended(play)[1]
 
 
+def is_round_of(heard: list[bytes], stored: list[bytes]) -> bool:
+    """Whether all stored messages came once, in order; DDS pads to multiples of four bytes."""
+    return any(
+        all(raw[: len(one)] == one for raw, one in zip(heard[start:], stored, strict=False))
+        for start in range(len(heard) - len(stored) + 1)
+    )
+
+
 def test_messages_come_as_they_are_stored_and_at_their_times(street: Path) -> None:
-    heard, said = heard_of(str(street), "--clock", "--rate", "2")
+    # On a busy machine publisher and listener may find each other late: a second round is whole.
+    heard, said = heard_of(
+        *(str(street), "--clock", "--rate", "2", "--loop"),
+        until=lambda heard: len(heard["/points"]) > 2 * SMALL.num_sweeps,
+    )
     with BagReader(street) as reader:
         for topic in ("/points", "/truth/odometry"):
-            stored = [raw for _, raw in reader.raw_messages(topic)]
-            # DDS pads messages to multiples of four bytes.
-            sizes = [len(raw) for raw in stored]
-            assert [raw[:size] for raw, size in zip(heard[topic], sizes, strict=True)] == stored
+            assert is_round_of(heard[topic], [raw for _, raw in reader.raw_messages(topic)])
         times_ns = [time_ns for time_ns, _ in reader.raw_messages("/points")]
     clocks = [deserialize_message(raw, Clock).clock for raw in heard["/clock"]]
     clock_ns = [clock.sec * 10**9 + clock.nanosec for clock in clocks]
-    assert clock_ns == sorted(clock_ns)
     assert set(times_ns) <= set(clock_ns)
-    assert len(clock_ns) > len(times_ns)
+    rounds = 1 + sum(later < earlier for earlier, later in itertools.pairwise(clock_ns))
+    assert 2 <= rounds <= 3
+    assert len(clock_ns) > rounds * len(times_ns)
     assert "/tf is left out: the message type tf2_msgs/msg/TFMessage is not installed" in said
 
 

@@ -135,7 +135,7 @@ def test_method_study_can_be_reported(studied):
     results = read_results(RunFolder(folder))
     path = report_run(results, folder, num_pictured=1, focus="mnsf-depth3", say=said.append)
     text = path.read_text()
-    assert "estimating 1 example again" in said[0]
+    assert "estimating 1 sweep again" in said[0]
     assert text.count("data:image/png") == 1 + 4
     assert "The picture shows another flow" not in text
 
