@@ -63,13 +63,15 @@ def run_demo(
         MnsfError: If the recording cannot be read, the node gives no flow, or another demo writes
             into the folder; one line.
     """
-    # What cannot be read leaves no folder behind.
-    recording = _recording(source, topic) if isinstance(source, Path) else None
-    with _locked(folder):
-        if isinstance(source, SimulationSettings):
+    if isinstance(source, SimulationSettings):
+        with _locked(folder):
             recording = _recording(_street(source, folder, console), topic)
-        if recording is not None:
             _run_demo(recording, settings, folder, console)
+        return
+    # Before the folder is made: what cannot be read leaves none behind.
+    recording = _recording(source, topic)
+    with _locked(folder):
+        _run_demo(recording, settings, folder, console)
 
 
 @contextmanager

@@ -37,13 +37,15 @@ def paced(
     messages: Iterable[tuple[int, Item]],
     wait: Callable[[float], None],
     clock: Callable[[], float] = time.monotonic,
+    rate: float = 1.0,
 ) -> Iterator[tuple[int, Item]]:
     """Returns messages with their times in nanoseconds, each when it is due.
 
-    `wait` is called with the seconds until then, which may be negative.
+    `wait` is called with the seconds until then, which may be negative. With a `rate` of 2 they
+    are due in half the time.
     """
     pace: Pace | None = None
     for time_ns, item in messages:
-        pace = pace or Pace(time_ns, clock=clock)
+        pace = pace or Pace(time_ns, rate, clock)
         wait(pace.left_s(time_ns))
         yield time_ns, item

@@ -39,10 +39,8 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
     has_come = np.zeros(len(rows), dtype=bool)
     for target in targets:
         has_come |= target.are_new(points)
-    numbers = (
-        np.bincount(each, minlength=len(sizes)) for each in (objects[rows[has_come]], objects)
-    )
-    num_new, counts = numbers
+    num_new = np.bincount(objects[rows[has_come]], minlength=len(sizes))
+    counts = np.bincount(objects, minlength=len(sizes))
     is_mostly_old: NDArray[np.bool_] = num_new < _MIN_SHARE * counts
     may_move = (sizes < max_size_m) | ~is_mostly_old & (sizes < _MAX_SIZE * max_size_m)
     return current.with_parts(rows[has_come & is_mostly_old[objects[rows]]], may_move)
