@@ -30,7 +30,7 @@ from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
 from mnsf_ros.evaluation.results import ResultRow, summarize
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.online.busy_watch import busy_text
+from mnsf_ros.online.watches import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording

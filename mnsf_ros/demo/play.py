@@ -12,6 +12,7 @@ from typing import Final
 from mnsf_ros.demo.pace import Pace
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
@@ -61,9 +62,8 @@ def play(
         ros.spin_for(_SETTLE_S)
         number = 0
         for _ in itertools.count() if options.loop else range(1):
-            pace: Pace | None = None
+            pace = Pace(options.rate)
             for time_ns, topic, raw in _in_order(reader, list(publishers)):
-                pace = pace or Pace(time_ns, options.rate)
                 _wait(ros, pace, time_ns, tell_time)
                 publishers[topic](raw)
                 number += 1
@@ -102,7 +102,7 @@ def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, s
 
 def _wait(ros: RawTopics, pace: Pace, time_ns: int, tell_time: Callable[[int], None]) -> None:
     while (left_s := pace.left_s(time_ns)) > _CLOCK_PERIOD_S:
-        tell_time(min(pace.now_ns, time_ns))
+        tell_time(time_ns - round(left_s * pace.rate * NANOSECONDS))
         ros.spin_for(min(left_s, _CLOCK_PERIOD_S))
     ros.spin_for(left_s)
     tell_time(time_ns)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
-from mnsf_ros.demo.pace import paced
+from mnsf_ros.demo.pace import Pace
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
@@ -144,7 +144,9 @@ def replay(
         link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
         _wait_for_node(link, node)
         start_s, cpu_before_s = time.monotonic(), node.cpu_s
-        for _, raw in paced(reader.raw_messages(topic), link.spin_for, time.monotonic):
+        pace = Pace(clock=time.monotonic)
+        for time_ns, raw in reader.raw_messages(topic):
+            link.spin_for(pace.left_s(time_ns))
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s

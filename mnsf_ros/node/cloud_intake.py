@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from sensor_msgs.msg import PointCloud2
 
-from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_UNDECODABLE
+from mnsf_ros.online.watches import CLOUDS_EMPTY, CLOUDS_UNDECODABLE
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message

@@ -11,14 +11,19 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.online.busy_watch import BusyWatch
-from mnsf_ros.online.flow_watch import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, FlowWatch
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
     SWEEPS_RECEIVED,
     TRIPLETS_UNWATCHED,
 )
 from mnsf_ros.online.online_statistics import StatisticsSnapshot
+from mnsf_ros.online.watches import (
+    CLOUDS_EMPTY,
+    CLOUDS_MISSED,
+    CLOUDS_UNDECODABLE,
+    BusyWatch,
+    FlowWatch,
+)
 from mnsf_ros.settings import NodeSettings, Settings
 
 

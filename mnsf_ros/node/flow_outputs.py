@@ -1,7 +1,8 @@
-"""What the node publishes of an estimate."""
+"""What the node publishes of an estimate, and how long it took."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from functools import partial
 
@@ -13,15 +14,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
+from std_msgs.msg import Float64, Header, String
 from visualization_msgs.msg import MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
 from mnsf_ros.node.cloud_messages import part_of
-from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
-from mnsf_ros.node.planner_messages import planner_messages
+from mnsf_ros.node.object_messages import ObjectMarkers, objects_message, planner_messages
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
@@ -93,6 +93,31 @@ class FlowOutputs:
         for output, make in self._objects:
             if output.get_subscription_count() > 0:
                 output.publish(make(header, objects))
+
+
+class DebugTimes:
+    """`~/debug/...` in milliseconds, one message for each flow."""
+
+    def __init__(self, node: Node) -> None:
+        self._processing, self._latency, self._cycle = (
+            node.create_publisher(Float64, f"~/debug/{name}_ms", 1)
+            for name in ("processing_time", "pipeline_latency", "cyclic_time")
+        )
+        self._last_s: float | None = None
+
+    def publish(self, processing_ms: float, arrived_ns: int) -> None:
+        """Publishes the times of a flow that has just been published.
+
+        Args:
+            processing_ms: Time of the estimate.
+            arrived_ns: `time.monotonic_ns()` of the arrival of the newest sweep in it.
+        """
+        now_s = time.monotonic()
+        self._processing.publish(Float64(data=processing_ms))
+        self._latency.publish(Float64(data=1e3 * now_s - arrived_ns / 1e6))
+        if self._last_s is not None:
+            self._cycle.publish(Float64(data=1e3 * (now_s - self._last_s)))
+        self._last_s = now_s
 
 
 def _output(

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import argparse
 import os
-import signal
 import sys
-from types import FrameType
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from mnsf_ros import __version__
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.command_line import refuse_options
 from mnsf_ros.node.environment import (
     NoRosError,
     prepare_environment,
     require_ros,
     transport_fault,
 )
+from mnsf_ros.node.node_log import log_to_ros
 from mnsf_ros.node.process_memory import keep_memory
-from mnsf_ros.node.ros_log import log_to_ros
 
 if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
@@ -32,15 +32,37 @@ _EXIT_USAGE = 2
 # That of SceneFlowNode, which is not loaded yet when the first things go wrong.
 _LOGGER_NAME = "scene_flow"
 
+_DESCRIPTION = """\
+Estimates the scene flow of a lidar: how every point of each sweep moves.
 
-def main(*, has_life_cycle: bool = False) -> None:
+  in   ~/points (sensor_msgs/PointCloud2), ~/odometry (nav_msgs/Odometry, if asked for)
+  out  ~/flow, ~/flow/moving, ~/flow/standing, ~/objects, ~/ego_motion, /diagnostics"""
+_LIFE_CYCLE = """
+
+It starts unconfigured: ros2 lifecycle set /scene_flow configure, then activate."""
+_EPILOG = """\
+ROS arguments:
+  -r '~/points:=/lidar/points'    topic of the lidar
+  -r __ns:=/front                 namespace
+  -r __node:=flow                 name, scene_flow by default
+  -p crop.max_range_m:=60         a parameter; all of them: mnsf parameters
+  --params-file my.yaml           several parameters
+  --log-level debug
+
+example:
+  scene_flow_node --ros-args -r '~/points:=/lidar/points' -p ego_motion.source:=odometry"""
+
+
+def main(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> None:
     """Runs the node until SIGINT or SIGTERM; one with a life cycle starts unconfigured.
+
+    `leave_signals` is called when rclpy's handlers of signals are there, before there is anything
+    to clean up. rclpy's, which go before those of Python, then end the spinning.
 
     Ends the process: 0 after a signal, 2 if something that the user gave cannot be used, said in
     one line.
     """
-    signals = _EndSignals()
-    refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
+    _refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
     prepare_environment()
     keep_memory()
     try:
@@ -48,7 +70,7 @@ def main(*, has_life_cycle: bool = False) -> None:
     except NoRosError as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(_EXIT_USAGE)
-    status = _run(signals, has_life_cycle=has_life_cycle)
+    status = _run(leave_signals, has_life_cycle=has_life_cycle)
     for stream in (sys.stdout, sys.stderr):
         # None where the caller has closed it.
         if stream is not None:
@@ -59,28 +81,38 @@ def main(*, has_life_cycle: bool = False) -> None:
     os._exit(status)
 
 
-class _EndSignals:
-    """SIGINT and SIGTERM: without a KeyboardInterrupt, which could come in the clean-up, too.
+def _refuse_options(arguments: list[str], *, has_life_cycle: bool = False) -> None:
+    """Answers --help and --version, and refuses what is not between `--ros-args` and `--`.
 
-    `ros2 launch` delivers Ctrl-C twice. Until ROS runs, there is nothing to clean up, and the
-    process ends at once; afterwards rclpy's handler, which goes before this one, ends the spinning.
+    Raises:
+        SystemExit: In all these cases, with status 2 after a mistake.
     """
-
-    def __init__(self) -> None:
-        self._is_left_to_rclpy = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
-
-    def leave_to_rclpy(self) -> None:
-        """To be called when rclpy's handlers are there, before there is anything to clean up."""
-        self._is_left_to_rclpy = True
-
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        if not self._is_left_to_rclpy:
-            os._exit(0)
+    parser = argparse.ArgumentParser(
+        prog="scene_flow_lifecycle_node" if has_life_cycle else "scene_flow_node",
+        description=_DESCRIPTION + (_LIFE_CYCLE if has_life_cycle else ""),
+        epilog=_EPILOG,
+        usage="%(prog)s [-h] [--version] [--ros-args ...]",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
+    parser.parse_args(_without_ros_arguments(arguments))
 
 
-def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
+def _without_ros_arguments(arguments: list[str]) -> list[str]:
+    """What is not between `--ros-args` and the next `--`, which ends them."""
+    own, is_own = [], True
+    for word in arguments:
+        if word == "--ros-args":
+            is_own = False
+        elif is_own:
+            own.append(word)
+        elif word == "--":
+            is_own = True
+    return own
+
+
+def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.executors import SingleThreadedExecutor
@@ -98,7 +130,7 @@ def _run(signals: _EndSignals, *, has_life_cycle: bool) -> int:
 
         # An executor that a signal keeps from being made complains when it is deleted.
         executor = SingleThreadedExecutor()
-        signals.leave_to_rclpy()
+        leave_signals()
         node = SceneFlowLifecycleNode() if has_life_cycle else SceneFlowNode()
         executor.add_node(node)
         _spin(executor, node)

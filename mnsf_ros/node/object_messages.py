@@ -1,11 +1,16 @@
-"""Tracked objects -> messages of common_interfaces: a table of them, and a picture."""
+"""Tracked objects -> messages: a table, a picture, and those of Autoware and nav2 if installed."""
 
 from __future__ import annotations
 
+import importlib
 import math
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any, Final, TypeAlias
+from uuid import UUID, uuid4, uuid5
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
@@ -14,8 +19,15 @@ from visualization_msgs.msg import Marker, MarkerArray
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.core.object_columns import object_columns
 from mnsf_ros.drawing.color_wheel import object_color
+from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.node.cloud_messages import encoded_message
 from msg_utils.point_cloud2 import encode_columns
+
+Objects: TypeAlias = Sequence[TrackedObject]
+# Of packages that a type checker cannot know: a module of messages, and one of them.
+Messages: TypeAlias = Any
+Message: TypeAlias = Any
+MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
 
 # A viewer that misses a deletion, or a node that ends, must not leave objects behind.
 _LIFETIME_S: Final = 2
@@ -24,7 +36,7 @@ _SMALLEST_M: Final = 0.01  # viewers refuse markers without an extent
 _TEXT_HEIGHT_M: Final = 0.7
 
 
-def objects_message(header: Header, objects: Sequence[TrackedObject]) -> PointCloud2:
+def objects_message(header: Header, objects: Objects) -> PointCloud2:
     """Returns a cloud of one row, with one point for each object and the fields OBJECT_COLUMNS."""
     return encoded_message(
         header, encode_columns(object_columns(objects), 1, len(objects)), is_dense=True
@@ -42,7 +54,7 @@ class ObjectMarkers:
     def __init__(self) -> None:
         self._shown: frozenset[int] = frozenset()
 
-    def message(self, header: Header, objects: Sequence[TrackedObject]) -> MarkerArray:
+    def message(self, header: Header, objects: Objects) -> MarkerArray:
         """Returns the markers of the objects of a sweep, and the ends of those shown before."""
         shown = frozenset(item.track_id for item in objects)
         markers = [
@@ -94,3 +106,102 @@ def _marker(header: Header, item: TrackedObject, name: str, shape: int) -> Marke
     color.r, color.g, color.b = object_color(item.track_id)
     color.a = 1.0
     return marker
+
+
+def planner_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:
+    """Yields topic, message type and maker of each package of `_PACKAGES` that is installed."""
+    run = uuid4()
+    for topic, (package, name, make) in _PACKAGES.items():
+        try:
+            messages = importlib.import_module(f"{package}.msg")
+            message_type = getattr(messages, name)
+        except (ImportError, AttributeError):
+            continue
+        yield topic, message_type, partial(make, messages, run)
+
+
+def autoware_objects(messages: Messages, run: UUID, header: Header, objects: Objects) -> Message:
+    """Returns an autoware_perception_msgs/TrackedObjects; twists are in the axes of the objects.
+
+    Args:
+        messages: The module autoware_perception_msgs.msg.
+        run: Of this process: numbers of objects begin anew in the next one.
+        header: Of the cloud that the objects were seen in.
+        objects: The objects.
+    """
+    message = messages.TrackedObjects(header=header)
+    message.objects = [_autoware_object(messages, item, run) for item in objects]
+    return message
+
+
+def nav2_obstacles(messages: Messages, run: UUID, header: Header, objects: Objects) -> Message:
+    """Returns a nav2_dynamic_msgs/ObstacleArray; the arguments are those of `autoware_objects`."""
+    message = messages.ObstacleArray(header=header)
+    message.obstacles = [_nav2_obstacle(messages, item, run) for item in objects]
+    return message
+
+
+# Topic to package, message and what fills it.
+_PACKAGES: Final = {
+    "~/objects/autoware": ("autoware_perception_msgs", "TrackedObjects", autoware_objects),
+    "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", nav2_obstacles),
+}
+
+
+def _autoware_object(messages: Messages, item: TrackedObject, run: UUID) -> Message:
+    found = messages.TrackedObject()
+    found.object_id.uuid = _uuid(item, run)
+    found.existence_probability = 1.0
+    found.classification = [
+        messages.ObjectClassification(label=messages.ObjectClassification.UNKNOWN, probability=1.0)
+    ]
+    shape, size = found.shape, found.shape.dimensions
+    shape.type = messages.Shape.BOUNDING_BOX
+    size.x, size.y, size.z = item.size.tolist()
+    state = found.kinematics
+    state.orientation_availability = messages.TrackedObjectKinematics.AVAILABLE
+    pose, twist = state.pose_with_covariance, state.twist_with_covariance
+    place, speed = pose.pose.position, twist.twist.linear
+    place.x, place.y, place.z = item.center.tolist()
+    set_yaw(pose.pose.orientation, item.yaw)
+    object_from_sensor = _turn(-item.yaw)
+    speed.x, speed.y, speed.z = (object_from_sensor @ item.velocity).tolist()
+    pose.covariance = _in_six(item.covariance[:3, :3])
+    of_speed = object_from_sensor @ item.covariance[3:, 3:] @ object_from_sensor.T
+    twist.covariance = _in_six(of_speed)
+    return found
+
+
+def _nav2_obstacle(messages: Messages, item: TrackedObject, run: UUID) -> Message:
+    found = messages.Obstacle(score=1.0)
+    found.uuid.uuid = _uuid(item, run)
+    place, speed, size = found.position, found.velocity, found.size
+    place.x, place.y, place.z = item.center.tolist()
+    speed.x, speed.y, speed.z = item.velocity.tolist()
+    if hasattr(found, "orientation"):
+        # Newer releases: the size is along the box.
+        size.x, size.y, size.z = item.size.tolist()
+        set_yaw(found.orientation, item.yaw)
+    else:
+        size.x, size.y, size.z = (np.abs(_turn(item.yaw)) @ item.size).tolist()
+    if hasattr(found, "velocity_covariance"):
+        found.position_covariance = item.covariance[:3, :3].ravel()
+        found.velocity_covariance = item.covariance[3:, 3:].ravel()
+    return found
+
+
+def _uuid(item: TrackedObject, run: UUID) -> NDArray[np.uint8]:
+    return np.frombuffer(uuid5(run, str(item.track_id)).bytes, np.uint8)
+
+
+def _turn(yaw: float) -> NDArray[np.float64]:
+    """(3, 3) rotation about z, radians."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+
+
+def _in_six(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(36,) of a pose or twist: (3, 3) of its linear part, its angular part unknown."""
+    full = UNKNOWN_COVARIANCE.copy()
+    full[:3, :3] = covariance
+    return full.ravel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
@@ -12,7 +12,6 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.added_entities import AddedEntities
 from mnsf_ros.node.parameters import NodeParameters
 from mnsf_ros.node.scene_flow_parts import SceneFlowParts
 
@@ -78,7 +77,7 @@ class SceneFlowLifecycleNode(LifecycleNode):
         """
         super().__init__(NODE_NAME)
         self._own_parameters = NodeParameters(self)
-        self._added = AddedEntities(self)
+        self._added = _AddedEntities(self)
         self._parts: SceneFlowParts | None = None
         self._refuse_invalid_transitions()
 
@@ -167,3 +166,33 @@ class SceneFlowLifecycleNode(LifecycleNode):
                 return response
 
         service.callback = answer
+
+
+class _AddedEntities:
+    """Remembers the topics, services and timers of a node, to destroy those added later.
+
+    So nothing is forgotten, also where only a part could be added before an error.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._before = {id(entity) for entity, _ in self._all()}
+
+    def destroy(self) -> None:
+        """Destroys all that was added."""
+        for entity, destroy in list(self._all()):
+            if id(entity) not in self._before:
+                destroy(entity)
+
+    def _all(self) -> Iterator[tuple[Any, Callable[[Any], object]]]:
+        """All entities of the node, and what destroys them."""
+        node = self._node
+        for entities, destroy in (
+            (node.timers, node.destroy_timer),
+            (node.subscriptions, node.destroy_subscription),
+            (node.services, node.destroy_service),
+            (node.clients, node.destroy_client),
+            (node.publishers, node.destroy_publisher),
+        ):
+            for entity in entities:
+                yield entity, destroy

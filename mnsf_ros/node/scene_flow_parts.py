@@ -16,14 +16,11 @@ from std_srvs.srv import Trigger
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.cloud_topics import cloud_topics
-from mnsf_ros.node.debug_times import DebugTimes
 from mnsf_ros.node.diagnostics import Diagnostics
-from mnsf_ros.node.fault_log import FaultLog
-from mnsf_ros.node.flow_outputs import FlowOutputs
-from mnsf_ros.node.greeting import greeting
+from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
+from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
 from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
-from mnsf_ros.node.silence_log import SilenceLog
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob

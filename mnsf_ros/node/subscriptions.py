@@ -17,8 +17,7 @@ from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.node.transforms import Transforms
-from mnsf_ros.online.flow_watch import CLOUDS_MISSED
-from mnsf_ros.online.missed_clouds import MissedClouds
+from mnsf_ros.online.watches import CLOUDS_MISSED, MissedClouds
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from msg_utils.errors import MessageError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from mnsf_ros.node.fault_log import PERIOD_S, FaultLog
+from mnsf_ros.node.node_log import PERIOD_S, FaultLog
 
 
 class Lines:

@@ -12,7 +12,7 @@ from scene_flow_process import NETWORK
 from synthetic_clouds import MOTION, flow_columns
 from waiting import PATIENCE_S
 
-from mnsf_ros.node.greeting import greeting
+from mnsf_ros.node.node_log import greeting
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 

@@ -26,8 +26,13 @@ from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
 from mnsf_ros.core.object_columns import OBJECT_COLUMNS
-from mnsf_ros.node.object_messages import ObjectMarkers, objects_message
-from mnsf_ros.node.planner_messages import autoware_objects, nav2_obstacles, planner_messages
+from mnsf_ros.node.object_messages import (
+    ObjectMarkers,
+    autoware_objects,
+    nav2_obstacles,
+    objects_message,
+    planner_messages,
+)
 
 HEADER = Header(frame_id="lidar")
 

@@ -12,8 +12,7 @@ from sensor_msgs.msg import PointCloud2
 from waiting import PATIENCE_S
 
 from mnsf_ros.node.diagnostics import InputState
-from mnsf_ros.node.fault_log import PERIOD_S
-from mnsf_ros.node.silence_log import SilenceLog
+from mnsf_ros.node.node_log import PERIOD_S, SilenceLog
 
 
 class Story:

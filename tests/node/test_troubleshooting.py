@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from mnsf_ros.node import diagnostics, scene_flow_node
-from mnsf_ros.online import flow_watch
-from mnsf_ros.online.busy_watch import busy_text
+from mnsf_ros.online import watches
+from mnsf_ros.online.watches import busy_text
 
 PAGE = (Path(__file__).parents[2] / "docs" / "troubleshooting.md").read_text()
 ROWS = re.findall(r"^\| (OK|WARN|ERROR|STALE) \| (.+?) \|", PAGE, re.MULTILINE)
@@ -61,7 +61,7 @@ def test_each_message_has_a_row_with_its_level(level, text):
     assert any(level == row_level and text in shown for row_level, shown in ROWS), (level, text)
 
 
-@pytest.mark.parametrize(("counter", "reason"), flow_watch._REASONS.items())
+@pytest.mark.parametrize(("counter", "reason"), watches._REASONS.items())
 def test_each_reason_for_no_flow_has_a_row(counter, reason):
     assert f"| `{reason}` | `{counter}` |" in PAGE
 

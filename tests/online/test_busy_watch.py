@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from mnsf_ros.online import busy_watch
-from mnsf_ros.online.busy_watch import BusyWatch
+from mnsf_ros.online import watches
 from mnsf_ros.online.online_statistics import RecentEstimate, StatisticsSnapshot
+from mnsf_ros.online.watches import BusyWatch
 
 
 def snapshot(flows=0, dropped=0, estimate_ms=None):
@@ -21,8 +21,8 @@ def snapshot(flows=0, dropped=0, estimate_ms=None):
 
 @pytest.fixture(autouse=True)
 def _load(monkeypatch):
-    monkeypatch.setattr(busy_watch.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
-    monkeypatch.setattr(busy_watch.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(watches.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
+    monkeypatch.setattr(watches.os, "cpu_count", lambda: 2)
 
 
 def test_nothing_is_said_without_drops():

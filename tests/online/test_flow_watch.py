@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from mnsf_ros.online.flow_watch import FlowWatch
+from mnsf_ros.online.watches import FlowWatch
 
 PATIENCE_S = 2.0
 PERIOD_S = 0.5

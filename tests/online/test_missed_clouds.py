@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mnsf_ros.online.missed_clouds import MissedClouds
+from mnsf_ros.online.watches import MissedClouds
 
 INTERVAL_NS = 10**8
 

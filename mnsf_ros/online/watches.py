@@ -1,0 +1,174 @@
+"""What the counts of a node tell: clouds that were missed, no flow and why, a computer too busy."""
+
+from __future__ import annotations
+
+import math
+import os
+import statistics
+from collections import deque
+from collections.abc import Mapping
+from typing import Final
+
+from mnsf_ros.online.online_pipeline import (
+    ESTIMATES_FAILED,
+    FLOWS_OUT,
+    SWEEPS_RECEIVED,
+    TRIPLETS_DROPPED,
+    TRIPLETS_UNWATCHED,
+)
+from mnsf_ros.online.online_statistics import StatisticsSnapshot
+
+CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
+CLOUDS_EMPTY: Final = "clouds_empty"
+CLOUDS_MISSED: Final = "clouds_missed"
+
+_ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
+# Signs that the node does what it should.
+_WELL: Final = (FLOWS_OUT, TRIPLETS_UNWATCHED)
+
+# Counter to what keeps the flow from coming if it grows.
+_REASONS: Final = {
+    "sweeps_frame_changed": "frame_id changes from sweep to sweep, as of two lidars on one topic",
+    "sweeps_duplicate": "sweeps have the same stamp",
+    "sweeps_out_of_order": "stamps go backwards",
+    "sweeps_time_went_back": "stamps jump back again and again",
+    "sweeps_gap": "sweeps are more than buffer.max_interval_s apart",
+    CLOUDS_UNDECODABLE: "clouds cannot be decoded",
+    CLOUDS_EMPTY: "clouds have no finite point",
+    ESTIMATES_FAILED: "every estimate fails",
+    TRIPLETS_DROPPED: "the estimate under way takes too long",
+}
+
+_WINDOW_S: Final = 10.0  # in which drops count
+
+_NUM_INTERVALS: Final = 20
+_LONG: Final = 1.5  # usual intervals: from here on at least one cloud is missing
+_PAUSE: Final = 100  # usual intervals: from here on nothing was published
+
+
+class FlowWatch:
+    """Follows the counters of a pipeline; ask it again and again."""
+
+    def __init__(self) -> None:
+        self._last: Mapping[str, int] = {}
+        self._arrived_s = float("-inf")
+        # Since when clouds come without flow, and the counters then.
+        self._since_s: float | None = None
+        self._before: Mapping[str, int] = {}
+
+    def complaint(self, counts: Mapping[str, int], now_s: float, patience_s: float) -> str:
+        """Returns why no flow has come for longer than the patience; empty if all is well.
+
+        Args:
+            counts: Event to how often it has happened.
+            now_s: Of a steady clock.
+            patience_s: Time with clouds and without flow that is no reason to complain, and time
+                without clouds after which none are expected.
+        """
+        last, self._last = self._last, counts
+        if _has_grown(_ARRIVALS, last, counts):
+            self._arrived_s = now_s
+        is_silent = now_s - self._arrived_s > patience_s
+        if is_silent or _has_grown(_WELL, last, counts):
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s, self._before = now_s, last
+        if self._since_s is None or now_s - self._since_s <= patience_s:
+            return ""
+        return self._reason(counts)
+
+    def _reason(self, counts: Mapping[str, int]) -> str:
+        growth = {name: counts.get(name, 0) - self._before.get(name, 0) for name in _REASONS}
+        name = max(growth, key=lambda name: growth[name])
+        if not growth[name]:
+            return "clouds come in, but no flow goes out"
+        return f"no flow: {_REASONS[name]} (see {name})"
+
+
+def _has_grown(events: tuple[str, ...], last: Mapping[str, int], counts: Mapping[str, int]) -> bool:
+    return any(counts.get(event, 0) > last.get(event, 0) for event in events)
+
+
+class BusyWatch:
+    """Follows the counters of a pipeline; ask it again and again."""
+
+    def __init__(self) -> None:
+        # When it was asked, and the counts of flows and drops then; the first one is the oldest.
+        self._asked: deque[tuple[float, int, int]] = deque([(-math.inf, 0, 0)])
+
+    def warning(self, snapshot: StatisticsSnapshot, now_s: float) -> str:
+        """Returns a sentence if triplets were dropped since the last call, else nothing."""
+        flows, dropped = _ends(snapshot.counts)
+        has_dropped = dropped > self._asked[-1][2]
+        self._asked.append((now_s, flows, dropped))
+        while self._asked[1][0] <= now_s - _WINDOW_S:
+            self._asked.popleft()
+        if not has_dropped:
+            return ""
+        _, flows_before, dropped_before = self._asked[0]
+        rate_hz = snapshot.input_rate_hz(now_s)
+        interval_ms = 1e3 / rate_hz if rate_hz > 0 else math.nan
+        return busy_text(
+            flows - flows_before, dropped - dropped_before, snapshot.estimate_ms, interval_ms
+        )
+
+
+def busy_text(num_flows: int, num_dropped: int, estimate_ms: float, interval_ms: float) -> str:
+    """Says how many sweeps were dropped, why, and what to do. Times that are NaN are left out."""
+    cores = os.cpu_count() or 1
+    reasons = [
+        f"an estimate takes {estimate_ms:.0f} ms" if math.isfinite(estimate_ms) else "",
+        f"sweeps come every {interval_ms:.0f} ms" if math.isfinite(interval_ms) else "",
+        f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}",
+    ]
+    return (
+        f"CPU busy: {num_flows} of {num_flows + num_dropped} flows "
+        f"({', '.join(reason for reason in reasons if reason)}). "
+        "Close other programs, or lower crop.max_range_m."
+    )
+
+
+def _ends(counts: Mapping[str, int]) -> tuple[int, int]:
+    return counts.get(FLOWS_OUT, 0), counts.get(TRIPLETS_DROPPED, 0)
+
+
+class MissedClouds:
+    """Counts by the numbers of a publisher, or by stamps where the middleware gives no numbers.
+
+    A queue of a subscription overwrites the oldest cloud without a word. With more than one
+    publisher there is no telling.
+    """
+
+    def __init__(self) -> None:
+        self._last_number: int | None = None
+        self._last_stamp_ns = 0
+        self._last_publishers = 0
+        self._intervals_ns: deque[int] = deque(maxlen=_NUM_INTERVALS)
+
+    def before(self, number: int | None, stamp_ns: int, num_publishers: int) -> int:
+        """Returns how many clouds are missing between the last one and this one.
+
+        Args:
+            number: That the publisher gave the cloud, one more each time; None if it is not known.
+            stamp_ns: Of the cloud.
+            num_publishers: Those of the topic, as of now.
+        """
+        is_one = num_publishers == self._last_publishers == 1
+        if number is None:
+            missed = self._by_stamps(stamp_ns)
+        else:
+            # A publisher that starts anew begins at 1.
+            missed = max(0, number - self._last_number - 1) if self._last_number else 0
+        self._last_number, self._last_stamp_ns = number, stamp_ns
+        self._last_publishers = num_publishers
+        return missed if is_one else 0
+
+    def _by_stamps(self, stamp_ns: int) -> int:
+        interval_ns = stamp_ns - self._last_stamp_ns
+        is_full = len(self._intervals_ns) == _NUM_INTERVALS
+        usual_ns = statistics.median(self._intervals_ns) if is_full else 0
+        if self._last_stamp_ns and interval_ns > 0:
+            self._intervals_ns.append(interval_ns)
+        if not _LONG * usual_ns < interval_ns < _PAUSE * usual_ns:
+            return 0
+        return round(interval_ns / usual_ns) - 1
