@@ -1,43 +1,52 @@
-# `make demo` shows the node at work, `make test` runs the tests. Both set up
-# everything they need in .venv, once.
+# `make demo` shows the node at work, `make test` runs the tests. Each sets up
+# what it needs in .venv, once.
 #   make demo BAG=path/to/recording TOPIC=/points
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# What the node and its views need; and what the tests and the networks need besides.
 READY := $(VENV)/ready
+COMPLETE := $(VENV)/complete
+ADDED := networks,datasets,tune,test,lint
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := networks,datasets,view,tune,test,lint
+EXTRAS := view
 # ROS is built with NumPy 1 and the libraries of the distribution.
 SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
-EXTRAS := wheels,networks,datasets,view,tune,test,lint
+EXTRAS := wheels,view
 endif
 
-# PyTorch's own index has torch without CUDA; that of the default index takes gigabytes. Only the
-# methods with networks, and the tests, need torch at all.
+# PyTorch's own index has torch without CUDA; that of the default index takes gigabytes.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
 
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
 
-.PHONY: setup demo view animation test fuzz lint pins benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup complete demo view animation test fuzz lint pins benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
+complete: $(COMPLETE)
+
 $(READY): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
+	$(INSTALL) '.[$(EXTRAS)]'
+	@echo "compiling loops for this computer, about a second each"
+	$(BIN)/python -c "import mnsf_ros.methods, mnsf_ros.drawing.color_wheel, mnsf_ros.core.flow_columns"
+	touch $@
+
+$(COMPLETE): $(READY)
 	command -v nvidia-smi > /dev/null || \
 		$(PIP) install --no-deps --retries 1 --index-url $(TORCH_INDEX) $(TORCH) || \
 		echo "$(TORCH_INDEX) cannot be reached: torch comes from the default index"
-	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
-	$(PIP) install --constraint $(VENV)/constraints.txt --editable '.[$(EXTRAS)]'
-	@echo "compiling loops for this computer, about a second each"
-	$(BIN)/python -c "import mnsf_ros.methods, mnsf_ros.drawing.color_wheel, mnsf_ros.core.flow_columns"
+	$(INSTALL) '.[$(EXTRAS),$(ADDED)]'
 	touch $@
 
 demo: $(READY)
@@ -54,33 +63,33 @@ $(STREET) $(STREET_OF_README): | $(READY)
 animation: $(READY) $(STREET_OF_README)
 	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
 
-test: $(READY)
+test: $(COMPLETE)
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(TEST_OPTIONS)
 
 # What readers of clouds, files and settings do with anything; FUZZ_EXAMPLES=100000 takes hours.
 FUZZ_EXAMPLES ?= 5000
-fuzz: $(READY)
+fuzz: $(COMPLETE)
 	FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests/fuzzing $(TEST_OPTIONS)
 
-lint: $(READY)
+lint: $(COMPLETE)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 # Resolves constraints.txt for every supported Python version; needs a package index.
-pins: $(READY)
+pins: $(COMPLETE)
 	$(BIN)/python .ci/check_pins.py
 
 # The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.
-benchmark: $(READY)
+benchmark: $(COMPLETE)
 	nice $(BIN)/python benchmarks/paper_table.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # The online preset against its targets, live node included; half an hour on two quiet cores.
-benchmark-online: $(READY)
+benchmark-online: $(COMPLETE)
 	$(BIN)/python benchmarks/online_targets.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # How well movers are found and followed, against targets; some minutes.
-benchmark-movers: $(READY)
+benchmark-movers: $(COMPLETE)
 	$(BIN)/python benchmarks/movers.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
 # The files that are derived from mnsf_ros/settings.py; a test compares them.

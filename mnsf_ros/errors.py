@@ -48,9 +48,13 @@ class EvaluationError(MnsfError, ValueError):
 def library_missing(error: ModuleNotFoundError) -> str:
     """Returns which library is not installed, for which Python, and what to do: one line."""
     name = (error.name or str(error)).partition(".")[0]
+    networks = (
+        "see PyTorch in docs/installation.md (in the checkout: make complete), or use a method "
+        "without networks, for example online"
+    )
     remedies = {
-        "torch": "pip install torch, or use a method without networks, for example online",
-        "edt": "pip install edt, or use a method without networks, for example online",
+        "torch": networks,
+        "edt": networks,
         "optuna": "pip install 'optuna>=5,<6'",
     }
     remedy = remedies.get(
