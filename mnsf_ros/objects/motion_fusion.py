@@ -167,6 +167,7 @@ def fuse_motions(
     forward: MotionField,
     backward: MotionField,
     inverted: NDArray[np.float32],
+    start: NDArray[np.float32],
     others: Sequence[NDArray[np.float32]] = (),
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
@@ -177,6 +178,7 @@ def fuse_motions(
         forward: The forward field.
         backward: The backward field.
         inverted: (K, 3) metres, the inverted backward flow.
+        start: (K, 3) metres, where both fits started.
         others: (K, 3) metres each, further candidates.
     """
     forward, inverted = replace(forward, flows=_levelled(forward.flows)), _levelled(inverted)
@@ -186,7 +188,8 @@ def fuse_motions(
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
     near = Targets(targets.near, past=())
-    fitted = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
+    candidates = (forward.flows, inverted, beyond(start, mean))
+    fitted = best_of(some, near, judge(some, near, mean), candidates)
     best = best_of(some, targets, with_past(some, targets, fitted), others, _MAX_SHARE)
     # What brakes or starts moved otherwise before: the past does not outvote the neighbours. What
     # is slow they hardly tell from noise.
@@ -194,6 +197,14 @@ def fuse_motions(
     is_worse = is_fast & (best.cost > fitted.cost + _MAX_WORSE_M)
     motions = np.where(is_worse[:, None], fitted.motions, best.motions)
     return judge(objects, targets, motions, disagreement)
+
+
+def beyond(start: NDArray[np.float32], fitted: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns motions (K, 3) in metres, as far beyond what was fitted as that is from its start.
+
+    Rings on the side of a vehicle look alike: a fit along it may have come half the way only.
+    """
+    return 2 * fitted - start
 
 
 def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:

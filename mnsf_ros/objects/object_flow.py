@@ -16,7 +16,13 @@ from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.evidence import evidence, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
-from mnsf_ros.objects.motion_fusion import JudgedMotions, best_of, fuse_motions, judge
+from mnsf_ros.objects.motion_fusion import (
+    JudgedMotions,
+    best_of,
+    beyond,
+    fuse_motions,
+    judge,
+)
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
@@ -162,12 +168,13 @@ class ObjectFlowEstimator:
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("fusion"):
+                others.append(beyond(start, forward.flows))
                 return best_of(objects, targets, judge(objects, targets, forward.flows), others)
         with clock.stage("backward"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward.flows / np.float32(previous[0].steps)
         with clock.stage("fusion"):
-            return fuse_motions(objects, targets, forward, backward, inverted, others)
+            return fuse_motions(objects, targets, forward, backward, inverted, start, others)
 
 
 def _over_ground(

@@ -212,7 +212,7 @@ class TestFusion:
         forward = MotionField(self.WRONG if wrong == "forward" else rows(MOTION), matched)
         inverted = self.WRONG if wrong == "backward" else rows(MOTION)
         backward = MotionField(-inverted, matched)
-        fused = fuse_motions(objects, Targets(near, ()), forward, backward, inverted)
+        fused = fuse_motions(objects, Targets(near, ()), forward, backward, inverted, rows(MOTION))
         np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
         expected = 0 if wrong == "neither" else np.linalg.norm(self.WRONG - MOTION)
         assert fused.disagreement == pytest.approx([expected], abs=1e-5)
@@ -223,8 +223,20 @@ class TestFusion:
         forward, backward = MotionField(rows(MOTION) + off, np.array([3])), np.array([1])
         inverted = rows(MOTION) - 3 * off
         fused = fuse_motions(
-            objects, Targets(near, ()), forward, MotionField(-inverted, backward), inverted
+            objects,
+            Targets(near, ()),
+            forward,
+            MotionField(-inverted, backward),
+            inverted,
+            rows(MOTION),
         )
+        np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
+
+    def test_fits_that_came_half_the_way_are_continued(self, objects, near):
+        """Rings on the side of a vehicle look alike, and hold a fit back."""
+        half, matched = rows(0.5 * MOTION), objects.counts
+        fields = MotionField(half, matched), MotionField(-half, matched)
+        fused = fuse_motions(objects, Targets(near, ()), *fields, half, rows((0, 0, 0)))
         np.testing.assert_allclose(fused.motions, [MOTION], atol=1e-6)
 
     def test_what_brakes_goes_as_the_neighbouring_sweeps_say_and_not_as_it_came(
@@ -236,7 +248,9 @@ class TestFusion:
         matched = np.array([48])
         now = MotionField(rows(MOTION), matched), MotionField(-rows(MOTION), matched)
         for others, expected in (([], MOTION), ([faster], MOTION)):
-            fused = fuse_motions(objects, Targets(near, past), *now, rows(MOTION), others)
+            fused = fuse_motions(
+                objects, Targets(near, past), *now, rows(MOTION), rows(MOTION), others
+            )
             np.testing.assert_allclose(fused.motions, [expected], atol=1e-6)
 
     def test_what_is_slow_goes_as_it_came_if_neighbours_hardly_tell(self, objects, current):
@@ -245,12 +259,13 @@ class TestFusion:
         past = [target(prepared(moved_box(-0.6)), current, -6.0)]
         off, matched = slow + rows((0.03, 0.03, 0)), np.array([48])
         now = MotionField(off, matched), MotionField(-off, matched)
-        fused = fuse_motions(objects, Targets(near, past), *now, off, [slow])
+        fused = fuse_motions(objects, Targets(near, past), *now, off, off, [slow])
         np.testing.assert_allclose(fused.motions, slow, atol=1e-6)
 
     def test_what_has_no_match_at_all_is_no_division_by_zero(self, objects, near):
         nothing = MotionField(rows((0, 0, 0)), np.array([0]))
-        fused = fuse_motions(objects, Targets(near, ()), nothing, nothing, rows((0, 0, 0)))
+        none = rows((0, 0, 0))
+        fused = fuse_motions(objects, Targets(near, ()), nothing, nothing, none, none)
         assert np.isfinite(fused.motions).all()
 
     def test_in_doubt_the_first_wins(self):
@@ -302,5 +317,5 @@ def test_of_a_vertical_motion_what_may_be_noise_is_left_out(current, climb_m, ex
     motion = rows((0.5, 0.0, climb_m))
     near = [target(prepared(surface(np.add(BOX_AT, motion[0]))), current)]
     field = MotionField(motion, np.array([48]))
-    fused = fuse_motions(objects_of(current), Targets(near, ()), field, field, motion)
+    fused = fuse_motions(objects_of(current), Targets(near, ()), field, field, motion, motion)
     np.testing.assert_allclose(fused.motions, rows((0.5, 0.0, expected_m)), atol=1e-6)
