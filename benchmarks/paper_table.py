@@ -33,8 +33,7 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_files import read_json, replace_file
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
@@ -63,7 +62,7 @@ def main() -> None:
     try:
         if not options.tables:
             folder.path.mkdir(parents=True, exist_ok=True)
-            with folder.rows.locked():
+            with folder.locked():
                 run(jobs, folder, method_names(options.again), console)
     except KeyboardInterrupt:
         console.print("Interrupted; what is finished is kept.")
@@ -83,8 +82,8 @@ def main() -> None:
 
 def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:
     """Computes the rows that are not there yet, and those of the methods to compute again."""
-    folder.rows.cut_off_unfinished_lines()
-    folder.rows.drop({(job.recording, job.method) for job in jobs if job.method in again})
+    folder.cut_off_unfinished_lines()
+    folder.drop({(job.recording, job.method) for job in jobs if job.method in again})
     done = done_jobs(list(folder.rows))
     todo = [job for job in jobs if job not in done]
     if todo:
@@ -97,7 +96,7 @@ def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Con
         replace_file(file, [to_json(PaperRecord(sessions, settings), indent=2), "\n"])
     for number, job in enumerate(todo, start=1):
         row = measured(job, read_example(job.scale, job.moment))
-        folder.rows.append(row)
+        folder.append(row)
         result = (
             str(row.failure or "")
             or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"

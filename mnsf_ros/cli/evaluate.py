@@ -138,7 +138,7 @@ def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate, new_folder
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.recordings import path_text
-    from mnsf_ros.evaluation.run_files import WritingError
+    from mnsf_ros.evaluation.run_folder import WritingError
 
     console = Console()
     options.methods = options.methods or [DEFAULT_METHODS]

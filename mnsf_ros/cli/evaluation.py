@@ -16,7 +16,12 @@ from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
-from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, evaluated_methods
+from mnsf_ros.evaluation.options import (
+    MAX_SWEEPS,
+    EvaluationOptions,
+    TaskKey,
+    evaluated_methods,
+)
 from mnsf_ros.evaluation.recordings import (
     EvaluatedRecording,
     inspected_recordings,
@@ -24,7 +29,8 @@ from mnsf_ros.evaluation.recordings import (
     short_name,
 )
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.comparison import comparison_tables
 from mnsf_ros.report.results_files import write_results
@@ -45,36 +51,38 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
-    folder = RunFolder(options.out)
-    before = folder.before(resume=options.resume)
-    names = _split(options.methods)
-    methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
-    num_sweeps = max(evaluation.num_sweeps, *(method.traits.num_sweeps for method in methods))
-    num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
-    evaluation = replace(evaluation, num_sweeps=num_sweeps)
-    execute = _executor(options, evaluation)
-    recordings, unreadable = inspected_recordings(
-        options.bags,
-        before.recordings if before is not None else (),
-        *(options.points, options.truth, options.odometry),
-        watching=partial(checking_progress, console),
-    )
-    folder.start(recordings, methods, evaluation, resume=options.resume, arguments=sys.argv)
-    console.say(f"Results folder: {path_text(folder.path)}")
-    runs = plan_runs(recordings, methods, evaluation, folder.rows)
-    try:
-        with EvaluationProgress(console, runs, evaluation.every) as progress:
-            failed = run_evaluation(
-                runs, evaluation, folder.rows, execute=execute, watch=progress.watch
-            )
-    except BaseException:
-        # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
-        _conclude(folder, recordings, options.pictures, console, estimate_again=False)
-        raise
-    # Nobody who sent the run to other machines wants this one to estimate.
-    is_complete = _conclude(
-        folder, recordings, options.pictures, console, estimate_again=options.ray is None
-    )
+    with RunFolder.opened(options.out, resume=options.resume) as folder:
+        names = _split(options.methods)
+        methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
+        num_sweeps = max(evaluation.num_sweeps, *(one.traits.num_sweeps for one in methods))
+        num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
+        evaluation = replace(evaluation, num_sweeps=num_sweeps)
+        execute = _executor(options, evaluation)
+        recordings, unreadable = inspected_recordings(
+            options.bags,
+            folder.before.recordings if folder.before is not None else (),
+            *(options.points, options.truth, options.odometry),
+            watching=partial(checking_progress, console),
+        )
+        session = SessionRecord.now(sys.argv)
+        tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
+        console.say(f"Results folder: {path_text(folder.path)}")
+        failed: dict[TaskKey, str] = {}
+        try:
+            with EvaluationProgress(console, tasks, evaluation.every) as progress:
+                for task, event in execute(tasks, evaluation):
+                    folder.take(task, event)
+                    progress.watch(task, event)
+                    if isinstance(event, TaskFailed):
+                        failed[task.key] = event.reason
+        except BaseException:
+            # Also after Ctrl-C: what is finished is worth a table, but nobody waits for pictures.
+            _conclude(folder, recordings, options.pictures, console, estimate_again=False)
+            raise
+        # Nobody who sent the run to other machines wants this one to estimate.
+        is_complete = _conclude(
+            folder, recordings, options.pictures, console, estimate_again=options.ray is None
+        )
     given_up = [f"gave up {task_title(key)}: {why}" for key, why in failed.items()]
     for text in (*given_up, *unreadable):
         console.warn(text)
@@ -126,7 +134,7 @@ def _conclude(
     *,
     estimate_again: bool,
 ) -> bool:
-    """Writes and prints what the run gave so far; removes the folder of a run that gave nothing.
+    """Writes and prints what the run gave so far.
 
     `num_pictured` of the worst examples get pictures. Where the run wrote no flow, these are
     estimated again if that is wanted, for a minute at most, from the `recordings` of this session.
@@ -137,7 +145,7 @@ def _conclude(
     Raises:
         WritingError: Results cannot be written.
     """
-    if folder.remove_if_unused():
+    if not folder.has_results:
         return False
     results = read_results(folder)
     write_results(folder, results)

@@ -1,79 +1,155 @@
-"""The folder of a run: `run.json`, which says what was run, and its rows."""
+r"""The folder of a run: what is run, its rows, and what was noticed, written as it comes.
+
+`run.json` says what is run, `rows.jsonl` has one row per line, in the order in which they got
+ready, `tasks.jsonl` one line per finished task. The last two only ever grow while a run lasts, so
+that an interruption costs nothing but the line being written.
+
+All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
+written as `\udcff`, which is read back from JSON as it was.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import fcntl
+import os
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Final
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
-from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.run_files import WritingError, read_json, replace_file
-from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.run_rows import LOCK_FILE, RunRows
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import flow_path
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
+from mnsf_ros.evaluation.recordings import path_text
+from mnsf_ros.evaluation.results import FinishedTask, ResultRow
+from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
+from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
 
 RUN_FILE: Final = "run.json"
+_LOCK_FILE: Final = ".lock"
+
+
+class WritingError(EvaluationError):
+    """A file of a run cannot be written, as on a full disk; what was there before still is."""
 
 
 class RunFolder:
-    """Reads and writes the files of a run; `start` makes or resumes one.
+    """Reads the files of a run, and adds to them: `opened`, `begin`, `take`.
 
     Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
     a WritingError if that fails.
+
+    Attributes:
+        path: The folder.
+        before: The record of the run that was there when the folder was opened; None if none.
     """
 
     def __init__(self, path: Path) -> None:
+        """Names a folder, to read what is there; `opened` is for a run that goes on in it."""
         self.path = path
-        self.rows = RunRows(path)
+        self.before: RunRecord | None = None
+        self._rows, self._tasks = path / "rows.jsonl", path / "tasks.jsonl"
+        self._session = ExitStack()
+        self._done: dict[TaskKey, set[int]] = {}
+        self._indivisible: frozenset[TaskKey] = frozenset()
 
-    def before(self, *, resume: bool) -> RunRecord | None:
-        """Returns the record of the run that is there; None if there is nothing yet.
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path, *, resume: bool) -> Iterator[RunFolder]:
+        """Opens a new folder, or a run to resume. Nothing is written before `begin`.
 
         Raises:
             EvaluationError: The folder holds something and `resume` is not set, or no run, or it
                 is none.
         """
-        check_folder(self.path, resume=resume)
-        return self.read_record() if _holds_something(self.path) else None
+        check_folder(path, resume=resume)
+        folder = cls(path)
+        if _holds_something(path):
+            folder.before = folder.read_record()
+        with folder._session:
+            yield folder
 
-    def start(
-        self,
-        recordings: Sequence[EvaluatedRecording],
-        methods: Sequence[EvaluatedMethod],
-        options: EvaluationOptions,
-        *,
-        resume: bool,
-        arguments: Sequence[str] = (),
-    ) -> RunFolder:
-        """Makes the folder, or takes the run that is there if its rows fit; returns itself.
+    def begin(self, record: RunRecord) -> list[EvaluationTask]:
+        """Writes down what is run from now on; returns the tasks that are left to do.
 
-        A resumed run may have more recordings and methods. The command line is remembered.
+        No other process can write to the folder until it is closed; then it is taken away if
+        nothing was done. A resumed run may have more recordings and methods.
 
         Raises:
-            EvaluationError: The folder holds something and `resume` is not set; or it holds a run
-                with other settings or another recording of the same name, which `resume` must not
-                mix with this one; or another process is at it.
-            WritingError: The record of the run cannot be written.
+            EvaluationError: The folder holds a run with other settings or another recording of the
+                same name, which must not be mixed with this one; or another process is at it.
         """
-        before = self.before(resume=resume)
-        sessions = [SessionRecord.now(arguments)]
-        record = RunRecord(options, list(methods), list(recordings), sessions)
-        if before is not None:
-            record = record.resuming(before, self.path)
+        whole = record
+        if self.before is not None:
+            whole = record.resuming(self.before, self.path)
         self.path.mkdir(parents=True, exist_ok=True)
-        # Not while another process adds rows: they would be lost.
-        with self.rows.locked():
-            if before is not None:
-                self.rows.cut_off_unfinished_lines()
-            try:
-                replace_file(self.path / RUN_FILE, [to_json(record, indent=2), "\n"])
-            except WritingError:
-                if before is None:
-                    self.remove_if_unused()
-                raise
-        return self
+        self._session.enter_context(self.locked())
+        self._check_unchanged()
+        self._session.callback(self._remove_if_unused)
+        if self.before is not None:
+            self.cut_off_unfinished_lines()
+        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
+        return self._left(record)
+
+    def _left(self, record: RunRecord) -> list[EvaluationTask]:
+        """The tasks that are left to do, also those whose flow is wanted now but was not written.
+
+        Rows of a task that was interrupted and cannot go on in the middle are taken away.
+        """
+        options, finished, numbers = record.options, self.finished(), self.numbers()
+        tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
+        left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
+        self._indivisible = frozenset(
+            task.key for task in left if options.is_indivisible(task.method)
+        )
+        if anew := self._indivisible & numbers.keys():
+            self.drop(anew)
+        self._done = {
+            task.key: set() if task.key in anew else numbers.get(task.key, set()) for task in left
+        }
+        return [replace(task, skipped=frozenset(self._done[task.key])) for task in left]
+
+    def take(self, task: EvaluationTask, event: TaskEvent) -> None:
+        """Writes down what a task gave."""
+        done = self._done[task.key]
+        if isinstance(event, ResultRow):
+            # A second attempt may give a row again that the first one got ready before it was lost.
+            if event.number not in done:
+                self.append(event)
+                done.add(event.number)
+        elif isinstance(event, Findings):
+            counts = {kind.value: count for kind, count in event.counts.items()}
+            damages = [path_text(str(damage)) for damage in event.damages]
+            _append(self._tasks, FinishedTask(*task.key, len(done), counts, damages))
+        elif isinstance(event, TaskRestarted) and task.key in self._indivisible and done:
+            self.drop({task.key})
+            done.clear()
+
+    @property
+    def rows(self) -> Iterator[ResultRow]:
+        """All rows, in the order in which they got ready."""
+        return _parsed(self._rows, ResultRow)
+
+    @property
+    def has_results(self) -> bool:
+        """Whether anything was done yet."""
+        return self._rows.exists() or self._tasks.exists()
+
+    def numbers(self) -> dict[TaskKey, set[int]]:
+        """Returns the numbers of the sweeps of all rows, by recording and method."""
+        numbers: dict[TaskKey, set[int]] = {}
+        for row in self.rows:
+            numbers.setdefault((row.recording, row.method), set()).add(row.number)
+        return numbers
+
+    def finished(self) -> dict[TaskKey, FinishedTask]:
+        """Returns recording and method of each finished task, and what was noticed."""
+        tasks = _parsed(self._tasks, FinishedTask)
+        return {(task.recording, task.method): task for task in tasks}
 
     def read_record(self) -> RunRecord:
         """Returns what was run."""
@@ -81,14 +157,41 @@ class RunFolder:
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
         return read_json(self.path / RUN_FILE, RunRecord)
 
-    def remove_if_unused(self) -> bool:
-        """Takes the folder away if it holds nothing but the start of a run; says whether it did."""
-        if not {entry.name for entry in self.path.iterdir()} <= {RUN_FILE, LOCK_FILE}:
-            return False
-        for name in (RUN_FILE, LOCK_FILE):
-            (self.path / name).unlink(missing_ok=True)
-        self.path.rmdir()
-        return True
+    def append(self, row: ResultRow) -> None:
+        """Adds a row."""
+        _append(self._rows, row)
+
+    def drop(self, keys: Collection[TaskKey]) -> None:
+        """Takes the rows of some tasks away."""
+        rows = (row for row in self.rows if (row.recording, row.method) not in keys)
+        replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
+
+    def cut_off_unfinished_lines(self) -> None:
+        """Takes away what was being written when a run was killed."""
+        for file in (self._rows, self._tasks):
+            replace_file(file, (f"{line}\n" for line in _lines(file)))
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keeps other processes from writing to the folder; an EvaluationError if one does."""
+        with (self.path / _LOCK_FILE).open("a", encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise EvaluationError(f"{self.path}: another process is writing to it") from error
+            yield
+
+    def _check_unchanged(self) -> None:
+        now = self.read_record() if _holds_something(self.path) else None
+        if now != self.before:
+            raise EvaluationError(f"{self.path}: another process has just written to it")
+
+    def _remove_if_unused(self) -> None:
+        """Takes the folder away if it holds nothing but the start of a run."""
+        if {entry.name for entry in self.path.iterdir()} <= {RUN_FILE, _LOCK_FILE}:
+            for name in (RUN_FILE, _LOCK_FILE):
+                (self.path / name).unlink(missing_ok=True)
+            self.path.rmdir()
 
 
 def check_folder(out: Path, *, resume: bool) -> None:
@@ -104,4 +207,83 @@ def check_folder(out: Path, *, resume: bool) -> None:
 
 
 def _holds_something(out: Path) -> bool:
-    return out.is_dir() and any(out.iterdir())
+    return out.is_dir() and any(entry.name != _LOCK_FILE for entry in out.iterdir())
+
+
+def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
+    """Whether the recording of a task's flow is there, or nobody wants it."""
+    path = flow_path(options.flow_folder, *task.key)
+    return path is None or path.exists()
+
+
+def read_json(file: Path, kind: type[Kind]) -> Kind:
+    """Returns the typed object that a file holds.
+
+    Raises:
+        EvaluationError: It cannot be read, or holds something else.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error
+    try:
+        return from_json(text, kind)
+    except EvaluationError as error:
+        raise EvaluationError(f"{file}: {error}") from error
+
+
+def replace_file(file: Path, parts: Iterable[str]) -> None:
+    """Writes a file so that it is there as a whole, the old or the new one, at any time.
+
+    Raises:
+        WritingError: That fails; the old file is still there.
+    """
+    draft = file.with_name(f".{file.name}.new")
+    with _writing(file):
+        try:
+            with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:
+                stream.writelines(parts)
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(file)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def _append(file: Path, value: object) -> None:
+    line = to_json(value)
+    with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
+        stream.write(f"{line}\n")
+
+
+@contextmanager
+def _writing(file: Path) -> Iterator[None]:
+    """Makes a WritingError of what goes wrong while a file is written."""
+    try:
+        yield
+    except OSError as error:
+        raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
+
+
+def _parsed(file: Path, kind: type[Kind]) -> Iterator[Kind]:
+    number = 0
+    try:
+        for line in _lines(file):
+            number += 1
+            yield from_json(line, kind)
+    except EvaluationError as error:
+        raise EvaluationError(f"{file}, line {number}: {error}") from error
+
+
+def _lines(file: Path) -> Iterator[str]:
+    """The complete lines of a file; a last one without an end was being written and is lost."""
+    try:
+        # One at a time: the rows of many recordings are too much for the memory.
+        with file.open(encoding="utf-8", newline="\n") as stream:
+            for line in stream:
+                if line.endswith("\n"):
+                    yield line[:-1]
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error

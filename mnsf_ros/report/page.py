@@ -15,7 +15,7 @@ from mnsf_ros import __version__
 from mnsf_ros.drawing.charts import stage_bars, time_text
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
-from mnsf_ros.evaluation.run_files import replace_file
+from mnsf_ros.evaluation.run_folder import replace_file
 from mnsf_ros.presets import settings_for
 from mnsf_ros.report.cards import Cards
 from mnsf_ros.report.closer_look import CloserLook, missed_table, worst_table

@@ -51,7 +51,7 @@ def read_results(folder: RunFolder) -> RunResults:
     Raises:
         EvaluationError: There is no run, or its files are damaged.
     """
-    return results_of(folder.read_record(), folder.rows, folder.rows.finished().values())
+    return results_of(folder.read_record(), folder.rows, folder.finished().values())
 
 
 def results_of(

@@ -23,7 +23,7 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
-from mnsf_ros.evaluation.run_rows import RunRows, plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
@@ -106,31 +106,30 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     recordings = study_recordings(options, study.num_sweeps)
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
-    folder = RunFolder(options.out / "evaluation").start(
-        recordings, methods, evaluation, resume=options.resume, arguments=options.command
-    )
-    runs = plan_runs(recordings, methods, evaluation, folder.rows)
     max_examples = {
         recording.name: _max_examples(recording, options, study) for recording in recordings
     }
-    kept = list(_kept_notes(study, {run.key for run in runs}, max_examples, folder.rows))
-    total, numbers = sum(max_examples[run.recording.name] for run in runs), count(1)
-
-    def watch(task: EvaluationTask, event: TaskEvent) -> None:
-        if isinstance(event, ResultRow):
-            said = f"EPE {event.errors['all'].epe_m:.3f} m" if event.errors else str(event.failure)
-            where = f"{task.method.name}, {event.recording} sweep {event.number}"
-            options.say(f"{next(numbers)} of {total}: {where}: {said}")
-
-    execute = _first_examples(options.max_examples)
-    run_evaluation(runs, evaluation, folder.rows, execute=execute, watch=watch)
-    results = read_results(folder)
-    write_results(folder, results)
+    record = RunRecord(evaluation, methods, recordings, [SessionRecord.now(options.command)])
+    with RunFolder.opened(options.out / "evaluation", resume=options.resume) as folder:
+        tasks = folder.begin(record)
+        kept = list(_kept_notes(study, {task.key for task in tasks}, max_examples, folder))
+        total, numbers = sum(max_examples[task.recording.name] for task in tasks), count(1)
+        for task, event in _first_examples(options.max_examples)(tasks, evaluation):
+            folder.take(task, event)
+            if isinstance(event, ResultRow):
+                options.say(f"{next(numbers)} of {total}: {_said(event)}")
+        results = read_results(folder)
+        write_results(folder, results)
     if not any(row.errors for row in results.rows):
         why = f": {results.notes[0]}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
     notes = [f"Note: {note}" for note in (*results.notes, *kept)]
     return _result(study, results.summaries, [*results.protocol, *notes])
+
+
+def _said(row: ResultRow) -> str:
+    said = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else str(row.failure)
+    return f"{row.method}, {row.recording} sweep {row.number}: {said}"
 
 
 def _max_examples(recording: EvaluatedRecording, options: StudyOptions, study: MethodStudy) -> int:
@@ -140,10 +139,10 @@ def _max_examples(recording: EvaluatedRecording, options: StudyOptions, study: M
 
 
 def _kept_notes(
-    study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], rows: RunRows
+    study: MethodStudy, left: set[TaskKey], max_examples: dict[str, int], folder: RunFolder
 ) -> Iterator[str]:
     """Notes on recordings that were finished before, with fewer examples than are wanted now."""
-    numbers = rows.numbers()
+    numbers = folder.numbers()
     for name, wanted in max_examples.items():
         keys = [(name, method) for method in study.variants.values()]
         kept = [len(numbers.get(key, ())) for key in keys if key not in left]

@@ -7,6 +7,7 @@ import json
 import numpy as np
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
@@ -14,7 +15,10 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.recordings import choose_topics
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -23,6 +27,7 @@ from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 
+SESSION = SessionRecord.now(["mnsf"])
 FIRST_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
 STEP_M = np.array([0.5, 0.0, 0.0], dtype=np.float32)
@@ -115,6 +120,31 @@ def methods_of(names, evaluation=None):
 
 def options(changes=None, **values):
     return EvaluationOptions(preset("paper").changed({**TINY, **(changes or {})}), **values)
+
+
+def begun(out, recordings, methods, options, *, resume=False):
+    """A run that was begun and closed again before anything was done."""
+    record = RunRecord(options, methods, recordings, [SESSION])
+    with RunFolder.opened(out, resume=resume) as folder:
+        folder.begin(record)
+        # Without any results the folder would be taken away.
+        (out / "rows.jsonl").touch()
+    return folder
+
+
+def run(out, recordings, methods, options, *, resume=False, execute=run_serially, watch=None):
+    """Runs what is left to do; returns the tasks that gave up, the events, and the folder."""
+    record = RunRecord(options, methods, recordings, [SESSION])
+    failed, events = {}, []
+    with RunFolder.opened(out, resume=resume) as folder:
+        for task, event in execute(folder.begin(record), options):
+            folder.take(task, event)
+            events.append(event)
+            if isinstance(event, TaskFailed):
+                failed[task.key] = event.reason
+            if watch is not None:
+                watch(task, event)
+    return failed, events, folder
 
 
 def old_run_record(run):

@@ -11,8 +11,6 @@ from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path, flow_recorder
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.recording.bag_reader import BagReader
 
@@ -24,13 +22,7 @@ def bag(tmp_path_factory):
 
 def evaluate(out, bag, options, *, resume=False, execute=run_serially):
     recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
-    folder = RunFolder(out).start(recordings, methods, options, resume=resume)
-    runs = plan_runs(recordings, methods, options, folder.rows)
-    events = []
-    run_evaluation(
-        runs, options, folder.rows, execute=execute, watch=lambda _, event: events.append(event)
-    )
-    return events, folder
+    return small.run(out, recordings, methods, options, resume=resume, execute=execute)[1:]
 
 
 def with_flow(out):

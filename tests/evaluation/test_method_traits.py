@@ -10,9 +10,8 @@ import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import registry
 
@@ -77,18 +76,22 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
     options, recordings = small.options(), [small.recording_at(bag)]
     methods = small.methods_of(["toy"])
 
+    begun = []
+
+    def noted(tasks, options):
+        begun.extend(tasks)
+        return run_serially(tasks, options)
+
     def stop_after_three(task, event):
         if event.number == 3:
             raise KeyboardInterrupt
 
     whole = plain(rows_of(small.task_at(bag, "toy"), options))
-    folder = RunFolder(tmp_path / "out").start(recordings, methods, options, resume=False)
-    runs = plan_runs(recordings, methods, options, folder.rows)
+    out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        run_evaluation(runs, options, folder.rows, watch=stop_after_three)
-    (run,) = plan_runs(recordings, methods, options, folder.rows)
-    assert run.skipped == (frozenset() if carries_state else {1, 2, 3})
-    run_evaluation([run], options, folder.rows)
+        small.run(out, recordings, methods, options, watch=stop_after_three)
+    *_, folder = small.run(out, recordings, methods, options, resume=True, execute=noted)
+    assert [task.skipped for task in begun] == [frozenset() if carries_state else {1, 2, 3}]
     assert plain(folder.rows) == whole
 
 

@@ -17,8 +17,8 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW, summarize_movers
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow, summarize
-from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
 from mnsf_ros.report.closer_look import CloserLook, missed_table
@@ -299,15 +299,13 @@ def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
     bag = small.write_recording(tmp_path / "drive", 4)
     options = small.options()
     methods = small.methods_of(["online", "ego"], options)
-    folder = RunFolder(tmp_path / "out").start(
-        [small.recording_at(bag)], methods, options, resume=False
-    )
+    record = RunRecord(options, methods, [small.recording_at(bag)], [small.SESSION])
     one, flow = example()
     rows = [
         scored_row(one, "online", FlowEstimate(flow, flow[:, 0] < 9, over_ground=said(IDS == 1))),
         scored_row(one, "ego", FlowEstimate(flow, flow[:, 0] < 9)),
     ]
-    text = results_csv(results_of(folder.read_record(), rows))
+    text = results_csv(results_of(record, rows))
     online, ego = (
         [line for line in csv.DictReader(io.StringIO(text)) if line["method"] == name]
         for name in ("online", "ego")

@@ -24,10 +24,8 @@ from mnsf_ros.evaluation.results import (
     mean,
     summarize,
 )
-from mnsf_ros.evaluation.run_files import WritingError
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import git_commit
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
 from mnsf_ros.presets import preset
 from mnsf_ros.report.notes import NoteKind, nearest_preset, notes_of, protocol_text
 from mnsf_ros.report.results_files import results_csv, results_markdown, write_results
@@ -207,8 +205,7 @@ def results(tmp_path_factory):
     recording = small.recording_at(small.write_recording(place / "drive", 5))
     options = small.options({"crop.max_range_m": 35.0}, num_points=20)
     methods = small.methods_of(["zero", "ego", "mnsf"], options)
-    folder = RunFolder(place / "out").start([recording], methods, options, resume=False)
-    run_evaluation(plan_runs([recording], methods, options, folder.rows), options, folder.rows)
+    *_, folder = small.run(place / "out", [recording], methods, options)
     found = read_results(folder)
     write_results(folder, found)
     return found, folder.path

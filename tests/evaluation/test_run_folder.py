@@ -14,9 +14,9 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_files import WritingError, replace_file
-from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, check_folder, replace_file
 from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.notes import NoteKind
 from mnsf_ros.report.run_results import read_results
 
@@ -91,24 +91,24 @@ def folder(tmp_path):
 
 def test_rows_are_there_as_soon_as_they_are_written(folder):
     for number in range(3):
-        folder.rows.append(full_row(number))
+        folder.append(full_row(number))
         assert [row.number for row in folder.rows] == list(range(number + 1))
 
 
 def test_line_that_was_being_written_is_lost_but_no_other(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
     for number in range(3):
-        folder.rows.append(full_row(number))
+        folder.append(full_row(number))
     file = folder.path / "rows.jsonl"
     file.write_text(file.read_text()[:-40])
     assert [row.number for row in folder.rows] == [0, 1]
     folder = start(folder.path, recording, resume=True)
-    folder.rows.append(full_row(2))
+    folder.append(full_row(2))
     assert [row.number for row in folder.rows] == [0, 1, 2]
 
 
 def test_damaged_line_is_named(folder):
-    folder.rows.append(full_row())
+    folder.append(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("rubbish\n")
     with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
@@ -118,50 +118,69 @@ def test_damaged_line_is_named(folder):
 def test_rows_of_a_task_can_be_dropped(folder):
     for method in ("mnsf", "fnsf"):
         for number in range(2):
-            folder.rows.append(full_row(number, method))
-    folder.rows.drop([("drive", "mnsf"), ("other", "fnsf")])
+            folder.append(full_row(number, method))
+    folder.drop([("drive", "mnsf"), ("other", "fnsf")])
     assert [(row.method, row.number) for row in folder.rows] == [("fnsf", 0), ("fnsf", 1)]
 
 
-def test_finished_tasks_come_back(folder):
-    assert folder.rows.finished() == {}
+def test_finished_tasks_come_back(tmp_path, recording):
     findings = Findings()
     findings.count(Event.SWEEPS_READ, 6)
-    folder.rows.append_finished(("drive", "mnsf"), findings, 4)
-    task = folder.rows.finished()["drive", "mnsf"]
-    assert task.num_examples == 4
-    assert task.counts == {"sweeps_read": 6}
+    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+        (task,) = folder.begin(record_of(recording))
+        assert folder.finished() == {}
+        folder.take(task, full_row(1, "ego"))
+        folder.take(task, findings)
+    known = folder.finished()["drive", "ego"]
+    assert known.num_examples == 1
+    assert known.counts == {"sweeps_read": 6}
     (folder.path / "tasks.jsonl").write_text("{}\n")
     with pytest.raises(EvaluationError, match="line 1: is not a finished task"):
-        folder.rows.finished()
+        folder.finished()
 
 
 def test_two_processes_cannot_write_to_the_same_folder(folder):
     other = RunFolder(folder.path)
     refused = pytest.raises(EvaluationError, match="another process")
-    with folder.rows.locked(), refused, other.rows.locked():
+    with folder.locked(), refused, other.locked():
         pass
-    with other.rows.locked():
+    with other.locked():
         pass
 
 
-def test_folder_in_which_nothing_happened_can_be_taken_away(tmp_path, recording):
-    folder = start(tmp_path / "out", recording)
-    assert folder.remove_if_unused()
+def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
+    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+        assert not (tmp_path / "out").exists(), "nothing is written before the run begins"
+        folder.begin(record_of(recording))
+        assert not folder.has_results
     assert not (tmp_path / "out").exists()
-    folder = start(tmp_path / "out", recording)
-    folder.rows.append(full_row())
-    assert not folder.remove_if_unused()
+    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+        folder.begin(record_of(recording))
+        folder.append(full_row())
     assert len(list(folder.rows)) == 1
+
+
+def test_run_that_another_process_made_meanwhile_is_left_alone(tmp_path, recording):
+    refused = pytest.raises(EvaluationError, match="another process has just written to it")
+    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+        start(tmp_path / "out", recording)
+        before = (tmp_path / "out" / "run.json").read_bytes()
+        with refused:
+            folder.begin(record_of(recording))
+    with RunFolder.opened(tmp_path / "out", resume=True) as folder:
+        start(tmp_path / "out", recording, resume=True, methods=("zero",))
+        with refused:
+            folder.begin(record_of(recording))
+    assert before != (tmp_path / "out" / "run.json").read_bytes()
 
 
 def test_run_of_another_process_is_not_resumed(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
-    folder.rows.append(full_row())
+    folder.append(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("half a li")
     before = {file: file.read_bytes() for file in folder.path.iterdir()}
-    with folder.rows.locked(), pytest.raises(EvaluationError, match="another process"):
+    with folder.locked(), pytest.raises(EvaluationError, match="another process"):
         start(tmp_path / "out", recording, resume=True)
     assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
 
@@ -171,9 +190,14 @@ def recording(tmp_path):
     return small.recording_at(small.write_recording(tmp_path / "bags" / "drive", 3))
 
 
+def record_of(recording, options=None, methods=("ego",)):
+    options, methods = options or small.options(), small.methods_of(methods)
+    return RunRecord(options, methods, [recording], [small.SESSION])
+
+
 def start(out, recording, options=None, *, resume=False, methods=("ego",)):
     options, methods = options or small.options(), small.methods_of(methods)
-    return RunFolder(out).start([recording], methods, options, resume=resume, arguments=["mnsf"])
+    return small.begun(out, [recording], methods, options, resume=resume)
 
 
 def test_run_tells_what_it_was(tmp_path, recording):
@@ -287,7 +311,7 @@ def test_recording_that_has_moved_is_the_same(tmp_path):
     start(tmp_path / "out", small.recording_at(bag))
     moved = bag.rename(tmp_path / "drive")
     start(tmp_path / "out", small.recording_at(moved), resume=True)
-    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
+    (known,) = RunFolder(tmp_path / "out").read_record().recordings
     assert known.path == str(moved)
 
 
@@ -355,16 +379,21 @@ def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
 
     start(tmp_path / "out", damaged("old"))
     start(tmp_path / "out", damaged("new"), resume=True)
-    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
+    (known,) = RunFolder(tmp_path / "out").read_record().recordings
     assert known.damages == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
 
 
 def test_folder_without_a_run_holds_nothing_from_before(tmp_path):
-    assert RunFolder(tmp_path / "nowhere").before(resume=True) is None
-    assert RunFolder(tmp_path).before(resume=True) is None
+    for path in (tmp_path / "nowhere", tmp_path):
+        with RunFolder.opened(path, resume=True) as folder:
+            assert folder.before is None
     (tmp_path / "text.txt").touch()
-    with pytest.raises(EvaluationError, match="holds no run"):
-        RunFolder(tmp_path).before(resume=True)
+    with (
+        pytest.raises(EvaluationError, match="holds no run"),
+        RunFolder.opened(tmp_path, resume=True),
+    ):
+        pass
+    assert [file.name for file in tmp_path.iterdir()] == ["text.txt"]
 
 
 def test_path_that_is_no_text_comes_back(tmp_path, recording):

@@ -113,9 +113,7 @@ def test_recording_that_is_not_there_is_itself(tmp_path):
 
 
 def resume(out, recording):
-    return RunFolder(out).start(
-        [recording], small.methods_of(["ego"]), small.options(), resume=True
-    )
+    return small.begun(out, [recording], small.methods_of(["ego"]), small.options(), resume=True)
 
 
 def test_other_odometry_is_another_recording(bags, tmp_path):
@@ -132,5 +130,5 @@ def test_recording_has_checksums_if_it_had_them_in_all_sessions(bags, tmp_path, 
     recording = small.recording_at(bags[0])
     for has_checksums in (before, now):
         resume(tmp_path / "out", replace(recording, has_checksums=has_checksums))
-    (known,) = RunFolder(tmp_path / "out").before(resume=True).recordings
+    (known,) = RunFolder(tmp_path / "out").read_record().recordings
     assert known.has_checksums == (before and now)

@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics, recording_names
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.task import TaskFailed, TaskRestarted, run_task
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -41,17 +41,7 @@ def evaluate(out, bag, methods, options=None, *, resume=False, execute=run_seria
     """Runs what is left to do; returns the tasks that gave up, the events, and the folder."""
     options = options or small.options()
     recordings, methods = [small.recording_at(bag)], small.methods_of(methods, options)
-    folder = RunFolder(out).start(recordings, methods, options, resume=resume)
-    runs = plan_runs(recordings, methods, options, folder.rows)
-    events = []
-
-    def watched(task, event):
-        events.append(event)
-        if watch is not None:
-            watch(task, event)
-
-    failed = run_evaluation(runs, options, folder.rows, execute=execute, watch=watched)
-    return failed, events, folder
+    return small.run(out, recordings, methods, options, resume=resume, execute=execute, watch=watch)
 
 
 def num_rows(events):
@@ -162,7 +152,7 @@ def test_run_writes_rows_and_tasks(bag, tmp_path):
     assert [(row.method, row.number) for row in rows] == [
         (method, number) for method in ("zero", "ego") for number in range(1, 6)
     ]
-    assert set(folder.rows.finished()) == {("drive", "zero"), ("drive", "ego")}
+    assert set(folder.finished()) == {("drive", "zero"), ("drive", "ego")}
 
 
 def test_resume_of_a_finished_run_does_nothing(bag, tmp_path):
@@ -201,7 +191,7 @@ def test_interrupted_and_resumed_run_is_like_one_that_was_not(bag, tmp_path, who
     options, methods = small.options(changes), ["mnsf", "fnsf"]
     with pytest.raises(Stop):
         evaluate(tmp_path / "out", bag, methods, options, watch=interrupted_after(number))
-    kept = {(r.method, r.number): r.time_ms for r in list(_folder(tmp_path / "out").rows)}
+    kept = {(r.method, r.number): r.time_ms for r in list(RunFolder(tmp_path / "out").rows)}
     assert len(kept) == number - (number > 5)
     *_, resumed = evaluate(tmp_path / "out", bag, methods, options, resume=True)
     assert by_key(resumed) == by_key(expected)
@@ -217,23 +207,17 @@ def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
     options = small.options()
     with pytest.raises(Stop):
         evaluate(tmp_path / "out", bag, [method, "fnsf"], options, watch=interrupted_after(8))
-    folder = _folder(tmp_path / "out")
-    recordings = [small.recording_at(bag)]
-    folder.rows.drop([])
     (tmp_path / "out" / "tasks.jsonl").write_text("")
-    runs = plan_runs(recordings, small.methods_of([method, "fnsf"]), options, folder.rows)
+    methods = small.methods_of([method, "fnsf"])
+    record = RunRecord(options, methods, [small.recording_at(bag)], [small.SESSION])
+    with RunFolder.opened(tmp_path / "out", resume=True) as folder:
+        runs = folder.begin(record)
     assert [len(run.skipped) for run in runs] == [0, 2]
     assert [run.again(frozenset({1}), options).skipped != frozenset() for run in runs] == [
         False,
         True,
     ]
     assert {row.method for row in folder.rows} == {"fnsf"}
-
-
-def _folder(path):
-    from mnsf_ros.evaluation.run_folder import RunFolder
-
-    return RunFolder(path)
 
 
 def by_key(folder):
@@ -277,7 +261,7 @@ def test_rows_before_a_restart_are_dropped_where_examples_depend_on_each_other(b
     failed, _, folder = evaluate(tmp_path / "out", bag, [method], options, execute=execute)
     assert [item.number for item in folder.rows] == [1]
     assert failed == {("drive", method): "lost again"}
-    assert folder.rows.finished() == {}
+    assert folder.finished() == {}
 
 
 def test_unknown_method_gives_up_its_task_only(bag, tmp_path):

@@ -14,12 +14,13 @@ import pytest
 
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import plain, structured, to_json
-from mnsf_ros.evaluation.run_rows import plan_runs, run_evaluation
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
@@ -53,10 +54,10 @@ def evaluate(street, out, *, write_flow=False, warm=False, methods=METHODS):
     options = EvaluationOptions(settings, num_points=80, seed=3, flow_folder=folder)
     recording = choose_topics(inspect_recording(street), "street")
     methods = evaluated_methods(methods, options)
-    run_folder = RunFolder(out).start([recording], methods, options, resume=False)
-    run_evaluation(
-        plan_runs([recording], methods, options, run_folder.rows), options, run_folder.rows
-    )
+    record = RunRecord(options, methods, [recording], [SessionRecord.now([])])
+    with RunFolder.opened(out, resume=False) as run_folder:
+        for task, event in run_serially(run_folder.begin(record), options):
+            run_folder.take(task, event)
     return out
 
 
