@@ -87,16 +87,13 @@ def make_scene():
     return build_scene
 
 
-_DRAWN = (
-    "report.page.stage_bars",
-    *(f"report.error_charts.{name}" for name in ("band_chart", "curve_chart", "share_bars")),
-)
+_DRAWN = ("band_chart", "curve_chart", "share_bars", "stage_bars")
 
 
 @pytest.fixture
 def without_drawing(monkeypatch):
     """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
     for name in _DRAWN:
-        monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_: "<svg></svg>")
+        monkeypatch.setattr(f"mnsf_ros.report.charts.{name}", lambda *_: "<svg></svg>")
     for name in ("drawing.example_pictures.png_bytes", "drawing.study_charts.png_bytes"):
         monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

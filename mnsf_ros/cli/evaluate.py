@@ -121,8 +121,8 @@ def _add_run_arguments(group: Arguments) -> None:
     group.flag("--write-flow", "store the flow as recordings in DIR/flow")
     group.value(
         "--pictures N",
-        "show the N worst examples in report.html; without --write-flow they are estimated again, "
-        "for at most a minute",
+        "show the N worst examples of the first method, and N missed movers, in report.html; the "
+        "flow of those of each method is kept in DIR/pictures",
         default=3,
     )
     group.value("--workers N", "processes to use", default=1)
@@ -139,6 +139,7 @@ def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.recordings import path_text
     from mnsf_ros.evaluation.run_folder import WritingError
+    from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
 
     console = Console()
     options.methods = options.methods or [DEFAULT_METHODS]
@@ -154,7 +155,8 @@ def _run(options: argparse.Namespace) -> int:
         ground=options.ground,
         realtime_rate=options.realtime,
         check_cycle=options.check_cycle,
-        flow_folder=options.out / "flow" if options.write_flow else None,
+        flow_folder=options.out / FLOW_FOLDER if options.write_flow else None,
+        num_pictured=max(0, options.pictures),
     )
     try:
         is_complete = evaluate(options, evaluation, console)

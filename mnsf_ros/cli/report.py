@@ -9,10 +9,8 @@ from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 
 _EPILOG = """\
-Pictures show the flow that `mnsf evaluate --write-flow` has stored. Without it,
-the worst sweeps and the sweeps of missed movers are estimated again, by methods
-that remember earlier sweeps after up to 30 before. Where that is another flow than
-that of the run, as it may be in real time, the caption says so.
+Pictures show flow that `mnsf evaluate` has kept: that of the worst sweeps of each
+method (--pictures), or all of it (--write-flow).
 """
 
 
@@ -29,21 +27,15 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("folder", "what `mnsf evaluate --out` has written", Path)
     arguments.value("--pictures N", "number of worst sweeps shown in pictures", default=3)
     arguments.value("--method NAME", "whose worst sweeps (default: the first method)")
-    arguments.flag("--no-estimate", "no new estimates for pictures")
 
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.run_folder import RunFolder
-    from mnsf_ros.report.run_report import report_run
+    from mnsf_ros.report.page import write_report
     from mnsf_ros.report.run_results import read_results
+    from mnsf_ros.report.run_tables import tables_of
 
-    console = Console()
-    path = report_run(
-        read_results(RunFolder(options.folder)),
-        options.folder,
-        num_pictured=max(0, options.pictures),
-        estimate_again=not options.no_estimate,
-        focus=options.method,
-        say=console.say,
-    )
-    console.say(f"Report: {path}")
+    folder = RunFolder(options.folder)
+    results = read_results(folder, options.method)
+    path = write_report(folder, results, tables_of(results), max(0, options.pictures))
+    Console().say(f"Report: {path}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,12 +45,6 @@ _ERROR_COLORS: Final = LinearSegmentedColormap.from_list(
 )
 
 
-class Again(NamedTuple):
-    """A new estimate for a picture, after so many examples before that the method remembers."""
-
-    num_before: int
-
-
 @dataclass(frozen=True, eq=False)
 class PicturedFlow:
     """What one method found.
@@ -59,13 +53,11 @@ class PicturedFlow:
         method: Its name.
         flow: (N, 3) metres per sweep; rows that are not finite have none.
         error_m: (N,) how wrong it is, see `PicturedExample.error_name`; NaN where unknown.
-        again: How it was estimated again for the picture; None if it is that of the run.
     """
 
     method: str
     flow: NDArray[Any]
     error_m: NDArray[np.float64]
-    again: Again | None = None
 
 
 @dataclass(frozen=True, eq=False)

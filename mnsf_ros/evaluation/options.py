@@ -18,6 +18,9 @@ from mnsf_ros.settings import Settings
 
 TaskKey = tuple[str, str]
 
+# Options that rows do not depend on: a resumed run may keep flow or not, as it likes.
+UNRECORDED: Final = ("flow_folder", "num_pictured")
+
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
 
@@ -46,6 +49,8 @@ class EvaluationOptions:
             to estimate all of them.
         check_cycle: Estimate the backward flow, too, and compare: twice the work.
         flow_folder: Folder for recordings of the flow; None for no recordings.
+        num_pictured: So many of the worst flows of each method, and of the movers that it missed,
+            are kept for pictures.
         num_sweeps: Minimum number of sweeps of an example. It is what the method that looks at
             most sweeps needs, so that all methods get the same examples. For a recording that is
             shorter, it is the length of the recording.
@@ -63,6 +68,7 @@ class EvaluationOptions:
     realtime_rate: float | None = None
     check_cycle: bool = False
     flow_folder: Path | None = None
+    num_pictured: int = 0
     num_sweeps: int = 3
     every: int = 1
 
@@ -71,6 +77,8 @@ class EvaluationOptions:
             raise EvaluationError(f"num_points: got {self.num_points}, expected 1 or more, or all")
         if not 0 <= self.seed <= 2_147_483_647:
             raise EvaluationError(f"seed: got {self.seed}, expected 0 to 2147483647")
+        if self.num_pictured < 0:
+            raise EvaluationError(f"num_pictured: got {self.num_pictured}, expected 0 or more")
         if self.every < 1:
             raise EvaluationError(f"every: got {self.every}, expected 1 or more")
         rate = self.realtime_rate
@@ -86,8 +94,8 @@ class EvaluationOptions:
 
     @property
     def identity(self) -> dict[str, object]:
-        """Name to value of all that rows depend on; flow may be written or not."""
-        others = [one.name for one in fields(self) if one.name not in ("settings", "flow_folder")]
+        """Name to value of all that rows depend on; flow may be kept or not."""
+        others = {one.name for one in fields(self)} - {"settings", *UNRECORDED}
         return {
             **self.settings.to_mapping(),
             "explicit": sorted(self.settings.explicit),

@@ -56,7 +56,7 @@ class PairedDifference:
 def errors_of(rows: Iterable[ResultRow], method: str, group: str) -> dict[SweepKey, float]:
     """Returns the end point error of a method on a group of points, for each sweep that has one."""
     return {
-        (row.recording, row.number): row.errors[group].epe_m
+        row.sweep: row.errors[group].epe_m
         for row in rows
         if row.method == method and group in row.errors and row.errors[group].num_points > 0
     }
@@ -67,7 +67,7 @@ def common_sweeps(rows: Iterable[ResultRow], methods: Sequence[str]) -> set[Swee
     answered: dict[str, set[SweepKey]] = {method: set() for method in methods}
     for row in rows:
         if row.failure is None and row.method in answered:
-            answered[row.method].add((row.recording, row.number))
+            answered[row.method].add(row.sweep)
     return set.intersection(*answered.values()) if answered else set()
 
 

@@ -11,7 +11,7 @@ from enum import Enum
 from mnsf_ros.evaluation.argoverse_metrics import added, bucketed_errors, three_way_epe_m
 from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
 from mnsf_ros.evaluation.mover_summary import MoverSummary, summarize_movers
-from mnsf_ros.evaluation.movers import MoverRow
+from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 
 
 class FailureKind(Enum):
@@ -97,6 +97,25 @@ class ResultRow:
     device: str = ""
     failure: Failure | None = None
     movers: MoverRow | None = None
+
+    @property
+    def sweep(self) -> tuple[str, int]:
+        """Recording and number of the sweep."""
+        return self.recording, self.number
+
+    @property
+    def badness_m(self) -> float:
+        """How bad the flow is, metres: its error, or without truth the distance it leaves."""
+        errors = self.errors.get("all")
+        if errors is not None and errors.num_points > 0:
+            return errors.epe_m
+        return self.consistency.get("nearest_m", math.nan)
+
+    @property
+    def missed_movers(self) -> list[ObjectRow]:
+        """The movers of the truth that are not called so as a whole."""
+        objects = [] if self.movers is None else self.movers.objects
+        return [item for item in objects if item.moves and not item.is_found]
 
     @property
     def is_dropped(self) -> bool:

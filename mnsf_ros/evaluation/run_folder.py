@@ -27,6 +27,7 @@ from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
 from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
 
 RUN_FILE: Final = "run.json"
@@ -46,32 +47,32 @@ class RunFolder:
     Attributes:
         path: The folder.
         before: The record of the run that was there when the folder was opened; None if none.
+        flows: The flows that a report shows.
     """
 
     def __init__(self, path: Path) -> None:
-        """Names a folder, to read what is there; `opened` is for a run that goes on in it."""
+        """Names a folder, to read what is there; `opened` is for a run that goes on."""
         self.path = path
         self.before: RunRecord | None = None
+        self.flows = ShownFlows(path)
         self._rows, self._tasks = path / "rows.jsonl", path / "tasks.jsonl"
         self._session = ExitStack()
         self._done: dict[TaskKey, set[int]] = {}
         self._indivisible: frozenset[TaskKey] = frozenset()
 
-    @classmethod
     @contextmanager
-    def opened(cls, path: Path, *, resume: bool) -> Iterator[RunFolder]:
+    def opened(self, *, resume: bool) -> Iterator[RunFolder]:
         """Opens a new folder, or a run to resume. Nothing is written before `begin`.
 
         Raises:
             EvaluationError: The folder holds something and `resume` is not set, or no run, or it
                 is none.
         """
-        check_folder(path, resume=resume)
-        folder = cls(path)
-        if _holds_something(path):
-            folder.before = folder.read_record()
-        with folder._session:
-            yield folder
+        check_folder(self.path, resume=resume)
+        if _holds_something(self.path):
+            self.before = self.read_record()
+        with self._session:
+            yield self
 
     def begin(self, record: RunRecord) -> list[EvaluationTask]:
         """Writes down what is run from now on; returns the tasks that are left to do.
@@ -83,7 +84,7 @@ class RunFolder:
             EvaluationError: The folder holds a run with other settings or another recording of the
                 same name, which must not be mixed with this one; or another process is at it.
         """
-        whole = record
+        whole, self.flows = record, ShownFlows(self.path, record.options.num_pictured)
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
         self.path.mkdir(parents=True, exist_ok=True)
@@ -121,6 +122,9 @@ class RunFolder:
             if event.number not in done:
                 self.append(event)
                 done.add(event.number)
+        elif isinstance(event, ShownFlow):
+            with _writing(self.path / PICTURES_FOLDER):
+                self.flows.add(event)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]
@@ -165,6 +169,7 @@ class RunFolder:
         """Takes the rows of some tasks away."""
         rows = (row for row in self.rows if (row.recording, row.method) not in keys)
         replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
+        self.flows.drop(keys)
 
     def cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final, TypeVar
 
@@ -15,7 +16,7 @@ from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, overrid
 from cattrs.v import format_exception
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import DROPPED, FailureKind, FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -122,9 +123,13 @@ def _converter() -> cattrs.Converter:
     converter.register_unstructure_hook(
         Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
     )
-    # A resumed run may write flow or not, as it likes; what is in recordings may be read again.
-    for owner, name in ((EvaluationOptions, "flow_folder"), (EvaluatedRecording, "inspection")):
-        left_out: dict[str, Any] = {name: override(omit=True)}
+    # What is in recordings may be read again.
+    unrecorded: dict[type[Any], Sequence[str]] = {
+        EvaluationOptions: UNRECORDED,
+        EvaluatedRecording: ("inspection",),
+    }
+    for owner, names in unrecorded.items():
+        left_out: dict[str, Any] = {name: override(omit=True) for name in names}
         structure = make_dict_structure_fn(
             owner, converter, _cattrs_forbid_extra_keys=True, **left_out
         )

@@ -30,6 +30,7 @@ from mnsf_ros.evaluation.scoring import (
     reversed_pair,
     scored_row,
 )
+from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlowChooser
 from mnsf_ros.methods import make_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -53,7 +54,7 @@ class TaskRestarted:
     reason: str
 
 
-TaskEvent = ResultRow | Findings | TaskFailed | TaskRestarted
+TaskEvent = ResultRow | ShownFlow | Findings | TaskFailed | TaskRestarted
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
@@ -64,11 +65,14 @@ def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[Ta
         yield TaskFailed(str(error))
 
 
-def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[ResultRow | Findings]:
+def run_task(
+    task: EvaluationTask, options: EvaluationOptions
+) -> Iterator[ResultRow | ShownFlow | Findings]:
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, and at the very end what was noticed.
+        A row for each example as it gets ready, before it its flow if a report would show that by
+        now, and at the very end what was noticed.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
@@ -86,7 +90,10 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[Resul
             for place, example in enumerate(examples)
             if example.number not in task.skipped
         )
-        yield from scorer.rows(wanted, recorder)
+        for row in scorer.rows(wanted, recorder):
+            yield from scorer.shown.new()
+            yield row
+    yield from scorer.shown.missed()
     yield findings
 
 
@@ -103,6 +110,7 @@ class _Scorer:
         # Predictions that were read from files, whose time says nothing, have no way back.
         self._has_way_back = options.check_cycle and self._traits.is_timed
         self._backward: SceneFlowEstimator | None = None
+        self.shown = ShownFlowChooser(options.num_pictured)
 
     def rows(
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
@@ -159,6 +167,7 @@ class _Scorer:
         if isinstance(row, str):
             return failed_row(example, self._method, row)
         recorder.write(example, result.flow)
+        self.shown.look(row, example, result.flow)
         return self._with_cycle(row, example, result)
 
     def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 import jinja2
-from markupsafe import Markup
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.charts import stage_bars, time_text
+from mnsf_ros.drawing.charts import time_text
 from mnsf_ros.drawing.figures import DARK, LIGHT
-from mnsf_ros.evaluation.results import MethodSummary, ResultRow, mean
-from mnsf_ros.evaluation.run_folder import replace_file
+from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.presets import settings_for
-from mnsf_ros.report.cards import Cards
-from mnsf_ros.report.closer_look import CloserLook, missed_table, worst_table
-from mnsf_ros.report.comparison import comparison_tables
-from mnsf_ros.report.error_charts import bin_charts, methods_not_drawn, point_charts
+from mnsf_ros.report.cards import missed_cards, worst_cards
+from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
+from mnsf_ros.report.run_tables import RunTables
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
-_REST: Final = "other"
-# A smaller part of the time outside of all stages is not worth a color.
-_REST_SHARE: Final = 0.02
-_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _TEMPLATES: Final = jinja2.Environment(
     loader=jinja2.PackageLoader("mnsf_ros.report"),
     autoescape=True,
@@ -41,47 +33,51 @@ _TEMPLATES: Final = jinja2.Environment(
 
 
 def write_report(
-    results: RunResults,
-    path: Path,
-    look: CloserLook,
-    cards: Cards,
-    why_not: str = "",
-) -> None:
+    folder: RunFolder, results: RunResults, tables: RunTables, num_pictured: int = 3
+) -> Path:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
-    `why_not` says why sweeps have no pictures.
+    So many of the worst sweeps, and of the missed movers, get pictures if the run kept their flow.
+
+    Returns:
+        The file.
 
     Raises:
         WritingError: Writing fails.
     """
-    rows, summaries, record = results.rows, results.summaries, results.record
-    consistency = consistency_table(summaries)
+    summaries, record = results.summaries, results.record
     units = {setting.name: setting.unit for setting in declared_settings()}
-    settings = settings_for(look.method, record.options.settings).to_mapping()
+    settings = settings_for(results.focus, record.options.settings).to_mapping()
+    worst = worst_cards(results, folder.flows, num_pictured)
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
         dark=DARK,
-        tiles=[tile for one in summaries if one.method == look.method for tile in _tiles(one)],
+        tiles=[tile for one in summaries if one.method == results.focus for tile in _tiles(one)],
         results=results,
         best_cells=lambda table: best_cells(table, record.references),
-        tables=[table for table in main_tables(summaries) if table != consistency],
-        comparison=comparison_tables(results),
-        consistency=consistency,
-        more=further_tables(summaries),
-        failures=_failures(rows),
-        charts=bin_charts(summaries, record.references),
-        wide_charts=point_charts(rows, summaries, record.references),
-        times=_times_chart(rows, summaries),
-        focus=look.method,
-        worst=worst_table(look),
-        missed=missed_table(look),
-        cards=cards,
-        why_not=why_not,
+        tables=tables,
+        failures=[(f"{one.method}: {one.number:,} ×", one.text) for one in results.failures],
+        charts=charts_of(results),
+        worst_cards=worst,
+        missed_cards=missed_cards(results, folder.flows, num_pictured),
+        why_not=_why_not(min(num_pictured, len(results.worst)), len(worst)),
         settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
-        not_drawn=methods_not_drawn(summaries, record.references),
     )
+    path = folder.path / REPORT_FILE
     replace_file(path, [f"{page}\n"])
+    return path
+
+
+def _why_not(num_wanted: int, num_found: int) -> str:
+    """Why sweeps have no picture; empty if none were wanted, or all have one."""
+    if num_found == num_wanted:
+        return ""
+    return (
+        f"{num_wanted - num_found} of {num_wanted} sweeps have no picture: the run did not keep "
+        "their flow. A new run with --pictures keeps that of the worst sweeps, with --write-flow "
+        "that of all."
+    )
 
 
 def _tiles(summary: MethodSummary) -> list[tuple[str, str]]:
@@ -129,49 +125,3 @@ def best_cells(table: TextTable, references: Iterable[str]) -> set[tuple[int, in
             best_value = better(values.values())
             best |= {(place, column) for place, value in values.items() if value == best_value}
     return best
-
-
-def _failures(rows: Iterable[ResultRow]) -> list[tuple[str, str]]:
-    """Why sweeps have no flow, the most frequent reason first.
-
-    Reasons that differ in numbers alone, such as stamps, are one: the first of them is told.
-    """
-    texts: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        if row.failure is not None:
-            text = row.failure.text
-            texts.setdefault((row.method, _NUMBER.sub("#", text)), []).append(text)
-    return [
-        (
-            f"{method}: {len(found):,} ×",
-            found[0] if len(set(found)) == 1 else f"the first one: {found[0]}",
-        )
-        for (method, _), found in sorted(texts.items(), key=lambda item: -len(item[1]))
-    ]
-
-
-def _times_chart(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary]) -> Markup:
-    times_ms = stage_times_ms(rows, [summary.method for summary in summaries])
-    return Markup(stage_bars(times_ms) if times_ms else "")
-
-
-def stage_times_ms(
-    rows: Sequence[ResultRow], methods: Sequence[str]
-) -> dict[str, dict[str, float]]:
-    """Returns method to stage to mean time over its sweeps, milliseconds.
-
-    What is in no stage is the stage `other`. Methods that were not timed are left out.
-    """
-    times_ms: dict[str, dict[str, float]] = {}
-    for method in methods:
-        own = [row for row in rows if row.method == method and row.failure is None]
-        whole = mean([row.time_ms for row in own])
-        if math.isnan(whole):
-            continue
-        stages = dict.fromkeys(name for row in own for name in row.stage_times_ms)
-        parts = {
-            stage: mean([row.stage_times_ms.get(stage, 0.0) for row in own]) for stage in stages
-        }
-        rest = whole - math.fsum(parts.values())
-        times_ms[method] = parts | ({_REST: rest} if rest > _REST_SHARE * whole else {})
-    return times_ms

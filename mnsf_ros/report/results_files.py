@@ -16,11 +16,9 @@ from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.presets import settings_for
-from mnsf_ros.report.comparison import comparison_tables
 from mnsf_ros.report.notes import nearest_preset
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import further_tables, main_tables
-from mnsf_ros.report.text_table import TextTable
+from mnsf_ros.report.run_tables import RunTables
 
 _CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
 _CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
@@ -36,25 +34,28 @@ _CSV_GROUP: Final = ("found", "flicker", "delay_s")
 _CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENCY)
 
 
-def write_results(folder: RunFolder, results: RunResults) -> None:
+def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> None:
     """Writes results.md, .csv, .tex and .json, in place of those of an earlier session.
 
     Raises:
         WritingError: Writing fails; files that are not written yet are those of before.
     """
     for name, text in (
-        ("results.md", results_markdown(results)),
+        ("results.md", results_markdown(results, tables)),
         ("results.csv", results_csv(results)),
-        ("results.tex", results_latex(results)),
+        ("results.tex", results_latex(results, tables)),
         ("results.json", results_json(results)),
     ):
         replace_file(folder.path / name, [text])
 
 
-def results_markdown(results: RunResults) -> str:
+def results_markdown(results: RunResults, tables: RunTables) -> str:
     """Returns all tables with what they are tables of."""
     parts = ["# Scene flow evaluation", *results.protocol]
-    parts += [table.markdown().rstrip("\n") for table in _tables(results)]
+    parts += [
+        table.markdown().rstrip("\n")
+        for table in (*tables.main, *tables.comparison, *tables.further)
+    ]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
     *earlier, last = results.record.sessions
@@ -65,17 +66,18 @@ def results_markdown(results: RunResults) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _tables(results: RunResults) -> list[TextTable]:
-    """All tables, those that everybody wants to see first."""
-    main, further = main_tables(results.summaries), further_tables(results.summaries)
-    return [*main, *comparison_tables(results), *further]
-
-
-def results_latex(results: RunResults) -> str:
+def results_latex(results: RunResults, tables: RunTables) -> str:
     """Returns all tables for LaTeX, with what they are tables of as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].command_line
-    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in _tables(results))])
+    return "\n".join(
+        [
+            *head,
+            f"% {command}",
+            "",
+            *(one.latex() for one in (*tables.main, *tables.comparison, *tables.further)),
+        ]
+    )
 
 
 def results_csv(results: RunResults) -> str:

@@ -1,15 +1,81 @@
-"""All that a run gave, put together from its folder."""
+"""All that a run gave, computed once from its rows: summaries, comparisons, worst sweeps, notes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Final, NamedTuple
 
-from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
+import numpy as np
+
+from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.movers import ObjectRow
+from mnsf_ros.evaluation.paired import (
+    PairedDifference,
+    SweepKey,
+    common_sweeps,
+    errors_of,
+    paired_difference,
+)
+from mnsf_ros.evaluation.results import (
+    FinishedTask,
+    MethodSummary,
+    ResultRow,
+    mean,
+    summarize,
+)
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
+
+_GROUPS: Final = ("all", "dynamic", "static")
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
+_REST: Final = "other"
+# A smaller part of the time outside of all stages is not worth a colour.
+_REST_SHARE: Final = 0.02
+
+
+class MissedMover(NamedTuple):
+    """A mover that was missed, in the sweep in which there was most to be seen of it."""
+
+    row: ResultRow
+    item: ObjectRow
+    num_sweeps: int
+
+
+class CommonSweeps(NamedTuple):
+    """The errors of all methods on the sweeps that each of them answered."""
+
+    num_common: int
+    num_sweeps: int
+    errors: dict[str, FlowErrors]
+
+
+class Failures(NamedTuple):
+    """How often a method gave no flow for a reason; those that differ in numbers alone are one."""
+
+    method: str
+    number: int
+    text: str
+
+
+@dataclass(frozen=True)
+class SweepFigures:
+    """What is known of a method sweep by sweep, or point by point.
+
+    Attributes:
+        errors_m: The end point error of each sweep that has one.
+        error_shares: Share of all points in each bin up to `metrics.ERROR_LIMITS_M`; empty if
+            nobody knows.
+        stage_times_ms: Stage to mean time; what is in no stage is `other`. Empty if not timed.
+    """
+
+    errors_m: dict[SweepKey, float]
+    error_shares: list[float]
+    stage_times_ms: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -20,45 +86,174 @@ class RunResults:
         record: What was run.
         rows: One for each example and method, by recording and sweep.
         summaries: One for each method.
+        by_recording: Name of each recording to the summaries of the methods on it alone.
+        sweeps: Figures of each method that has a summary.
         protocol: Sentences on what the figures are figures of.
         notes: What makes them less certain.
+        focus: The method under test; empty if there is none.
+        worst: Its rows that have a flow, the worst one first.
+        missed: The movers that it did not find in some sweep, the one of most sweeps first.
+        common: Errors on common sweeps; None if all methods answered the same ones,
+            or without truth.
+        differences: Other method and group of points to its difference from the one under test.
+        failures: Why sweeps have no flow, the most frequent reason first.
     """
 
     record: RunRecord
     rows: list[ResultRow]
     summaries: list[MethodSummary]
+    by_recording: dict[str, list[MethodSummary]]
+    sweeps: dict[str, SweepFigures]
     protocol: list[str]
     notes: list[Note]
+    focus: str
+    worst: list[ResultRow]
+    missed: list[MissedMover]
+    common: CommonSweeps | None
+    differences: dict[tuple[str, str], PairedDifference]
+    failures: list[Failures]
 
     @property
     def is_incomplete(self) -> bool:
         """Whether a recording was not evaluated as a whole."""
         return any(note.kind.is_incomplete for note in self.notes)
 
-    @cached_property
-    def by_recording(self) -> dict[str, list[MethodSummary]]:
-        """Name of each recording to the summaries of the methods on it alone."""
-        rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in self.record.recordings}
-        for row in self.rows:
-            rows_of.setdefault(row.recording, []).append(row)
-        order = self.record.method_names
-        return {name: summarize(rows, order) for name, rows in rows_of.items()}
 
-
-def read_results(folder: RunFolder) -> RunResults:
-    """Reads what a run has given so far.
+def read_results(folder: RunFolder, focus: str | None = None) -> RunResults:
+    """Reads what a run has given so far; `focus` is the method to look at, see `results_of`.
 
     Raises:
-        EvaluationError: There is no run, or its files are damaged.
+        EvaluationError: There is no run, or its files are damaged, or it has no such method.
     """
-    return results_of(folder.read_record(), folder.rows, folder.finished().values())
+    record, rows = folder.read_record(), list(folder.rows)
+    finished = folder.finished().values()
+    try:
+        return results_of(record, rows, finished, focus)
+    except EvaluationError as error:
+        raise EvaluationError(f"{folder.path}: {error}") from error
 
 
 def results_of(
-    record: RunRecord, rows: Iterable[ResultRow], finished: Iterable[FinishedTask] = ()
+    record: RunRecord,
+    rows: Iterable[ResultRow],
+    finished: Iterable[FinishedTask] = (),
+    focus: str | None = None,
 ) -> RunResults:
-    """Returns what a run gave, from its rows in any order and what its tasks noticed."""
+    """Returns what a run gave, from its rows in any order and what its tasks noticed.
+
+    The method under test is the `focus`, else the first one named that is no reference, if one has
+    a flow the first of those.
+
+    Raises:
+        EvaluationError: The run has no such method.
+    """
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
     summaries = summarize(rows, record.method_names)
-    protocol = protocol_text(record, summaries)
-    return RunResults(record, rows, summaries, protocol, notes_of(record, finished, rows))
+    rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in record.recordings}
+    for row in rows:
+        rows_of.setdefault(row.recording, []).append(row)
+    focus = _method_under_test(record, summaries, focus)
+    own = [row for row in rows if row.method == focus]
+    return RunResults(
+        record=record,
+        rows=rows,
+        summaries=summaries,
+        by_recording={name: summarize(own, record.method_names) for name, own in rows_of.items()},
+        sweeps={one.method: _sweep_figures(rows, one.method) for one in summaries},
+        protocol=protocol_text(record, summaries),
+        notes=notes_of(record, finished, rows),
+        focus=focus,
+        worst=_worst_first(own),
+        missed=_missed_movers(own),
+        common=_common(rows, summaries),
+        differences=_differences(rows, focus, [one.method for one in summaries]),
+        failures=_failures(rows),
+    )
+
+
+def _method_under_test(
+    record: RunRecord, summaries: Sequence[MethodSummary], wanted: str | None
+) -> str:
+    known = list(dict.fromkeys([*record.method_names, *(one.method for one in summaries)]))
+    if wanted is not None:
+        if wanted not in known:
+            raise EvaluationError(f"has no method {wanted!r}; it has {', '.join(known) or 'none'}")
+        return wanted
+    found = [summary.method for summary in summaries if summary.num_examples]
+    rivals = [name for name in found if name not in record.references]
+    named = [name for name in known if name not in record.references]
+    return next(iter(rivals or named or found), "")
+
+
+def _worst_first(rows: Iterable[ResultRow]) -> list[ResultRow]:
+    known = [row for row in rows if row.failure is None and not math.isnan(row.badness_m)]
+    return sorted(known, key=lambda row: (-row.badness_m, row.recording, row.number))
+
+
+def _missed_movers(rows: Iterable[ResultRow]) -> list[MissedMover]:
+    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
+    for row in rows:
+        for item in row.missed_movers:
+            missed.setdefault((row.recording, item.object_id), []).append((row, item))
+    most = (
+        MissedMover(*max(sweeps, key=lambda one: (one[1].num_points, -one[0].number)), len(sweeps))
+        for sweeps in missed.values()
+    )
+    return sorted(most, key=lambda one: -one.num_sweeps)
+
+
+def _common(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary]) -> CommonSweeps | None:
+    methods = [summary.method for summary in summaries if summary.num_examples]
+    common = common_sweeps(rows, methods)
+    if all(one.num_examples == len(common) for one in summaries if one.num_examples):
+        return None
+    shared = summarize((row for row in rows if row.sweep in common), methods)
+    errors = {one.method: one.errors["all"] for one in shared if one.errors}
+    if common and not errors:
+        return None
+    return CommonSweeps(len(common), len({row.sweep for row in rows}), errors)
+
+
+def _differences(
+    rows: Sequence[ResultRow], focus: str, methods: Iterable[str]
+) -> dict[tuple[str, str], PairedDifference]:
+    own = {group: errors_of(rows, focus, group) for group in _GROUPS}
+    found = {
+        (method, group): paired_difference(own[group], errors_of(rows, method, group))
+        for method in methods
+        if method != focus
+        for group in _GROUPS
+    }
+    return {key: one for key, one in found.items() if one is not None}
+
+
+def _failures(rows: Iterable[ResultRow]) -> list[Failures]:
+    texts: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row.failure is not None:
+            text = row.failure.text
+            texts.setdefault((row.method, _NUMBER.sub("#", text)), []).append(text)
+    found = [
+        Failures(method, len(own), own[0] if len(set(own)) == 1 else f"the first one: {own[0]}")
+        for (method, _), own in texts.items()
+    ]
+    return sorted(found, key=lambda one: -one.number)
+
+
+def _sweep_figures(rows: Sequence[ResultRow], method: str) -> SweepFigures:
+    own = [row for row in rows if row.method == method]
+    counts = [row.error_counts for row in own if row.error_counts]
+    totals = np.sum(counts, axis=0) if counts else np.zeros(0)
+    shares: list[float] = (totals / max(1, totals.sum())).tolist()
+    return SweepFigures(errors_of(own, method, "all"), shares, _stage_times_ms(own))
+
+
+def _stage_times_ms(rows: Iterable[ResultRow]) -> dict[str, float]:
+    own = [row for row in rows if row.failure is None]
+    whole = mean([row.time_ms for row in own])
+    if math.isnan(whole):
+        return {}
+    stages = dict.fromkeys(name for row in own for name in row.stage_times_ms)
+    parts = {name: mean([row.stage_times_ms.get(name, 0.0) for row in own]) for name in stages}
+    rest = whole - math.fsum(parts.values())
+    return parts | ({_REST: rest} if rest > _REST_SHARE * whole else {})

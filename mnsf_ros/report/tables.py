@@ -84,10 +84,9 @@ def errors_table(
 
 def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
     """Returns the tables that everybody wants to see, without those that would be empty."""
-    consistency = consistency_table(summaries)
     objects = objects_table(summaries, (FAST, SLOW))
     tables = [*group_tables(summaries), movers_table(summaries), tracked_table(summaries), objects]
-    return [table for table in (*tables, consistency) if table is not None]
+    return [table for table in tables if table is not None]
 
 
 def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, fields, replace
 from itertools import count
 from typing import Final
 
@@ -27,11 +27,14 @@ from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
+from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
 _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
 _HEADER: Final = ("variant", "method", "points", *_ERRORS, "time_ms")
+# As `mnsf evaluate` has it.
+_NUM_PICTURED: Final = 3
 _GROUPS: Final = {"all": "all points", "dynamic": "dynamic points", "static": "static points"}
 _FIGURES: Final = (
     ("EPE (m), less is better", "epe_m", 1.0),
@@ -100,7 +103,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         OSError: Writing fails.
     """
     check_folder(options.out, resume=options.resume)
-    evaluation = options.evaluation(study.num_sweeps)
+    evaluation = replace(options.evaluation(study.num_sweeps), num_pictured=_NUM_PICTURED)
     methods = evaluated_methods(study.variants.values(), evaluation)
     # The evaluation has a folder of its own beside the simulated street.
     recordings = study_recordings(options, study.num_sweeps)
@@ -110,7 +113,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         recording.name: _max_examples(recording, options, study) for recording in recordings
     }
     record = RunRecord(evaluation, methods, recordings, [SessionRecord.now(options.command)])
-    with RunFolder.opened(options.out / "evaluation", resume=options.resume) as folder:
+    with RunFolder(options.out / "evaluation").opened(resume=options.resume) as folder:
         tasks = folder.begin(record)
         kept = list(_kept_notes(study, {task.key for task in tasks}, max_examples, folder))
         total, numbers = sum(max_examples[task.recording.name] for task in tasks), count(1)
@@ -119,7 +122,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
             if isinstance(event, ResultRow):
                 options.say(f"{next(numbers)} of {total}: {_said(event)}")
         results = read_results(folder)
-        write_results(folder, results)
+        write_results(folder, results, tables_of(results))
     if not any(row.errors for row in results.rows):
         why = f": {results.notes[0]}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")

@@ -125,7 +125,7 @@ def options(changes=None, **values):
 def begun(out, recordings, methods, options, *, resume=False):
     """A run that was begun and closed again before anything was done."""
     record = RunRecord(options, methods, recordings, [SESSION])
-    with RunFolder.opened(out, resume=resume) as folder:
+    with RunFolder(out).opened(resume=resume) as folder:
         folder.begin(record)
         # Without any results the folder would be taken away.
         (out / "rows.jsonl").touch()
@@ -136,7 +136,7 @@ def run(out, recordings, methods, options, *, resume=False, execute=run_serially
     """Runs what is left to do; returns the tasks that gave up, the events, and the folder."""
     record = RunRecord(options, methods, recordings, [SESSION])
     failed, events = {}, []
-    with RunFolder.opened(out, resume=resume) as folder:
+    with RunFolder(out).opened(resume=resume) as folder:
         for task, event in execute(folder.begin(record), options):
             folder.take(task, event)
             events.append(event)

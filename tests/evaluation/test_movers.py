@@ -21,9 +21,9 @@ from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
-from mnsf_ros.report.closer_look import CloserLook, missed_table
 from mnsf_ros.report.results_files import results_csv
 from mnsf_ros.report.run_results import results_of
+from mnsf_ros.report.run_tables import missed_table
 from mnsf_ros.report.tables import (
     confidence_table,
     further_tables,
@@ -357,14 +357,15 @@ def test_movers_that_were_missed_most_often_come_first():
         ResultRow("drive", number, number * SECOND, "online", N, movers=seen(False, object_id=who))
         for number, who in enumerate([1, 2, 2, 1, 2])
     ]
-    table = missed_table(CloserLook.of(rows, "online"))
+    record = RunRecord(small.options(), small.methods_of(["online", "mnsf"]), [], [small.SESSION])
+    table = missed_table(results_of(record, rows))
     assert [row[:3] for row in table.rows] == [
         ["drive: car", "3", "1.000"],
         ["drive: car", "2", "0.000"],
     ]
-    assert missed_table(CloserLook.of(rows, "mnsf")) is None
+    assert missed_table(results_of(record, rows, focus="mnsf")) is None
     found = [replace(rows[0], movers=seen(True)), replace(rows[1], movers=None)]
-    assert missed_table(CloserLook.of(found, "online")) is None
+    assert missed_table(results_of(record, found)) is None
 
 
 def test_table_of_losses():

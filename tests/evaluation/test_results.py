@@ -30,6 +30,7 @@ from mnsf_ros.presets import preset
 from mnsf_ros.report.notes import NoteKind, nearest_preset, notes_of, protocol_text
 from mnsf_ros.report.results_files import results_csv, results_markdown, write_results
 from mnsf_ros.report.run_results import read_results
+from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
 
 NAN = math.nan
@@ -207,13 +208,13 @@ def results(tmp_path_factory):
     methods = small.methods_of(["zero", "ego", "mnsf"], options)
     *_, folder = small.run(place / "out", [recording], methods, options)
     found = read_results(folder)
-    write_results(folder, found)
+    write_results(folder, found, tables_of(found))
     return found, folder.path
 
 
 def test_files_of_results(results):
     found, path = results
-    assert (path / "results.md").read_text() == results_markdown(found)
+    assert (path / "results.md").read_text() == results_markdown(found, tables_of(found))
     document = json.loads((path / "results.json").read_text(), parse_constant=pytest.fail)
     assert [method["method"] for method in document["methods"]] == ["zero", "ego", "mnsf"]
     assert document["methods"][1]["errors"]["static"]["epe_m"] == pytest.approx(0, abs=1e-6)
@@ -225,7 +226,7 @@ def test_files_of_results(results):
 
 def test_markdown_says_what_the_figures_are_of(results):
     found, _ = results
-    text = results_markdown(found)
+    text = results_markdown(found, tables_of(found))
     for part in (
         "mean over 3 examples from 1 recording",
         "20 random points of each sweep, the same for all methods",
@@ -364,7 +365,7 @@ def test_full_disk_costs_no_earlier_results(results):
     names = ("results.md", "results.csv", "results.json")
     before = {name: (path / name).read_bytes() for name in names}
     with pytest.raises(WritingError, match=r"results\.md: cannot be written: "), small_disk(100):
-        write_results(RunFolder(path), found)
+        write_results(RunFolder(path), found, tables_of(found))
     assert {name: (path / name).read_bytes() for name in names} == before
     assert not [file for file in path.iterdir() if file.name.endswith(".new")]
 

@@ -126,7 +126,7 @@ def test_rows_of_a_task_can_be_dropped(folder):
 def test_finished_tasks_come_back(tmp_path, recording):
     findings = Findings()
     findings.count(Event.SWEEPS_READ, 6)
-    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
         (task,) = folder.begin(record_of(recording))
         assert folder.finished() == {}
         folder.take(task, full_row(1, "ego"))
@@ -149,12 +149,12 @@ def test_two_processes_cannot_write_to_the_same_folder(folder):
 
 
 def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
-    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
         assert not (tmp_path / "out").exists(), "nothing is written before the run begins"
         folder.begin(record_of(recording))
         assert not folder.has_results
     assert not (tmp_path / "out").exists()
-    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
         folder.begin(record_of(recording))
         folder.append(full_row())
     assert len(list(folder.rows)) == 1
@@ -162,12 +162,12 @@ def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
 
 def test_run_that_another_process_made_meanwhile_is_left_alone(tmp_path, recording):
     refused = pytest.raises(EvaluationError, match="another process has just written to it")
-    with RunFolder.opened(tmp_path / "out", resume=False) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
         start(tmp_path / "out", recording)
         before = (tmp_path / "out" / "run.json").read_bytes()
         with refused:
             folder.begin(record_of(recording))
-    with RunFolder.opened(tmp_path / "out", resume=True) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=True) as folder:
         start(tmp_path / "out", recording, resume=True, methods=("zero",))
         with refused:
             folder.begin(record_of(recording))
@@ -385,12 +385,12 @@ def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
 
 def test_folder_without_a_run_holds_nothing_from_before(tmp_path):
     for path in (tmp_path / "nowhere", tmp_path):
-        with RunFolder.opened(path, resume=True) as folder:
+        with RunFolder(path).opened(resume=True) as folder:
             assert folder.before is None
     (tmp_path / "text.txt").touch()
     with (
         pytest.raises(EvaluationError, match="holds no run"),
-        RunFolder.opened(tmp_path, resume=True),
+        RunFolder(tmp_path).opened(resume=True),
     ):
         pass
     assert [file.name for file in tmp_path.iterdir()] == ["text.txt"]

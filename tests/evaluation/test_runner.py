@@ -210,7 +210,7 @@ def test_method_that_always_remembers_begins_anew(bag, tmp_path, method):
     (tmp_path / "out" / "tasks.jsonl").write_text("")
     methods = small.methods_of([method, "fnsf"])
     record = RunRecord(options, methods, [small.recording_at(bag)], [small.SESSION])
-    with RunFolder.opened(tmp_path / "out", resume=True) as folder:
+    with RunFolder(tmp_path / "out").opened(resume=True) as folder:
         runs = folder.begin(record)
     assert [len(run.skipped) for run in runs] == [0, 2]
     assert [run.again(frozenset({1}), options).skipped != frozenset() for run in runs] == [

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from mnsf_ros.drawing.example_pictures import PicturedExample, PicturedFlow
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import structured
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.presets import preset
+from mnsf_ros.report.page import write_report
+from mnsf_ros.report.run_tables import tables_of
 
 METHODS = ["mnsf", "fnsf", "zero"]
 
@@ -91,13 +94,19 @@ def run_record(methods=METHODS, truth="/truth/flow"):
     return structured(values, RunRecord)
 
 
-def pictured(number=3, *, with_truth=True):
+def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):
+    """Flows as a run keeps them for its report."""
     random = np.random.default_rng(number)
     xyz = random.uniform(-20, 20, (300, 3)).astype(np.float32)
     truth = np.tile(np.float32([-0.8, 0, 0]), (300, 1))
     flow = truth + random.normal(0, 0.1, truth.shape).astype(np.float32)
-    errors_m = np.linalg.norm(flow - truth, axis=1).astype(float)
-    flows = [PicturedFlow(method, flow, errors_m) for method in METHODS[:2]]
-    return PicturedExample(
-        "street", number, 10**9 * number, xyz, truth if with_truth else None, None, flows
-    )
+    errors_m = np.linalg.norm(flow - truth, axis=1)
+    known = {"truth": truth if with_truth else None, "mover": mover}
+    return [ShownFlow("street", one, number, xyz, flow, errors_m, **known) for one in methods]
+
+
+def write_run_report(path, results, kept_flows=()):
+    folder = RunFolder(path)
+    for flow in kept_flows:
+        ShownFlows(path, 9).add(flow)
+    return write_report(folder, results, tables_of(results))

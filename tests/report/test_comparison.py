@@ -8,11 +8,10 @@ from small_runs import row, run_record
 
 from mnsf_ros.evaluation.paired import paired_difference
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind
-from mnsf_ros.report.closer_look import closer_look
-from mnsf_ros.report.comparison import common_table, comparison_tables, differences_table
-from mnsf_ros.report.error_charts import methods_not_drawn
+from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.results_files import results_latex, results_markdown
 from mnsf_ros.report.run_results import results_of
+from mnsf_ros.report.run_tables import common_table, differences_table, tables_of
 from mnsf_ros.report.text_table import TextTable
 
 NOTHING = {"errors": {}, "by_range": {}, "by_speed": {}, "consistency": {}}
@@ -95,8 +94,9 @@ def test_drops_are_never_compared_silently():
     # Sweeps 4 to 9 alone.
     assert [line[1] for line in table.rows] == ["0.165", "0.265", "0.565"]
     assert differences_table(found).rows[0][1] == "6"
-    assert table.title in results_markdown(found)
-    assert table in comparison_tables(found)
+    tables = tables_of(found)
+    assert table.title in results_markdown(found, tables)
+    assert table in tables.comparison
 
 
 def test_no_sweep_in_common_is_said():
@@ -108,10 +108,9 @@ def test_no_sweep_in_common_is_said():
 def test_method_under_test_is_never_a_reference():
     failed = Failure(FailureKind.FAILED, "too few points")
     rows = [row(1, "mnsf", 0.1, **NOTHING, failure=failed), row(1, "zero", 0.3)]
-    look = closer_look(results_of(run_record(["mnsf", "zero"]), rows))
-    assert (look.method, look.worst) == ("mnsf", [])
-    only = closer_look(results_of(run_record(["zero"]), [row(1, "zero", 0.3)]))
-    assert only.method == "zero"
+    found = results_of(run_record(["mnsf", "zero"]), rows)
+    assert (found.focus, found.worst) == ("mnsf", [])
+    assert results_of(run_record(["zero"]), [row(1, "zero", 0.3)]).focus == "zero"
 
 
 def test_latex():
@@ -126,7 +125,8 @@ def test_latex():
 
 
 def test_latex_of_a_run_has_its_command_and_all_tables():
-    text = results_latex(results())
+    found = results()
+    text = results_latex(found, tables_of(found))
     assert "% mnsf evaluate street\n" in text
     assert text.count(r"\begin{table}") == text.count(r"\end{table}") >= 5
     assert "mnsf against the others" in text
@@ -140,8 +140,6 @@ def test_difference_of_nothing_has_no_minus():
 
 def test_reference_that_is_better_than_a_rival_is_in_the_charts():
     found = [row(1, "mnsf", 0.01), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
-    summaries = results_of(run_record(), found).summaries
-    assert methods_not_drawn(summaries, frozenset({"zero"})) == ""
+    assert charts_of(results_of(run_record(), found)).not_drawn == ""
     found[1] = row(1, "fnsf", 0.05)
-    summaries = results_of(run_record(), found).summaries
-    assert "zero" in methods_not_drawn(summaries, frozenset({"zero"}))
+    assert "zero" in charts_of(results_of(run_record(), found)).not_drawn

@@ -6,8 +6,7 @@ import pytest
 from small_runs import row, rows, run_record
 
 from mnsf_ros.evaluation.results import DROPPED
-from mnsf_ros.report.closer_look import CloserLook, closer_look
-from mnsf_ros.report.page import best_cells, stage_times_ms
+from mnsf_ros.report.page import best_cells
 from mnsf_ros.report.run_results import results_of
 from mnsf_ros.report.tables import bin_names
 from mnsf_ros.report.text_table import TextTable
@@ -18,8 +17,10 @@ def test_bands_are_named_from_limit_to_limit():
 
 
 def test_time_outside_of_all_stages_is_shown():
-    times_ms = stage_times_ms(rows(), ["mnsf"])
-    assert times_ms["mnsf"] == pytest.approx({"prepare": 10.0, "forward": 60.0, "other": 30.0})
+    figures = results_of(run_record(), rows()).sweeps["mnsf"]
+    assert figures.stage_times_ms == pytest.approx(
+        {"prepare": 10.0, "forward": 60.0, "other": 30.0}
+    )
 
 
 def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
@@ -38,12 +39,12 @@ def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
 
 def test_worst_is_by_error_and_without_truth_by_distance():
     found = [row(n, "a", e) for n, e in ((1, 0.1), (2, 0.3), (3, 0.2))]
-    assert [item.number for item in CloserLook.of(found, "a").worst] == [2, 3, 1]
+    assert [one.number for one in results_of(run_record(["a"]), found).worst] == [2, 3, 1]
     blind = [
         row(n, "a", 0, errors={}, consistency={"nearest_m": d}) for n, d in ((1, 0.1), (2, 0.4))
     ]
     blind += [row(3, "a", 0, errors={}, consistency={}), row(4, "a", 9, failure=DROPPED)]
-    assert [item.number for item in CloserLook.of(blind, "a").worst] == [2, 1]
+    assert [one.number for one in results_of(run_record(["a"]), blind).worst] == [2, 1]
 
 
 @pytest.mark.parametrize(
@@ -52,4 +53,4 @@ def test_worst_is_by_error_and_without_truth_by_distance():
 )
 def test_focus_is_the_first_method_that_is_no_reference(methods, focus):
     results = results_of(run_record(methods), [row(1, method, 0.1) for method in methods])
-    assert closer_look(results).method == focus
+    assert results.focus == focus

@@ -8,11 +8,8 @@ import shutil
 import subprocess
 
 import pytest
-from small_runs import pictured, rows, run_record
+from small_runs import kept, rows, run_record, write_run_report
 
-from mnsf_ros.report.cards import cards_of
-from mnsf_ros.report.closer_look import closer_look
-from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import results_of
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -32,11 +29,8 @@ def browse(tmp_path, page, *options):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "report.html"
     results = results_of(run_record(), rows())
-    look = closer_look(results)
-    write_report(results, path, look, cards_of(results.rows, look, [pictured()]))
-    return path
+    return write_run_report(tmp_path_factory.mktemp("page"), results, kept())
 
 
 def requested(net_log):
@@ -67,14 +61,12 @@ def test_a_broken_page_would_be_noticed(tmp_path, page):
 def test_long_name_does_not_run_off_the_page(tmp_path):
     from matplotlib.image import imread
 
-    name, path, picture = "n" * 150, tmp_path / "report.html", tmp_path / "page.png"
+    name, picture = "n" * 150, tmp_path / "page.png"
     run = run_record()
     run = dataclasses.replace(run, recordings=[dataclasses.replace(run.recordings[0], name=name)])
     found = [dataclasses.replace(item, recording=name) for item in rows()]
-    example = dataclasses.replace(pictured(), recording=name)
-    results = results_of(run, found)
-    look = closer_look(results)
-    write_report(results, path, look, cards_of(results.rows, look, [example]))
+    flows = [dataclasses.replace(flow, recording=name) for flow in kept()]
+    path = write_run_report(tmp_path, results_of(run, found), flows)
     browse(tmp_path, path, "--hide-scrollbars", "--window-size=700,6000", f"--screenshot={picture}")
     margin = imread(picture)[:, -12:, :3]
     assert (margin == margin[:, :1]).all(), "there is nothing in the margin on the right"

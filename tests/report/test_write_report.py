@@ -7,14 +7,10 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from small_runs import METHODS, pictured, row, rows, rows_without_truth, run_record
+from small_runs import METHODS, kept, row, rows, rows_without_truth, run_record, write_run_report
 
-from mnsf_ros.drawing.example_pictures import Again
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.results import Failure, FailureKind
-from mnsf_ros.report.cards import cards_of
-from mnsf_ros.report.closer_look import closer_look
-from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import results_of
 
 without_drawing = pytest.mark.usefixtures("without_drawing")
@@ -49,11 +45,9 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
-def report(tmp_path, rows, run, pictured=()):
-    path, results = tmp_path / "report.html", results_of(run, rows)
-    look = closer_look(results)
-    write_report(results, path, look, cards_of(results.rows, look, pictured))
-    assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
+def report(tmp_path, rows, run, flows=()):
+    path = write_run_report(tmp_path, results_of(run, rows), flows)
+    assert {file.name for file in tmp_path.iterdir()} - {"pictures"} == {"report.html"}
     return Page(path.read_text(encoding="utf-8"))
 
 
@@ -86,7 +80,7 @@ def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
 
 
 def test_nothing_is_loaded_from_anywhere(tmp_path):
-    page = report(tmp_path, rows(), run_record(), pictured=[pictured()])
+    page = report(tmp_path, rows(), run_record(), kept())
     assert page.all("script") == []
     for _, attributes in page.elements:
         assert attributes.get("src", "data:").startswith("data:")
@@ -97,7 +91,7 @@ def test_nothing_is_loaded_from_anywhere(tmp_path):
 
 
 def test_every_picture_says_what_it_shows(tmp_path):
-    page = report(tmp_path, rows(), run_record(), pictured=[pictured(3), pictured(2)])
+    page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2)])
     images = page.all("img")
     assert len(images) == 2 * 3  # truth and two methods
     assert all(len(image["alt"]) > 20 for image in images)
@@ -127,48 +121,43 @@ def missed_mover(name="<b>car</b>"):
 @without_drawing
 def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
     found = [missed_mover(), row(2, "mnsf", 0.2)]
-    page = report(tmp_path, found, run_record(), pictured=[pictured()])
+    page = report(
+        tmp_path, found, run_record(), [*kept(methods=["mnsf"]), *kept(methods=["mnsf"], mover=7)]
+    )
     assert "Movers that mnsf missed in most sweeps" in page.text
     assert "Missed: <b>car</b> in street" in page.text
     assert "missed in 1 sweeps, here lost by: too large" in page.text
-    # The sweep is the worst one, too: truth, two methods, and the mover.
+    # The sweep is the worst one, too: truth, flow, and the mover.
     *_, image = page.all("img")
-    assert len(page.all("img")) == 4
+    assert len(page.all("img")) == 3
     assert "What moves around the <b>car</b>" in image["alt"]
 
 
-@pytest.mark.parametrize(
-    "example", [pictured(with_truth=False), dataclasses.replace(pictured(), flows=[])]
-)
-def test_missed_mover_without_truth_or_flow_has_no_picture(tmp_path, example):
-    found = [missed_mover()]
-    page = report(tmp_path, found, run_record(), pictured=[example])
-    assert len(page.all("img")) == (2 if example.flows else 1), "those of the worst sweep alone"
+@without_drawing
+def test_missed_mover_without_truth_or_flow_has_no_picture(tmp_path):
+    flows = kept(methods=["mnsf"], mover=7, with_truth=False)
+    page = report(tmp_path, [missed_mover(), row(2, "mnsf", 0.2)], run_record(), flows)
+    assert page.all("img") == []
     assert "Missed: " not in page.text
 
 
 @without_drawing
-def test_picture_of_another_flow_says_so(tmp_path):
-    found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(pictured().flows[1].error_m.mean()))]
-    text = report(tmp_path, found, run_record(), pictured=[pictured()]).text
-    assert text.count("The picture shows another flow than that of the run") == 1
+def test_rivals_are_shown_on_the_same_sweep_where_their_flow_was_kept(tmp_path):
+    page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2, methods=["fnsf"])])
+    captions = re.findall("<figcaption>([^<]*)<", (tmp_path / "report.html").read_text())
+    assert [caption.partition(":")[0] for caption in captions] == ["Truth", "mnsf", "fnsf"]
+    assert captions[1].startswith("mnsf: EPE 0.300 m")
+    assert "2 of 3 sweeps have no picture" in page.text
 
 
 @without_drawing
-def test_new_estimate_of_a_flow_that_went_on_from_others_says_so(tmp_path):
-    example = pictured()
-    flows = [dataclasses.replace(flow, again=Again(8)) for flow in example.flows]
-    example = dataclasses.replace(example, flows=flows)
-    found = [row(3, "mnsf", 9.0), row(3, "fnsf", float(flows[1].error_m.mean()))]
-    report(tmp_path, found, run_record(), pictured=[example])
-    captions = re.findall("<figcaption>([^<]*)<", (tmp_path / "report.html").read_text())
-    (mnsf,) = [caption for caption in captions if caption.startswith("mnsf: ")]
-    (fnsf,) = [caption for caption in captions if caption.startswith("fnsf: ")]
-    assert "EPE 9.000 m" in mnsf
-    mean_m = float(flows[0].error_m.mean())
-    assert "Estimated again for the picture, after the 8 sweeps before" in mnsf
-    assert f"mean error {mean_m:.4f} m here, 9.0000 m in the run. The method had seen" in mnsf
-    assert fnsf.endswith("Estimated again for the picture, after the 8 sweeps before")
+def test_damaged_flow_costs_only_its_picture(tmp_path):
+    report(tmp_path, rows(), run_record(), kept(3))
+    for file in (tmp_path / "pictures").iterdir():
+        file.write_bytes(file.read_bytes()[:-2000])
+    page = report(tmp_path, rows(), run_record())
+    assert page.all("img") == []
+    assert "3 of 3 sweeps have no picture" in page.text
 
 
 def failed(number, method, failure):
@@ -203,15 +192,15 @@ def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
 
 @without_drawing
 def test_without_truth_there_is_still_a_report(tmp_path):
-    example = dataclasses.replace(pictured(with_truth=False), error_name="distance to next sweep")
     run = run_record(["mnsf"], truth=None)
-    page = report(tmp_path, rows_without_truth(), run, pictured=[example])
+    page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"], with_truth=False))
     assert "0.200 m" in page.text  # mean of the distances to the next sweep
     assert "Where the errors are" not in page.text
     assert "Where the time goes" in page.text
     assert "EPE" not in page.text
     assert "no true flow" in page.text
-    assert len(page.all("img")) == 2
+    assert "distance to next sweep" in page.all("img")[0]["alt"]
+    assert len(page.all("img")) == 1
 
 
 def test_without_rows_there_is_still_a_report(tmp_path):

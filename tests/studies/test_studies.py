@@ -12,8 +12,9 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.methods import method_names
 from mnsf_ros.presets import preset
-from mnsf_ros.report.run_report import report_run
+from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
+from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.studies.method_study import METHOD_STUDIES
@@ -130,14 +131,10 @@ def test_method_study_takes_all_examples_of_a_recording(options):
 
 @pytest.mark.usefixtures("without_drawing")
 def test_method_study_can_be_reported(studied):
-    said = []
-    folder = studied("depth")[1][0].parent / "evaluation"
-    results = read_results(RunFolder(folder))
-    path = report_run(results, folder, num_pictured=1, focus="mnsf-depth3", say=said.append)
-    text = path.read_text()
-    assert "estimating 1 sweep again" in said[0]
-    assert text.count("data:image/png") == 1 + 4
-    assert "The picture shows another flow" not in text
+    folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
+    results = read_results(folder, "mnsf-depth3")
+    text = write_report(folder, results, tables_of(results), 1).read_text()
+    assert "<figcaption>mnsf-depth3: EPE" in text
 
 
 def test_without_recordings_a_street_is_simulated(options):
