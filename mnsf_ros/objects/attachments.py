@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.point_grid import PointGrid
 
 # Points this close to a mover move with it. The search is limited to cells of this width.
 _REACH_M: Final = 0.5
@@ -43,9 +43,8 @@ def attached(
     is_own = row_of[current.thinned_objects] >= 0
     points, point_rows = current.thinned[is_own], row_of[current.thinned_objects[is_own]]
     candidates, num_loose = _points_near(points, current, owners, is_loose)
-    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    distances, nearest = tree.query(current.xyz[candidates], distance_upper_bound=_REACH_M)
-    is_close = np.isfinite(distances)
+    nearest = PointGrid(points).nearest(np.take(current.xyz, candidates, axis=0), _REACH_M)
+    is_close = nearest >= 0
     # A fragment moves as a whole, or not at all.
     close = np.bincount(owners[candidates[is_close]], minlength=current.num_objects)
     goes = close > _MIN_SHARE * num_loose

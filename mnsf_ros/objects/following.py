@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 
+from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.sightings import Sightings
 from mnsf_ros.objects.tracks import Tracks, product
 from mnsf_ros.sweeps.sweep import NANOSECONDS
@@ -48,8 +48,8 @@ def expecting_shares(
     shares = np.zeros((number, len(tracks)))
     if number == 0 or len(tracks) == 0:
         return shares
-    distances, rows = cKDTree(tracks.points).query(points, distance_upper_bound=_REACH_M)
-    is_met = np.isfinite(distances)
+    rows = PointGrid(tracks.points).nearest(points, _REACH_M)
+    is_met = rows >= 0
     np.add.at(shares, (owners[is_met], tracks.owners[rows[is_met]]), 1.0)
     shares /= np.maximum(np.bincount(owners, minlength=number), 1)[:, None]
     return shares

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -44,16 +45,16 @@ class JudgedMotions:
     past: NDArray[np.float64]
     disagreement: NDArray[np.float32]
 
-    @property
+    @cached_property
     def total(self) -> NDArray[np.float64]:
-        """Returns (K,) metres, the cost and the mean residual in older sweeps."""
+        """(K,) metres, the cost and the mean residual in older sweeps."""
         past = self.past.mean(axis=1) if self.past.shape[1] else 0.0
         total: NDArray[np.float64] = self.cost + past
         return total
 
-    @property
+    @cached_property
     def cost(self) -> NDArray[np.float64]:
-        """Returns (K,) metres, the mean residual in the next and the previous sweep."""
+        """(K,) metres, the mean residual in the next and the previous sweep."""
         cost: NDArray[np.float64] = self.near.mean(axis=1)
         return cost
 

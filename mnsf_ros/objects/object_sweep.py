@@ -58,7 +58,7 @@ class ObjectSweep:
             self.clock = SweepClock.of(self.xyz, sweep.times_s)
         # What moves is elsewhere when it is seen again: objects are made of first views.
         self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
-        points = np.compress(self._in_objects, self.xyz, axis=0)
+        points = self._points = np.compress(self._in_objects, self.xyz, axis=0)
         if len(points) < _MIN_POINTS:
             raise SweepError(
                 f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "
@@ -114,8 +114,7 @@ class ObjectSweep:
         other.may_move = np.append(may_move, np.ones(num_parts, np.bool_))
         other.are_parts = np.append(self.are_parts, np.ones(num_parts, np.bool_))
         other.thinned_objects = apart(self.thinned, self.thinned_objects)
-        points = np.compress(self._in_objects, self.xyz, axis=0)
-        other._point_objects = apart(points, self._point_objects)
+        other._point_objects = apart(self._points, self._point_objects)
         return other
 
     def objects(self) -> NDArray[np.int64]:

@@ -13,7 +13,9 @@ from mnsf_ros.compiled import compiled
 MAX_REACH_M: Final = 0.625
 _CELL_M: Final = np.float32(MAX_REACH_M)
 # Cells share buckets; what is in another cell of the same bucket is too far off to count.
-_NUM_BUCKETS: Final = 2**17
+_MIN_BUCKETS: Final = 2**10
+_MAX_BUCKETS: Final = 2**17
+_BUCKETS_PER_POINT: Final = 8
 _ACROSS: Final = 73_856_093
 _ALONG: Final = 19_349_663
 # Cells farther out than this are all the same: their numbers would not fit into integers.
@@ -23,9 +25,20 @@ _MAX_CELL: Final = np.float32(1e9)
 class PointGrid:
     """Points, sorted by the cells they are in."""
 
-    def __init__(self, points: NDArray[np.float32]) -> None:
+    def __init__(self, points: NDArray[np.floating]) -> None:
         """Sorts points (T, 3), in metres."""
-        self._starts, self._points = _in_buckets(np.ascontiguousarray(points))
+        own = np.ascontiguousarray(points, np.float32)
+        self._starts, self._points, self._rows = _in_buckets(own)
+
+    def nearest(self, places: NDArray[np.floating], reach_m: float) -> NDArray[np.int64]:
+        """Returns (P,) the row of the point nearest to each place, -1 where none is in reach.
+
+        Args:
+            places: (P, 3) metres.
+            reach_m: At most `MAX_REACH_M`.
+        """
+        own = np.ascontiguousarray(places, np.float32)
+        return _rows_of_nearest(own, np.float32(reach_m), self._starts, self._points, self._rows)
 
     def compared(
         self,
@@ -68,12 +81,15 @@ class PointGrid:
         )
 
 
-@compiled("Tuple((int32[::1], float32[:, ::1]))(float32[:, ::1])")
+@compiled("Tuple((int32[::1], float32[:, ::1], int32[::1]))(float32[:, ::1])")
 def _in_buckets(
     points: NDArray[np.float32],
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """The start of each bucket and the end of the last one, and the points in their order."""
-    starts = np.zeros(_NUM_BUCKETS + 1, np.int32)
+) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.int32]]:
+    """The start of each bucket and the end of the last one, the points in their order, and rows."""
+    number = _MIN_BUCKETS
+    while number < _BUCKETS_PER_POINT * len(points) and number < _MAX_BUCKETS:
+        number *= 2
+    starts = np.zeros(number + 1, np.int32)
     buckets = np.zeros(len(points), np.int32)
     for row in range(len(points)):
         x = np.floor(points[row, 0] / _CELL_M)
@@ -81,15 +97,16 @@ def _in_buckets(
         z = np.floor(points[row, 2] / _CELL_M)
         if abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL:
             cell = (int(x) * _ACROSS ^ int(y) * _ALONG) + int(z)
-            buckets[row] = cell & (_NUM_BUCKETS - 1)
+            buckets[row] = cell & (number - 1)
         starts[buckets[row]] += 1
-    for bucket in range(_NUM_BUCKETS):
+    for bucket in range(number):
         starts[bucket + 1] += starts[bucket]
-    ordered = np.empty_like(points)
+    ordered, rows = np.empty_like(points), np.empty(len(points), np.int32)
     for row in range(len(points) - 1, -1, -1):
         starts[buckets[row]] -= 1
-        ordered[starts[buckets[row]]] = points[row]
-    return starts, ordered
+        place = starts[buckets[row]]
+        ordered[place], rows[place] = points[row], row
+    return starts, ordered, rows
 
 
 @compiled(
@@ -107,7 +124,7 @@ def _nearer(
     points: NDArray[np.float32],
 ) -> tuple[int, np.float32]:
     """The row of the nearest point in a bucket and its squared distance, if that is below least."""
-    number = np.uint64(bucket & (_NUM_BUCKETS - 1))
+    number = np.uint64(bucket & (len(starts) - 2))
     # Without a sign, an index is not looked at whether it counts from the end.
     for other in range(np.uint32(starts[number]), np.uint32(starts[number + np.uint64(1)])):
         dx, dy, dz = points[other, 0] - x, points[other, 1] - y, points[other, 2] - z
@@ -158,6 +175,22 @@ def _nearest(
             if least <= enough:
                 return row, least
     return row, least
+
+
+@compiled("int64[::1](float32[:, ::1], float32, int32[::1], float32[:, ::1], int32[::1])")
+def _rows_of_nearest(
+    places: NDArray[np.float32],
+    reach_m: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+    rows: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    found = np.empty(len(places), np.int64)
+    for place in range(len(places)):
+        x, y, z = places[place, 0], places[place, 1], places[place, 2]
+        nearest, _ = _nearest(x, y, z, np.float32(0.0), reach_m, starts, points)
+        found[place] = rows[nearest] if nearest >= 0 else -1
+    return found
 
 
 @compiled(

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from mnsf_ros.objects.point_grid import PointGrid
 
 _NUM_AZIMUTHS: Final = 720
 # Points of one direction that were measured later than the first by this share of the sweep were
@@ -78,8 +79,8 @@ class SweepClock:
         if len(again) == 0 or len(points) == 0:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         moved = points + np.float32(self.revolution_s) * velocities
-        distances, nearest = cKDTree(moved).query(xyz[again], distance_upper_bound=_REACH_M)
-        is_near = np.isfinite(distances)
+        nearest = PointGrid(moved).nearest(xyz[again], _REACH_M)
+        is_near = nearest >= 0
         return again[is_near], rows[nearest[is_near]]
 
 

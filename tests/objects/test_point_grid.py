@@ -46,6 +46,21 @@ class TestPointGrid:
         np.testing.assert_allclose(led_to[has_one], points[nearest[has_one]], atol=3e-4)
         assert not vectors[~has_one].any()
 
+    @pytest.mark.parametrize(
+        ("number", "center"), [(1, (0, 0, 0)), (300, (5, -2, 0)), (30_000, (-90, 4, 2))]
+    )
+    def test_nearest_rows_are_those_of_the_points_given(self, number, center):
+        points, places = cloud(number, 4.0, center), cloud(500, 5.0, center, seed=1)
+        rows_found = PointGrid(points).nearest(places, 0.5)
+        _, expected = cKDTree(points).query(places, distance_upper_bound=0.5)
+        assert rows_found.tolist() == np.where(expected == number, -1, expected).tolist()
+
+    def test_nothing_is_nearest_to_nowhere(self):
+        places = rows((np.nan, 0, 0), (np.inf, 0, 0), (1e30, 0, 0), (0, 0, 0.1))
+        assert PointGrid(NOWHERE).nearest(places, 0.5).tolist() == [-1, -1, -1, 0]
+        assert PointGrid(rows()).nearest(places, 0.5).tolist() == [-1] * 4
+        assert PointGrid(NOWHERE).nearest(rows(), 0.5).tolist() == []
+
     def test_distances_count_from_what_is_near_enough(self):
         points, places = cloud(3000, 5.0), cloud(500, 6.0, seed=1)
         distances, _, _ = compared(PointGrid(points), places, within_m=0.15)
