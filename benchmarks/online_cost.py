@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 from online_live import serialized, with_stamp
-from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps
+from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
 
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.methods import make_method
@@ -106,7 +106,7 @@ def _process_rows(sweeps: Sequence[Sweep], kiss: Kiss, num_rounds: int) -> Itera
     costs_ms: dict[str, list[float]] = {name: [] for name in (*_TOPICS, "nothing")}
     ratios = []
     with _running_node("-p", "node.always_estimate:=true") as (node, link, start_s):
-        clouds, index = _turns(sweeps), 0
+        clouds, index = to_and_fro(map(serialized, sweeps)), 0
         for round_number in range(-1, num_rounds):
             for name, values in costs_ms.items():
                 with _subscriber(_TOPICS.get(name)):
@@ -175,7 +175,7 @@ def _kiss_icp() -> Kiss:
 def _memory_rows(sweeps: Sequence[Sweep]) -> Iterator[list[str]]:
     """Memory of the node before, with and after clouds that are far larger."""
     with _running_node() as (node, link, _), _subscriber(_TOPICS["~/flow"]):
-        clouds = _turns(sweeps)
+        clouds = to_and_fro(map(serialized, sweeps))
         _play(link, clouds, 0, 20)
         before_mb = node.resident_mb
         yield [
@@ -220,12 +220,6 @@ def _running_node(*arguments: str) -> Iterator[tuple[NodeProcess, ReplayLink, fl
                 node.check()
                 link.spin_for(0.02)
             yield node, link, time.monotonic() - start_s
-
-
-def _turns(sweeps: Sequence[Sweep]) -> list[bytearray]:
-    """The clouds of sweeps, there and back again."""
-    clouds = [serialized(sweep) for sweep in sweeps]
-    return [*clouds, *clouds[-2:0:-1]]
 
 
 def _play(

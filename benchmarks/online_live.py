@@ -9,28 +9,40 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from online_recordings import real_sweeps, simulated_sweeps
+from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
-from mnsf_ros.demo.node_process import node_process
+from mnsf_ros.demo.node_process import NodeProcess, node_process
+from mnsf_ros.demo.replay import ReplayLog, wait_for_node
 from mnsf_ros.node.cloud_messages import encoded_message
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 
 _DURATION_S: Final = 60
 _WARM_UP_S: Final = 3
-_START_TIMEOUT_S: Final = 120
+_FLOW_TIMEOUT_S: Final = 60
+_QUIET_STATUSES: Final = 5
+FIRST_NS: Final = 10**18
+# Each cloud that is published is counted by the node as one of these.
+_CLOUD_EVENTS: Final = (
+    *("sweeps_received", "clouds_undecodable", "clouds_empty"),
+    *("clouds_missed", "sweeps_lost_in_transport"),
+)
+# What was measured, the figure, and whether the promise holds.
+Figure = tuple[str, str, bool]
+
 _NEVER_DROPS_MS: Final = 100
 # Serialized: four bytes say the encoding, then the stamp comes.
 _STAMP_AT: Final = 4
@@ -146,34 +158,17 @@ def _busy_cores(number: int) -> Iterator[None]:
 
 def _play(sweeps: Sequence[Sweep], duration_s: int, rate_hz: int = 10) -> _Played:
     """Publishes sweeps to and fro to a node of its own."""
-    published_s: dict[int, float] = {}
-    arrived_s: dict[int, float] = {}
-
-    def on_flow(flow: ReceivedFlow) -> None:
-        arrived_s[flow.stamp_ns] = flow.arrived_s
-
-    clouds = [serialized(sweep) for sweep in sweeps]
-    turns = [*range(len(clouds)), *range(len(clouds) - 2, 0, -1)]
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        node_process(["-r", "~/points:=/points"], Path(folder) / "node.log") as node,
-        ReplayLink("/points", "/scene_flow/flow", on_flow, lambda raw: None) as link,
-    ):
-        deadline_s = time.monotonic() + _START_TIMEOUT_S
-        while not link.is_connected and time.monotonic() < deadline_s:
-            node.check()
-            link.spin_for(0.1)
+    clouds = to_and_fro(map(serialized, sweeps))
+    with live_node() as node:
         start_s = time.monotonic()
         for index in range(duration_s * rate_hz):
-            link.spin_for(start_s + index / rate_hz - time.monotonic())
-            raw = clouds[turns[index % len(turns)]]
-            stamp_ns = 10**18 + index * (10**9 // rate_hz)
-            stamped = with_stamp(raw, stamp_ns)
-            now_s = time.monotonic()
-            published_s[link.publish(stamped)] = now_s
-        link.spin_for(3.0)
-        estimate_ms = float(link.flow_values.get("estimate median [ms]", np.nan))
-        return _Played(*_fates(published_s, arrived_s), estimate_ms, node.memory_mb)
+            node.link.spin_for(start_s + index / rate_hz - time.monotonic())
+            node.publish(clouds[index % len(clouds)], 10**9 // rate_hz)
+        node.link.spin_for(3.0)
+        estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
+        replay = node.replay
+        fates = _fates(replay.published_s, replay.arrived_s)
+        return _Played(*fates, estimate_ms, node.process.memory_mb)
 
 
 def _fates(published_s: dict[int, float], arrived_s: dict[int, float]) -> tuple[list[float], int]:
@@ -202,3 +197,94 @@ def serialized(sweep: Sweep) -> bytearray:
     encoded = encode_columns(columns, 1, len(sweep))
     message = encoded_message(Header(frame_id="lidar"), encoded, is_dense=True)
     return bytearray(serialize_message(message))
+
+
+class LiveNode:
+    """The node in a process of its own, with a publisher and a subscriber of its flow.
+
+    Attributes:
+        process: The process.
+        link: The other end of its topics.
+        log: What the node says.
+        replay: When good sweeps were published, and when their flow arrived.
+        num_published: Clouds published, good or not.
+    """
+
+    def __init__(self, process: NodeProcess, link: ReplayLink, log: Path) -> None:
+        self.process = process
+        self.link = link
+        self.log = log
+        self.replay = ReplayLog()
+        self.num_published = 0
+
+    @property
+    def num_good(self) -> int:
+        """Good sweeps published."""
+        return len(self.replay.published_s)
+
+    def publish(self, raw: bytearray, interval_ns: int = INTERVAL_NS) -> None:
+        """Publishes a good sweep with the next stamp."""
+        stamped = with_stamp(raw, FIRST_NS + self.num_good * interval_ns)
+        now_s = time.monotonic()
+        self.replay.published_s[self.link.publish(stamped)] = now_s
+        self.num_published += 1
+
+    def settle(self) -> None:
+        """Waits until the node is idle and its counts change no more."""
+        deadline_s, last, before = time.monotonic() + _FLOW_TIMEOUT_S, None, 0
+        while time.monotonic() < deadline_s:
+            self.process.check()
+            now = (dict(self.link.counts), len(self.replay.arrived_s))
+            if now != last:
+                last, before = now, self.link.num_statuses
+            is_idle = self.link.flow_values.get("busy") == "False"
+            if is_idle and self.link.num_statuses - before >= _QUIET_STATUSES:
+                return
+            self.link.spin_for(0.1)
+
+    def state(self) -> dict[str, float]:
+        """What the process holds: memory (MB), open descriptors, threads, shared segments."""
+        proc = Path("/proc", str(self.process.pid))
+        maps = (line.split() for line in (proc / "maps").read_text().splitlines())
+        return {
+            "MB": self.process.resident_mb,
+            "descriptors": len(list((proc / "fd").iterdir())),
+            "threads": len(list((proc / "task").iterdir())),
+            "segments": len({words[-1] for words in maps if words[-1].startswith("/dev/shm")}),
+        }
+
+    def balance(self) -> Iterator[Figure]:
+        """Whether every cloud and every triplet is accounted for."""
+        counts = self.link.counts
+        counted = sum(counts.get(event, 0) for event in _CLOUD_EVENTS)
+        clouds = f"{self.num_published:,} published, {counted:,} counted"
+        yield "clouds accounted for", clouds, counted == self.num_published
+        formed, ended = (
+            counts.get("triplets_formed", 0),
+            sum(counts.get(event, 0) for event in TRIPLET_ENDS),
+        )
+        yield "triplets accounted for", f"{formed:,} formed, {ended:,} ended", formed == ended
+        tracebacks = self.log.read_text(errors="replace").count("Traceback")
+        yield "tracebacks in the log", str(tracebacks), tracebacks == 0
+
+
+@contextmanager
+def live_node(*parameters: str) -> Iterator[LiveNode]:
+    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it."""
+    prepare_environment()
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    with ExitStack() as stack:
+        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "node.log"
+        arguments = ["-r", "~/points:=/points", *words]
+        process = stack.enter_context(node_process(arguments, log))
+
+        def on_flow(flow: ReceivedFlow) -> None:
+            node.replay.arrived_s[flow.stamp_ns] = flow.arrived_s
+
+        link = ReplayLink("/points", "/scene_flow/flow", on_flow, lambda raw: None)
+        node = LiveNode(process, stack.enter_context(link), log)
+        wait_for_node(link, process)
+        while not link.num_statuses:
+            process.check()
+            link.spin_for(0.1)
+        yield node

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from mnsf_ros.sweeps.sweep import Sweep
 _COMPENSATED = frozenset({"apollo_arz034"})
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +111,7 @@ def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
     return None if times_ns is None else (times_ns / 1e9).astype(np.float32)
 
 
-def to_and_fro(sweeps: Sequence[Sweep], number: int) -> Iterator[Sweep]:
-    """As many sweeps as wanted, 10 a second: the given ones forward, backward, and again.
-
-    No jump in it: a robot that drives back as it came.
-    """
-    turns = [*range(len(sweeps)), *range(len(sweeps) - 2, 0, -1)]
-    for index in range(number):
-        sweep = sweeps[turns[index % len(turns)]]
-        yield Sweep(sweep.xyz, 10**18 + index * INTERVAL_NS, sweep.frame_id)
+def to_and_fro(items: Iterable[Item]) -> list[Item]:
+    """Items forward and backward again, for a stream without a jump: a robot drives as it came."""
+    forward = list(items)
+    return [*forward, *forward[-2:0:-1]]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from online_recordings import real_sweeps, simulated_sweeps, to_and_fro
+from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
 
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -57,7 +57,10 @@ def _memory_mb(sweeps: Sequence[Sweep], number: int) -> list[float]:
     estimator = make_method("online", preset("online"))
     recent: list[Sweep] = []
     memory_mb = []
-    for sweep in to_and_fro(sweeps, number):
+    turns = to_and_fro(sweeps)
+    for index in range(number):
+        turn = turns[index % len(turns)]
+        sweep = Sweep(turn.xyz, 10**18 + index * INTERVAL_NS, turn.frame_id)
         recent = [*recent[-2:], sweep]
         if len(recent) == 3:
             estimator.estimate(SweepTriplet(*recent))

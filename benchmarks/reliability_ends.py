@@ -19,9 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from online_live import serialized, with_stamp
+from online_live import Figure, live_node, serialized, with_stamp
 from online_recordings import simulated_sweeps
-from reliability_live import Figure, live_node
 
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.node.environment import prepare_environment
@@ -166,7 +165,7 @@ def _killed_publishers(number: int, random: np.random.Generator) -> Iterator[Fig
     """Publishers in processes of their own are killed, one after the other; the node goes on."""
     answered = 0
     context = multiprocessing.get_context("spawn")
-    with live_node("node.always_estimate:=true") as node:
+    with live_node("node.diagnostics_period_s:=0.2", "node.always_estimate:=true") as node:
         for _ in range(number):
             publisher = context.Process(target=_publish_for_ever, daemon=True)
             publisher.start()

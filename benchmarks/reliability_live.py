@@ -5,137 +5,39 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
 import rclpy
 from hostile_clouds import KINDS, hostile
-from online_live import serialized, with_stamp
-from online_recordings import INTERVAL_NS, simulated_sweeps
+from online_live import FIRST_NS, Figure, LiveNode, live_node, serialized, with_stamp
+from online_recordings import INTERVAL_NS, simulated_sweeps, to_and_fro
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 
-from mnsf_ros.demo.node_process import NodeProcess, node_process
-from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
-from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import declared_settings
 
-# What was measured, the figure, and whether the promise holds.
-Figure = tuple[str, str, bool]
-
 _START_TIMEOUT_S: Final = 120
 _FLOW_TIMEOUT_S: Final = 60
-_QUIET_STATUSES: Final = 5
-_FIRST_NS: Final = 10**18
-# Each cloud that is published is counted by the node as one of these.
-_CLOUD_EVENTS: Final = (
-    *("sweeps_received", "clouds_undecodable", "clouds_empty"),
-    *("clouds_missed", "sweeps_lost_in_transport"),
-)
-
-
-class LiveNode:
-    """The node in a process of its own, with a publisher and a subscriber of its flow."""
-
-    def __init__(self, process: NodeProcess, link: ReplayLink, log: Path) -> None:
-        self.process = process
-        self.link = link
-        self.log = log
-        self.published_s: dict[int, float] = {}
-        self.arrived_s: dict[int, float] = {}
-        self.num_published = 0
-        self.num_good = 0
-
-    def publish(self, raw: bytearray, interval_ns: int = INTERVAL_NS) -> None:
-        """Publishes a good sweep with the next stamp."""
-        stamped = with_stamp(raw, _FIRST_NS + self.num_good * interval_ns)
-        now_s = time.monotonic()
-        self.published_s[self.link.publish(stamped)] = now_s
-        self.num_good += 1
-        self.num_published += 1
-
-    def settle(self) -> None:
-        """Waits until the node is idle and its counts change no more."""
-        deadline_s, last, before = time.monotonic() + _FLOW_TIMEOUT_S, None, 0
-        while time.monotonic() < deadline_s:
-            self.process.check()
-            now = (dict(self.link.counts), len(self.arrived_s))
-            if now != last:
-                last, before = now, self.link.num_statuses
-            is_idle = self.link.flow_values.get("busy") == "False"
-            if is_idle and self.link.num_statuses - before >= _QUIET_STATUSES:
-                return
-            self.link.spin_for(0.1)
-
-    def state(self) -> dict[str, float]:
-        """What the process holds: memory (MB), open descriptors, threads, shared segments."""
-        proc = Path("/proc", str(self.process.pid))
-        maps = (line.split() for line in (proc / "maps").read_text().splitlines())
-        return {
-            "MB": self.process.resident_mb,
-            "descriptors": len(list((proc / "fd").iterdir())),
-            "threads": len(list((proc / "task").iterdir())),
-            "segments": len({words[-1] for words in maps if words[-1].startswith("/dev/shm")}),
-        }
-
-    def balance(self) -> Iterator[Figure]:
-        """Whether every cloud and every triplet is accounted for."""
-        counts = self.link.counts
-        counted = sum(counts.get(event, 0) for event in _CLOUD_EVENTS)
-        clouds = f"{self.num_published:,} published, {counted:,} counted"
-        yield "clouds accounted for", clouds, counted == self.num_published
-        formed, ended = (
-            counts.get("triplets_formed", 0),
-            sum(counts.get(event, 0) for event in TRIPLET_ENDS),
-        )
-        yield "triplets accounted for", f"{formed:,} formed, {ended:,} ended", formed == ended
-        tracebacks = self.log.read_text(errors="replace").count("Traceback")
-        yield "tracebacks in the log", str(tracebacks), tracebacks == 0
-
-
-@contextmanager
-def live_node(*parameters: str) -> Iterator[LiveNode]:
-    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it."""
-    prepare_environment()
-    words = [word for parameter in parameters for word in ("-p", parameter)]
-    with ExitStack() as stack:
-        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "node.log"
-        arguments = ["-r", "~/points:=/points", "-p", "node.diagnostics_period_s:=0.2", *words]
-        process = stack.enter_context(node_process(arguments, log))
-
-        def on_flow(flow: ReceivedFlow) -> None:
-            node.arrived_s[flow.stamp_ns] = flow.arrived_s
-
-        link = ReplayLink("/points", "/scene_flow/flow", on_flow, lambda raw: None)
-        node = LiveNode(process, stack.enter_context(link), log)
-        deadline_s = time.monotonic() + _START_TIMEOUT_S
-        while not link.is_connected or not link.num_statuses:
-            process.check()
-            if time.monotonic() > deadline_s:
-                raise process.failure("the node was not there in time")
-            link.spin_for(0.1)
-        yield node
+_OFTEN: Final = "node.diagnostics_period_s:=0.2"
 
 
 def _clouds(**settings: int) -> Iterator[bytearray]:
     """Serialized sweeps of a simulated street, to and fro without end."""
-    clouds = [serialized(item.sweep) for item in simulated_sweeps(0, 24, **settings)]
-    return itertools.cycle([*clouds, *clouds[-2:0:-1]])
+    return itertools.cycle(
+        to_and_fro(serialized(s.sweep) for s in simulated_sweeps(0, 24, **settings))
+    )
 
 
 def soak(options: argparse.Namespace) -> Iterator[Figure]:
     """Full sweeps at 10 Hz: memory, descriptors, threads and segments stay what they are."""
     warm_up = round(min(600, options.hours * 900) * 10)
-    with live_node() as node:
+    with live_node(_OFTEN) as node:
         clouds, start_s, early = _clouds(), time.monotonic(), {}
         for number in range(round(options.hours * 36_000)):
             node.link.spin_for(start_s + number / 10 - time.monotonic())
@@ -145,7 +47,7 @@ def soak(options: argparse.Namespace) -> Iterator[Figure]:
                 early = node.state()
         node.settle()
         late = node.state()
-        yield "sweeps, flows", f"{node.num_published:,}, {len(node.arrived_s):,}", True
+        yield "sweeps, flows", f"{node.num_published:,}, {len(node.replay.arrived_s):,}", True
         growth_mb = late["MB"] - early["MB"]
         text = f"{growth_mb:+.1f} MB after the first {warm_up / 600:.0f} min, now {late['MB']:.0f}"
         yield "memory", text, growth_mb <= 20
@@ -156,24 +58,19 @@ def soak(options: argparse.Namespace) -> Iterator[Figure]:
 
 def overload(options: argparse.Namespace) -> Iterator[Figure]:
     """20 Hz of 128 beams, more than the machine manages: latency stays bounded."""
-    with live_node() as node:
+    with live_node(_OFTEN) as node:
         clouds, start_s = _clouds(num_beams=128, num_columns=1760), time.monotonic()
         for number in range(round(options.hours * 72_000)):
             node.link.spin_for(start_s + number / 20 - time.monotonic())
             node.process.check()
             node.publish(next(clouds), INTERVAL_NS // 2)
         node.settle()
-        stamps = list(node.published_s)
-        latencies = [
-            node.arrived_s[stamp] - node.published_s[following]
-            for stamp, following in itertools.pairwise(stamps)
-            if stamp in node.arrived_s
-        ]
+        latencies_ms, num_sweeps = node.replay.latencies_ms, len(node.replay.published_s)
         estimate_ms = float(node.link.flow_values.get("estimate median [ms]", math.nan))
-        flows = f"{len(latencies):,} of {len(stamps):,} in {options.hours * 60:g} min"
-        yield "flows", flows, 0 < len(latencies) < len(stamps)
+        flows = f"{len(latencies_ms):,} of {num_sweeps:,} in {options.hours * 60:g} min"
+        yield "flows", flows, 0 < len(latencies_ms) < num_sweeps
         for percentile in (50, 99):
-            latency_ms = float(np.percentile(latencies, percentile)) * 1e3
+            latency_ms = float(np.percentile(latencies_ms, percentile))
             text = f"{latency_ms:.0f} ms, an estimate takes {estimate_ms:.0f} ms"
             yield f"latency, {percentile}th percentile", text, latency_ms <= 2 * estimate_ms
         yield from node.balance()
@@ -183,12 +80,12 @@ def clouds(options: argparse.Namespace) -> Iterator[Figure]:
     """Hostile clouds of every kind between good sweeps."""
     random = np.random.default_rng(options.seed)
     good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
-    with live_node("node.always_estimate:=true") as node:
+    with live_node(_OFTEN, "node.always_estimate:=true") as node:
         answered, asked = 0, 0
         log_before = node.log.stat().st_size
         for number in range(options.number):
             node.process.check()
-            between = with_stamp(good, _FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
+            between = with_stamp(good, FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
             node.link.publish_bytes(hostile(KINDS[number % len(KINDS)], between, random))
             node.num_published += 1
             node.publish(good)
@@ -208,12 +105,12 @@ def clouds(options: argparse.Namespace) -> Iterator[Figure]:
 
 def _is_answered(node: LiveNode, good: bytearray) -> bool:
     """Whether flow comes for one of some good sweeps in a row."""
-    before = len(node.arrived_s)
+    before = len(node.replay.arrived_s)
     deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
-    while len(node.arrived_s) == before and time.monotonic() < deadline_s:
+    while len(node.replay.arrived_s) == before and time.monotonic() < deadline_s:
         node.publish(good)
         node.link.spin_for(0.1)
-    return len(node.arrived_s) > before
+    return len(node.replay.arrived_s) > before
 
 
 def parameters(options: argparse.Namespace) -> Iterator[Figure]:
@@ -224,7 +121,7 @@ def parameters(options: argparse.Namespace) -> Iterator[Figure]:
     changeable = [setting for setting in declared_settings() if not setting.fixed]
     wrong: list[str] = []
     accepted, done, end_s = 0, 0, time.monotonic() + options.minutes * 60
-    with live_node("compute.device:=cpu") as node, _Parameters() as client:
+    with live_node(_OFTEN, "compute.device:=cpu") as node, _Parameters() as client:
         for number in range(options.number):
             if time.monotonic() > end_s:
                 break
@@ -314,4 +211,3 @@ PROMISES: Final[Mapping[str, object]] = {
     "clouds": clouds,
     "parameters": parameters,
 }
-__all__: Sequence[str] = ("PROMISES", "Figure", "LiveNode", "live_node")

@@ -142,7 +142,7 @@ def replay(
     names = [namespace + name for name in (POINTS_TOPIC, FLOW_TOPIC, DIAGNOSTICS_TOPIC)]
     with ReplayLink(names[0], names[1], on_flow, on_diagnostics, names[2]) as link:
         link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
-        _wait_for_node(link, node)
+        wait_for_node(link, node)
         start_s, cpu_before_s = time.monotonic(), node.cpu_s
         pace = Pace(clock=time.monotonic)
         for time_ns, raw in reader.raw_messages(topic):
@@ -160,7 +160,12 @@ def replay(
     return log
 
 
-def _wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
+def wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
+    """Waits until the node listens and will be heard.
+
+    Raises:
+        NodeProcessError: If the node ends or does not come up.
+    """
     deadline_s = time.monotonic() + _START_TIMEOUT_S
     while not link.is_connected:
         node.check()

@@ -19,7 +19,7 @@ from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
+from mnsf_ros.sweeps_io.flow_cloud import CloudSource, sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -94,12 +94,13 @@ def recorded_sweeps(
     """
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
-        cloud = decode_cloud(message, settings, received_ns)
+        sweep = sweep_from_message(message, settings, received_ns)
+        cloud: CloudSource = sweep.source
         findings.count(Event.SWEEPS_READ)
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)
-        return replace(cloud.sweep, source=source)
+        return replace(sweep, source=source)
 
     return _decoded(reader, topic, findings, sweep_of)
 

@@ -45,7 +45,7 @@ class CloudIntake:
         except MessageError as error:
             self._report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
             return None
-        if not (message.header.stamp.sec or message.header.stamp.nanosec):
+        if not sweep.source.is_stamped:
             text = "a cloud has no stamp; its time of arrival is used"
             self._report("clouds_without_stamp", text)
         if len(sweep) == 0:

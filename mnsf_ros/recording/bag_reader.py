@@ -19,8 +19,7 @@ from mnsf_ros.decompression import decompress
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import METADATA_NAME, recording_files
 from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
-from mnsf_ros.recording.contradictions import unfit_counts, unfit_database
-from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
+from mnsf_ros.recording.damage import UNREADABLE, Damage, reason, unfit_counts, unfit_database
 from mnsf_ros.recording.metadata import check_metadata
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
 from mnsf_ros.recording.rosbags_limits import limit_rosbags

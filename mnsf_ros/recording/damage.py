@@ -1,9 +1,14 @@
-"""What is wrong with a recording, and where; and what the bag libraries raise on such files."""
+"""What is wrong with a recording, and where; and what the bag libraries raise on such files.
+
+A recording without checksums can still contradict itself: in its counts, in its tables.
+"""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import apsw
@@ -49,6 +54,16 @@ _REMEDIES: Final = {
     "string or blob too big": f"a message has more than {MAX_BYTES} bytes, which is the limit",
 }
 _MAX_LENGTH: Final = 300
+# What is found by it, and what is said then. The first reads the whole file.
+_CHECKS: Final = {
+    "SELECT integrity_check FROM pragma_integrity_check WHERE integrity_check != 'ok' LIMIT 1": (
+        "the database is damaged: {}"
+    ),
+    "SELECT count(*) AS number FROM messages "
+    "WHERE topic_id NOT IN (SELECT id FROM topics) HAVING number > 0": (
+        "messages that belong to no topic: {}"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -82,3 +97,25 @@ def reason(error: BaseException) -> str:
         text = f"{type(error).__name__}: {text}" if text else type(error).__name__
     remedies = [remedy for words, remedy in _REMEDIES.items() if words in text]
     return f"{text} ({remedies[0]})" if remedies else text
+
+
+def unfit_counts(
+    where: Path, promised: Mapping[str, int], found: Mapping[str, int]
+) -> Iterator[Damage]:
+    """Yields a Damage for each topic of which a file promises another number than there is."""
+    for topic in sorted({*promised, *found}):
+        numbers = promised.get(topic, 0), found.get(topic, 0)
+        if numbers[0] != numbers[1]:
+            text = f"promises {numbers[0]} messages on {topic!r}, {numbers[1]} are stored"
+            yield Damage(str(where), "", text)
+
+
+def unfit_database(file: str, database: apsw.Connection) -> Iterator[Damage]:
+    """Yields a Damage for what does not fit together in an open database of rosbag2."""
+    for query, text in _CHECKS.items():
+        try:
+            found = [text.format(" ".join(str(row[0]).split())) for row in database.execute(query)]
+        except apsw.Error as error:
+            found = [f"the database cannot be checked: {reason(error)}"]
+        for one in found:
+            yield Damage(file, "", one)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -12,22 +12,35 @@ from mnsf_ros.core.flow_columns import chosen_columns, flow_columns, position_co
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import PointCloudLike
-from msg_utils.point_cloud2 import clash_names, encoding_of_columns, encoding_with_columns
-from msg_utils.point_times import PointTimes
+from msg_utils.point_cloud2 import (
+    clash_names,
+    decode_xyz,
+    encoding_of_columns,
+    encoding_with_columns,
+)
+from msg_utils.point_times import PointTimes, TimeRule, decode_times
+from msg_utils.stamps import decode_stamp
 
 _CLASH_PREFIX: Final = "sensor_"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CloudSource:
-    """The message that a sweep was decoded from."""
+    """The cloud that a sweep was decoded from.
 
-    message: Any  # sensor_msgs/PointCloud2, or what has its attributes
-    finite: NDArray[np.bool_]  # (height * width,) the points of the message that are in the sweep
+    Attributes:
+        message: A sensor_msgs/PointCloud2, or what has its attributes.
+        finite: (height * width,) bool, the points of the message that are in the sweep.
+        times: What the cloud says of the times of these points.
+        is_stamped: Whether the message has a stamp.
+    """
+
+    message: Any
+    finite: NDArray[np.bool_]
     times: PointTimes
+    is_stamped: bool = True
 
 
 def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: int) -> Sweep:
@@ -38,8 +51,13 @@ def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: 
     Raises:
         MessageError: If the message cannot be decoded.
     """
-    cloud = decode_cloud(message, settings, now_ns)
-    return replace(cloud.sweep, source=CloudSource(message, cloud.finite, cloud.times))
+    xyz, finite = decode_xyz(message)
+    own_stamp_ns = decode_stamp(message.header.stamp)
+    stamp_ns = own_stamp_ns or now_ns
+    rule = TimeRule(settings.field, settings.unit, settings.stamp)
+    times = decode_times(message, finite, stamp_ns, rule)
+    source = CloudSource(message, finite, times, is_stamped=own_stamp_ns != 0)
+    return Sweep(xyz, stamp_ns, message.header.frame_id, source=source, times_s=times.times_s)
 
 
 def flow_cloud(

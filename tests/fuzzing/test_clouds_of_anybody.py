@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mnsf_ros.settings import TimeSettings
-from mnsf_ros.sweeps_io.cloud_sweep import decode_cloud
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 
@@ -97,11 +97,10 @@ def test_coordinates_or_a_message_error(cloud):
 )
 def test_a_sweep_has_only_finite_points(cloud, settings):
     try:
-        decoded = decode_cloud(cloud, settings, 10**18)
+        sweep = sweep_from_message(cloud, settings, 10**18)
     except MessageError as error:
         assert str(error)
         return
-    sweep = decoded.sweep
     assert np.isfinite(sweep.xyz).all()
-    assert len(sweep.xyz) == np.count_nonzero(decoded.finite)
+    assert len(sweep.xyz) == np.count_nonzero(sweep.source.finite)
     assert sweep.times_s is None or len(sweep.times_s) == len(sweep)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_topics import TopicSummary
-from mnsf_ros.recording.contradictions import unfit_counts
-from mnsf_ros.recording.damage import Damage, reason
+from mnsf_ros.recording.damage import Damage, reason, unfit_counts
 from mnsf_ros.recording.inspected import Inspection, Progress
 from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
 
@@ -53,12 +52,9 @@ def inspect_damaged(
         files = files or plain_files(path, ROS1)
         if not files:
             raise problem
-    progress = Progress(files, watch)
-    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
-    found = _merged(contents)
+    contents, found, damages = _read_files(files, watch)
     if not any(summary.count for summary in found.values()):
         raise problem or RecordingError(f"{path}: holds no messages that can be read")
-    damages = [damage for content in contents for damage in content.damages]
     if problem is None and not damages and found != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
@@ -81,11 +77,7 @@ def inspect_ros1(
 
     Where the index does not fit what they hold, they are read without it.
     """
-    files = plain_files(path, ROS1)
-    progress = Progress(files, watch)
-    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
-    found = _merged(contents)
-    damages = [damage for content in contents for damage in content.damages]
+    contents, found, damages = _read_files(plain_files(path, ROS1), watch)
     counts = [{name: one.count for name, one in of.items() if one.count} for of in (topics, found)]
     damages = damages or list(unfit_counts(path, *counts))
     is_unfit = counts[0] != counts[1] and sum(counts[1].values()) >= sum(counts[0].values())
@@ -98,13 +90,19 @@ def inspect_ros1(
     )
 
 
-def _merged(contents: Sequence[_FileContent]) -> dict[str, TopicSummary]:
+def _read_files(
+    files: Sequence[Path], watch: Callable[[int, int], None] | None
+) -> tuple[list[_FileContent], dict[str, TopicSummary], list[Damage]]:
+    """What was found in each file, in the order of time, and topics and damages of all."""
+    progress = Progress(files, watch)
+    contents = sorted((_read_file(file, progress) for file in files), key=lambda one: one.first_ns)
     topics: dict[str, TopicSummary] = {}
     for content in contents:
         for name, summary in content.topics.items():
             known = topics.get(name, TopicSummary(summary.msgtype, 0))
             topics[name] = TopicSummary(known.msgtype, known.count + summary.count)
-    return dict(sorted(topics.items()))
+    damages = [damage for content in contents for damage in content.damages]
+    return contents, dict(sorted(topics.items())), damages
 
 
 def _read_file(file: Path, progress: Progress) -> _FileContent:
