@@ -7,9 +7,18 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from authors_figures import ACC5, AUTHORS, DECIMALS, DYNAMIC, EPE, STATIC, verdict
 from kitti_examples import SCALES
-from paper_figures import Measured, measured_of
+from paper_figures import (
+    ACC5,
+    AUTHORS,
+    DECIMALS,
+    DYNAMIC,
+    EPE,
+    STATIC,
+    Measured,
+    measured_of,
+    verdict,
+)
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import ResultRow

@@ -26,8 +26,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from kitti_examples import KittiExample, missing_data, read_example
 from marked_section import add_document_option, replace_section
 from paper_document import document, printed
-from paper_plan import PLAN, Job, done_jobs, method_names, missing, planned
-from paper_settings import PaperRecord, merged_settings, outdated
+from paper_plan import (
+    PLAN,
+    Job,
+    PaperRecord,
+    done_jobs,
+    merged_settings,
+    method_names,
+    missing,
+    outdated,
+    planned,
+)
 from rich.console import Console
 
 from mnsf_ros.errors import MnsfError

@@ -95,7 +95,7 @@ def test_what_is_done_is_not_planned_again(load):
 
 
 def test_record_of_settings_is_that_of_each_method(load):
-    module = load("paper_settings")
+    module = load("paper_plan")
     before = dict(preset("paper").to_mapping())
     early = {"paper": before | {"objects.cell_size_m": 9.0, "nsfp.patience": 1}}
     assert module.outdated(early, ["mnsf", "fnsf", "nsfp", "online"]) == [
@@ -114,7 +114,7 @@ def test_record_of_settings_is_that_of_each_method(load):
 def test_setting_that_is_new_has_not_changed(load):
     before = dict(preset("paper").to_mapping())
     del before["mnsf_cycle.weight"]
-    assert load("paper_settings").outdated({"paper": before}, ["mnsf-cycle"]) == []
+    assert load("paper_plan").outdated({"paper": before}, ["mnsf-cycle"]) == []
 
 
 def test_figures_are_means_over_seeds_that_are_complete(load):
@@ -150,7 +150,7 @@ AUTHORS = {"EPE (m)": 0.050, "Acc5 (%)": 60.0, "EPE dynamic": 0.300, "EPE static
     ],
 )
 def test_verdict(load, ours, spread, text):
-    verdict = load("authors_figures").verdict
+    verdict = load("paper_figures").verdict
     figures = dict(zip(AUTHORS, ours, strict=True))
     assert verdict(AUTHORS, figures, dict.fromkeys(AUTHORS, spread)) == text
 

@@ -89,6 +89,19 @@ def add(pipeline, wait_until):
     return add_sweeps
 
 
+@pytest.fixture
+def hold_first_flow(recorder, make_sweep):
+    """Adds three sweeps and waits until their flow is held up before it is handed out."""
+
+    def hold(pipeline):
+        recorder.hold()
+        for index in range(3):
+            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
+        assert recorder.is_held.wait(PATIENCE_S)
+
+    return hold
+
+
 def counts_of(pipeline):
     return pipeline.statistics.snapshot().counts
 
@@ -129,12 +142,9 @@ def test_each_further_sweep_gives_one_more_flow_from_a_warm_start(add, recorder,
 
 
 def test_sweeps_faster_than_the_estimate_are_dropped_and_the_newest_wins(
-    pipeline, recorder, make_sweep, wait_until
+    pipeline, recorder, make_sweep, wait_until, hold_first_flow
 ):
-    recorder.hold()
-    for index in range(3):
-        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-    assert recorder.is_held.wait(PATIENCE_S)
+    hold_first_flow(pipeline)
     for index in range(3, 20):
         pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
         wait_until(lambda: pipeline._preparing.load == 0)
@@ -160,12 +170,9 @@ def test_sweeps_that_nobody_watches_are_only_kept(pipeline, add, recorder, make_
 
 
 def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
-    pipeline, recorder, make_sweep, wait_until
+    pipeline, recorder, make_sweep, wait_until, hold_first_flow
 ):
-    recorder.hold()
-    for index in range(3):
-        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-    assert recorder.is_held.wait(PATIENCE_S)
+    hold_first_flow(pipeline)
     pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
     pipeline.add_sweep(make_sweep(4), time.monotonic_ns(), is_watched=False)
     recorder.let_go()
@@ -193,13 +200,10 @@ def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
 
 class TestSettings:
     def test_hold_from_the_next_estimate_on(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
+        self, make_pipeline, recorder, make_sweep, network_settings, wait_until, hold_first_flow
     ):
         pipeline = make_pipeline(network_settings)
-        recorder.hold()
-        for index in range(3):
-            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert recorder.is_held.wait(PATIENCE_S)
+        hold_first_flow(pipeline)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
         pipeline.change_settings(network_settings.changed({"warm_start.max_iterations": 7}))
         recorder.let_go()
@@ -438,12 +442,9 @@ class TestClose:
         assert "estimates_failed" not in counts_of(pipeline)
 
     def test_while_a_flow_is_handed_out_lets_it_be_the_last(
-        self, pipeline, recorder, make_sweep, wait_until
+        self, pipeline, recorder, make_sweep, wait_until, hold_first_flow
     ):
-        recorder.hold()
-        for index in range(3):
-            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert recorder.is_held.wait(PATIENCE_S)
+        hold_first_flow(pipeline)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
         assert pipeline.close(0.0) is False
         recorder.let_go()
@@ -455,12 +456,9 @@ class TestClose:
         add(*(make_sweep(index) for index in range(4)))
         assert recorder.handed_out == recorder.failures == []
 
-    def test_while_it_fails_reports_no_failure(self, pipeline, recorder, make_sweep):
+    def test_while_it_fails_reports_no_failure(self, pipeline, recorder, hold_first_flow):
         recorder.error = RuntimeError("the publisher is gone")
-        recorder.hold()
-        for index in range(3):
-            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert recorder.is_held.wait(PATIENCE_S)
+        hold_first_flow(pipeline)
         assert pipeline.close(0.0) is False
         recorder.let_go()
         assert pipeline.close(PATIENCE_S) is True

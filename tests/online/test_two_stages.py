@@ -146,6 +146,18 @@ def add(make_sweep):
     return add_sweeps
 
 
+@pytest.fixture
+def held(add):
+    """Adds sweeps, the last of which is held up at a gate."""
+
+    def add_and_hold(gate, pipeline, *indices):
+        gate.hold()
+        add(pipeline, *indices)
+        assert gate.is_reached.wait(PATIENCE_S)
+
+    return add_and_hold
+
+
 def stamp_ns(index):
     return 10**9 + index * 10**8
 
@@ -164,11 +176,9 @@ def assert_balanced(pipeline):
 
 
 def test_a_sweep_is_prepared_while_the_last_estimate_is_under_way(
-    pipeline, script, add, wait_until
+    pipeline, script, add, held, wait_until
 ):
-    script.at_estimate.hold()
-    add(pipeline, 0, 1, 2)
-    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    held(script.at_estimate, pipeline, 0, 1, 2)
     add(pipeline, 3)
     wait_until(lambda: script.prepared == stamps(2, 3))
     assert script.estimated == []
@@ -177,10 +187,8 @@ def test_a_sweep_is_prepared_while_the_last_estimate_is_under_way(
     assert script.estimated == stamps(2, 3)
 
 
-def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, wait_until):
-    script.at_estimate.hold()
-    add(pipeline, 0, 1, 2)
-    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, held, wait_until):
+    held(script.at_estimate, pipeline, 0, 1, 2)
     for index in range(3, 9):
         add(pipeline, index)
         wait_until(lambda: script.prepared[-1] == stamp_ns(index))  # noqa: B023 - called at once
@@ -194,11 +202,9 @@ def test_a_dropped_triplet_was_prepared_in_its_turn(pipeline, script, add, wait_
 
 
 def test_sweeps_faster_than_their_preparation_are_dropped_before_it_and_the_newest_wins(
-    pipeline, script, add, wait_until
+    pipeline, script, add, held, wait_until
 ):
-    script.at_prepare.hold()
-    add(pipeline, 0, 1, 2)
-    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    held(script.at_prepare, pipeline, 0, 1, 2)
     add(pipeline, *range(3, 20))
     assert pipeline.load == 4
     assert counts_of(pipeline)["triplets_dropped"] == 14
@@ -225,11 +231,9 @@ def test_an_error_of_preparation_costs_its_triplet_only(
 
 
 def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_ones(
-    pipeline, script, add, quick_settings, wait_until
+    pipeline, script, add, held, quick_settings, wait_until
 ):
-    script.at_estimate.hold()
-    add(pipeline, 0, 1, 2)
-    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    held(script.at_estimate, pipeline, 0, 1, 2)
     add(pipeline, 3)
     wait_until(lambda: script.prepared == stamps(2, 3))
     pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.4}))
@@ -243,18 +247,14 @@ def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_one
 
 
 def test_a_triplet_that_newer_settings_have_overtaken_is_dropped(
-    pipeline, script, add, quick_settings, monkeypatch, wait_until
+    pipeline, script, add, held, quick_settings, monkeypatch, wait_until
 ):
     """Its sweeps are older than those that are ready: prepared now, they would be a gap."""
     monkeypatch.setattr(online_pipeline, "_ABANDONED_AFTER_S", PATIENCE_S)
-    script.at_estimate.hold()
-    add(pipeline, 0, 1, 2)
-    assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    held(script.at_estimate, pipeline, 0, 1, 2)
     add(pipeline, 3)
     wait_until(lambda: script.prepared == stamps(2, 3) and pipeline.load == 2)
-    script.at_prepare.hold()
-    add(pipeline, 4)
-    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    held(script.at_prepare, pipeline, 4)
     pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.3}))
     script.at_estimate.let_go()
     wait_until(lambda: script.estimated == stamps(2) and pipeline.load == 2)
@@ -263,9 +263,7 @@ def test_a_triplet_that_newer_settings_have_overtaken_is_dropped(
     script.at_prepare.let_go()
     assert script.at_estimate.is_reached.wait(PATIENCE_S)
     wait_until(lambda: pipeline.load == 2)
-    script.at_prepare.hold()
-    add(pipeline, 5)
-    assert script.at_prepare.is_reached.wait(PATIENCE_S)
+    held(script.at_prepare, pipeline, 5)
     script.at_estimate.let_go()
     wait_until(lambda: script.estimated == stamps(2, 3) and pipeline.load == 2)
     # Now 4 has its turn. It waits for 5, which is prepared with the new settings.
@@ -293,11 +291,9 @@ def test_settings_change_nothing_under_a_sweep_that_is_being_prepared(
 
 class TestReset:
     def test_abandons_a_triplet_that_is_being_prepared_and_the_one_that_waits(
-        self, pipeline, script, add, wait_until
+        self, pipeline, script, add, held, wait_until
     ):
-        script.at_prepare.hold()
-        add(pipeline, 0, 1, 2)
-        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        held(script.at_prepare, pipeline, 0, 1, 2)
         add(pipeline, 3)
         pipeline.reset()
         script.at_prepare.let_go()
@@ -306,15 +302,11 @@ class TestReset:
         assert counts_of(pipeline)["triplets_abandoned"] == 2
         assert_balanced(pipeline)
 
-    def test_abandons_all_that_is_under_way(self, pipeline, script, add, wait_until):
-        script.at_estimate.hold()
-        add(pipeline, 0, 1, 2)
-        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    def test_abandons_all_that_is_under_way(self, pipeline, script, add, held, wait_until):
+        held(script.at_estimate, pipeline, 0, 1, 2)
         add(pipeline, 3)
         wait_until(lambda: script.prepared == stamps(2, 3))
-        script.at_prepare.hold()
-        add(pipeline, 4)
-        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        held(script.at_prepare, pipeline, 4)
         add(pipeline, 5)
         pipeline.reset()
         script.at_prepare.let_go()
@@ -331,20 +323,16 @@ class TestReset:
 
 class TestClose:
     def test_while_a_sweep_is_prepared_hands_out_nothing_any_more(
-        self, pipeline, script, add, flows
+        self, pipeline, script, held, flows
     ):
-        script.at_prepare.hold()
-        add(pipeline, 0, 1, 2)
-        assert script.at_prepare.is_reached.wait(PATIENCE_S)
+        held(script.at_prepare, pipeline, 0, 1, 2)
         assert pipeline.close(0.0) is False
         script.at_prepare.let_go()
         assert pipeline.close(PATIENCE_S) is True
         assert script.estimated == flows == []
 
-    def test_ends_both_workers(self, pipeline, script, add, flows):
-        script.at_estimate.hold()
-        add(pipeline, 0, 1, 2)
-        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+    def test_ends_both_workers(self, pipeline, script, add, held, flows):
+        held(script.at_estimate, pipeline, 0, 1, 2)
         add(pipeline, 3)
         assert pipeline.close(PATIENCE_S) is True
         assert pipeline.load == 0
@@ -424,11 +412,9 @@ class TestFlowOfTheOnlineMethod:
             wait_until(lambda: gated.load == 0)
         self.assert_same(flows, offline(*range(2, 10)))
 
-    def test_after_dropped_triplets(self, gated, script, add, flows, offline, wait_until):
+    def test_after_dropped_triplets(self, gated, script, add, held, flows, offline, wait_until):
         """A dropped triplet leaves no gap in ego motion and older sweeps."""
-        script.at_estimate.hold()
-        add(gated, 0, 1, 2)
-        assert script.at_estimate.is_reached.wait(PATIENCE_S)
+        held(script.at_estimate, gated, 0, 1, 2)
         for index in range(3, 8):
             add(gated, index)
             wait_until(lambda: script.prepared[-1] == stamp_ns(index))  # noqa: B023 - as above
