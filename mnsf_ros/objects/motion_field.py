@@ -17,6 +17,9 @@ _REACH_M: Final = 0.4
 _NUM_FIRST: Final = 2
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
+# Nothing climbs more steeply, by the road and by how the sensor is mounted. Where a part of an
+# object is hidden in the target, the nearest points lead up or down.
+_STEEPEST: Final = np.float32(0.15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,4 +54,6 @@ def fit_motion_field(
         reach_m = _FIRST_REACH_M if iteration < _NUM_FIRST else _REACH_M
         pulls, num_matched = target.pulls(objects, flows, reach_m)
         flows = flows + (_STEP * pulls).astype(np.float32)
+        climbs = _STEEPEST * np.hypot(flows[:, 0], flows[:, 1])
+        flows[:, 2] = np.clip(flows[:, 2], -climbs, climbs)
     return MotionField(flows * (np.float32(target.steps) / num_steps), num_matched)

@@ -307,6 +307,16 @@ class TestFusion:
         assert standing.past == pytest.approx(np.array([each[:1]]))
 
 
+@pytest.mark.parametrize("is_seen", [np.greater, np.less])
+def test_what_is_half_hidden_elsewhere_does_not_climb(current, objects, is_seen):
+    """A pedestrian of whom a parked car hides the legs in one sweep, or who comes out from it."""
+    motion = rows((0.12, 0.0, 0.0))
+    whole = surface(np.add(BOX_AT, motion[0]))
+    half = whole[is_seen(whole[:, 2], BOX_AT[2])]
+    field = fit_motion_field(objects, target(prepared(half), current), motion, 4)
+    assert abs(field.flows[0, 2]) <= 0.15 * np.hypot(*field.flows[0, :2]) + 1e-6
+
+
 def judged(motions, cost):
     near = np.full((len(motions), 2), cost)
     return JudgedMotions(motions, near, near[:, :0], np.zeros(len(motions), np.float32))
