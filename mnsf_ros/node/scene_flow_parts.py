@@ -121,8 +121,10 @@ class SceneFlowParts:
             self._node.create_timer(period_s, self._guarded(callback), clock=clock)
 
     def _greet(self) -> None:
+        reliability = f"qos_overrides.{self._input.state.topic}.subscription.reliability"
+        replaced = REPLACED | {reliability: "set node.input_reliability"}
         for name in undeclared_overrides(self._node):
-            instead = f"; {REPLACED[name]}" if name in REPLACED else ""
+            instead = f"; {replaced[name]}" if name in replaced else ""
             self._node.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
         self._node.get_logger().info(greeting(_with_node_threads(self._settings)))
         self._node.get_logger().info(

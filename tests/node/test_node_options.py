@@ -19,6 +19,7 @@ def process(start_node):
         "node.odom_frame": "front/odom",
         f"qos_overrides.{NAME}/flow/moving.publisher.reliability": "best_effort",
         f"qos_overrides.{NAME}/points.subscription.depth": 2,
+        f"qos_overrides.{NAME}/points.subscription.reliability": "reliable",
     }
     process = start_node(QUICK | options, "-r", "__ns:=/front", "-r", "__node:=street")
     yield process
@@ -76,4 +77,6 @@ def test_takes_qualities_of_service_of_the_user(named_peer, process):
     (standing,) = named_peer.node.get_publishers_info_by_topic(f"{NAME}/flow/standing")
     assert standing.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     assert named_peer.get(f"qos_overrides.{NAME}/points.subscription.depth") == 2
-    assert "unknown parameter" not in process.log
+    (unknown,) = (line for line in process.log.splitlines() if "unknown parameter" in line)
+    assert "points.subscription.reliability" in unknown
+    assert "set node.input_reliability" in unknown
