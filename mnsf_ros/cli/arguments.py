@@ -30,14 +30,20 @@ class IntermixedParser(argparse.ArgumentParser):
         args: Sequence[str] | None = None,
         namespace: Any = None,  # noqa: ANN401 - as argparse
     ) -> tuple[Any, list[str]]:
-        """Parses options first, then what is left; that calls this method once more."""
+        """Parses options first, then what is left; that calls this method once more.
+
+        What is unknown is refused here, with the usage of this subcommand.
+        """
         if self._is_inside:
             return super().parse_known_args(args, namespace)
         self._is_inside = True
         try:
-            return self.parse_known_intermixed_args(args, namespace)
+            known, unknown = self.parse_known_intermixed_args(args, namespace)
         finally:
             self._is_inside = False
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return known, unknown
 
 
 class Arguments:

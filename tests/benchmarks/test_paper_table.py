@@ -198,11 +198,19 @@ def test_section_of_a_document_is_replaced(load, tmp_path):
     assert document.read_text() == text
 
 
-@pytest.mark.parametrize("script", ["paper_table", "online_targets"])
-def test_section_that_a_script_writes_is_there(script):
+@pytest.mark.parametrize(
+    ("script", "document"),
+    [
+        ("paper_table", "performance.md"),
+        ("online_targets", "performance.md"),
+        ("stop_zone", "recipes.md"),
+        ("slam_map", "recipes.md"),
+    ],
+)
+def test_section_that_a_script_writes_is_there(script, document):
     source = (BENCHMARKS / f"{script}.py").read_text()
     (name,) = re.findall(r'replace_section\(options.document, "(.+?)"', source)
-    text = (BENCHMARKS.parent / "docs" / "performance.md").read_text()
+    text = (BENCHMARKS.parent / "docs" / document).read_text()
     assert text.count(f"<!-- begin {name} -->\n") == text.count(f"<!-- end {name} -->\n") == 1
 
 

@@ -43,6 +43,17 @@ def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run(["simulate", str(out), *small, "--force"]) == 0
 
 
+def test_an_unknown_option_shows_the_usage_of_its_subcommand(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run(["simulate", "street", "--beams", "16"])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("usage: mnsf simulate ")
+    assert "unrecognized arguments: --beams" in error
+
+
 def test_a_wrong_value_is_one_line_and_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
