@@ -13,6 +13,15 @@ def add_document_option(parser: ArgumentParser) -> None:
     )
 
 
+def read_section(document: Path, name: str) -> str:
+    """Returns what stands between `<!-- begin NAME -->` and `<!-- end NAME -->`.
+
+    Raises:
+        ValueError: As of `replace_section`.
+    """
+    return _parts(document, name)[1]
+
+
 def replace_section(document: Path, name: str, text: str) -> None:
     """Replaces what stands between `<!-- begin NAME -->` and `<!-- end NAME -->`.
 
@@ -24,9 +33,15 @@ def replace_section(document: Path, name: str, text: str) -> None:
     Raises:
         ValueError: If the file does not have both comments, each once and in this order.
     """
+    before, _, after = _parts(document, name)
+    document.write_text(f"{before}{text.rstrip()}\n{after}", encoding="utf-8")
+
+
+def _parts(document: Path, name: str) -> tuple[str, str, str]:
+    """The file up to the section, the section, and the rest of the file."""
     begin, end = f"<!-- begin {name} -->\n", f"<!-- end {name} -->"
     before, found_begin, rest = document.read_text(encoding="utf-8").partition(begin)
-    _, found_end, after = rest.partition(end)
+    section, found_end, after = rest.partition(end)
     if not found_begin or not found_end or begin in after:
         raise ValueError(f"{document}: expected one section between '{begin.strip()}' and '{end}'")
-    document.write_text(f"{before}{begin}{text.rstrip()}\n{end}{after}", encoding="utf-8")
+    return before + begin, section, end + after

@@ -1,6 +1,4 @@
-"""Evaluates damaged recordings by the thousand: no crash, no hang, no wrong number in silence.
-
-    python benchmarks/mutated_bags.py [--number 1000] [--first 0] [--seed 0] [--folder DIR]
+"""Evaluates damaged recordings by the thousand, for `reliability.py recordings`.
 
 Small recordings of each format are damaged at random: flipped bytes, cuts, wrong lengths, blocks
 that are zeroed, doubled or moved. Each is inspected and evaluated with methods whose results are
@@ -14,30 +12,24 @@ known. What comes out is one of:
   result says in its notes: bits that flip within a message cannot be noticed by anybody;
 * silent: rows differ, the recording has checksums, and nothing was reported. Must not happen;
 * crash, hang: must not happen either, nor may the process take more than 2 GB.
-
-With `--first` a long run is made in pieces. One that is interrupted shows what it has done.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import signal
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from bag_formats import write_originals
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
+from promises import Figure, Promise, Rounds, fates
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
@@ -52,7 +44,6 @@ LIMIT_S = 60
 MEMORY_BYTES = 8 * 2**30
 MAX_PEAK_MB = 2000
 METHODS = ("zero", "ego")
-GOOD = ("refused", "same", "partial", "warned", "unprotected")
 BAD = ("silent", "crash", "hang")
 DAMAGES = ("flip", "flip at end", "cut", "length", "zero", "double", "move")
 WRONG_LENGTHS = (2**63 - 1, 2**64 - 1, 2**40, 2**32 - 1, 2**31, 7, 0)
@@ -150,9 +141,7 @@ def _hang(_number: int, _frame: FrameType | None) -> None:
     raise HangError
 
 
-def run(
-    numbers: range, seed: int, folder: Path, watch: Callable[[range], Iterable[int]] = iter
-) -> tuple[Counts, Counts, list[str]]:
+def run(numbers: Iterable[int], seed: int, folder: Path) -> tuple[Counts, Counts, list[str]]:
     """Damages and judges; returns format -> counts, kind of damage -> counts, and what is bad."""
     files = write_originals(folder / "originals")
     expected = {}
@@ -160,25 +149,24 @@ def run(
         expected[name], is_warned, _ = evaluate(_recording(file))
         if is_warned or not expected[name]:
             raise RuntimeError(f"{file}: is damaged before anybody damaged it")
-    by_format = {name: Counter() for name in files}
-    by_kind, bad = {}, []
+    by_format: Counts = {name: Counter() for name in files}
+    by_kind: Counts = {}
+    bad = []
     names = list(files)
-    with suppress(KeyboardInterrupt):
-        for index in watch(numbers):
-            random = np.random.default_rng([seed, index])
-            name = names[index % len(names)]
-            file = files[name]
-            whole = file.read_bytes()
-            data, kind = mutated(whole, random)
-            file.write_bytes(data)
-            verdict, text = judge(_recording(file), expected[name])
-            if verdict in BAD:
-                kept = folder / f"bad_{index}_{file.name}"
-                kept.write_bytes(data)
-                bad.append(f"{verdict}: {name}, {kind}, number {index}: {text}")
-            file.write_bytes(whole)
-            by_format[name][verdict] += 1
-            by_kind.setdefault(kind, Counter())[verdict] += 1
+    for index in numbers:
+        name = names[index % len(names)]
+        file = files[name]
+        whole = file.read_bytes()
+        data, kind = mutated(whole, np.random.default_rng([seed, index]))
+        file.write_bytes(data)
+        verdict, text = judge(_recording(file), expected[name])
+        if verdict in BAD:
+            kept = folder / f"bad_{index}_{file.name}"
+            kept.write_bytes(data)
+            bad.append(f"{verdict}: {name}, {kind}, number {index}: {text}: {kept}")
+        file.write_bytes(whole)
+        by_format[name][verdict] += 1
+        by_kind.setdefault(kind, Counter())[verdict] += 1
     return by_format, by_kind, bad
 
 
@@ -187,38 +175,27 @@ def _recording(file: Path) -> Path:
     return file.parent if (file.parent / "metadata.yaml").exists() else file
 
 
-def _table(title: str, counts: Counts) -> Table:
-    table = Table("damaged", *GOOD, *BAD, title=title)
-    for name, verdicts in counts.items():
-        table.add_row(name, *(str(verdicts[verdict]) for verdict in (*GOOD, *BAD)))
-    total = sum(counts.values(), Counter())
-    table.add_row("all", *(str(total[verdict]) for verdict in (*GOOD, *BAD)))
-    return table
-
-
-def main() -> None:
-    """Damages, judges and prints."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--number", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0, help="number of the first of them")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folder", type=Path, help="where to work and to leave what is bad")
-    options = parser.parse_args()
+def recordings(rounds: Rounds) -> Iterator[Figure]:
+    """Recordings of nine formats, damaged in seven ways; bad ones are kept."""
     # A length that asks for all memory there is must be an error, not the end of the machine.
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    folder = options.folder or Path(tempfile.mkdtemp(prefix="mutated_bags_"))
-    numbers = range(options.first, options.first + options.number)
-    by_format, by_kind, bad = run(numbers, options.seed, folder, track)
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    if peak_mb > MAX_PEAK_MB:
-        bad.append(f"memory: {peak_mb:.0f} MB, expected at most {MAX_PEAK_MB} MB")
-    console = Console(width=110)
-    console.print(_table("by format", by_format), _table("by damage", by_kind))
-    console.print(f"peak memory {peak_mb:.0f} MB")
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, most))
+    folder = Path(tempfile.mkdtemp(prefix="mutated_bags_"))
+    by_format, by_kind, bad = run((number for number, _ in rounds), rounds.seed, folder)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    yield fates("all", sum(by_format.values(), Counter()), BAD)
+    for name, counts in (by_format | by_kind).items():
+        yield fates(name, counts, BAD)
     for text in bad:
-        console.print(text, markup=False)
-    raise SystemExit(1 if bad else 0)
+        yield "bad", text, False
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    yield "peak memory", f"{peak_mb:.0f} MB", peak_mb <= MAX_PEAK_MB
 
 
-if __name__ == "__main__":
-    main()
+PROMISES: Final = {
+    "recordings": Promise(
+        "damaged recordings of nine formats: no traceback, nothing over 60 s or 2 GB, no figure "
+        "changed without a warning where there are checksums",
+        *(10_000, "recordings", recordings),
+    )
+}

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
+from promises import Figure
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
@@ -40,9 +41,6 @@ _CLOUD_EVENTS: Final = (
     *("sweeps_received", "clouds_undecodable", "clouds_empty"),
     *("clouds_missed", "sweeps_lost_in_transport"),
 )
-# What was measured, the figure, and whether the promise holds.
-Figure = tuple[str, str, bool]
-
 _NEVER_DROPS_MS: Final = 100
 # Serialized: four bytes say the encoding, then the stamp comes.
 _STAMP_AT: Final = 4

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 import rclpy
 from hostile_clouds import KINDS, hostile
-from online_live import FIRST_NS, Figure, LiveNode, live_node, serialized, with_stamp
+from online_live import FIRST_NS, LiveNode, live_node, serialized, with_stamp
 from online_recordings import INTERVAL_NS, simulated_sweeps, to_and_fro
+from promises import Figure, Promise, Rounds
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -21,9 +21,17 @@ from rclpy.parameter_client import AsyncParameterClient
 
 from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import declared_settings
+from mnsf_ros.sweeps.sweep import Sweep
 
 _START_TIMEOUT_S: Final = 120
 _FLOW_TIMEOUT_S: Final = 60
+_HUGE: Final = 2_000_000
+_PAUSE_S: Final = 0.02
+_SWEEPS_A_MINUTE: Final = 600
+_WARM_UP_MIN: Final = 10
+_MAX_GROWTH_MB: Final = 20
+# Otherwise the machine was not overloaded.
+_MIN_DROPPED: Final = 0.1
 _OFTEN: Final = "node.diagnostics_period_s:=0.2"
 
 
@@ -34,73 +42,106 @@ def _clouds(**settings: int) -> Iterator[bytearray]:
     )
 
 
-def soak(options: argparse.Namespace) -> Iterator[Figure]:
+def soak(rounds: Rounds) -> Iterator[Figure]:
     """Full sweeps at 10 Hz: memory, descriptors, threads and segments stay what they are."""
-    warm_up = round(min(600, options.hours * 900) * 10)
     with live_node(_OFTEN) as node:
-        clouds, start_s, early = _clouds(), time.monotonic(), {}
-        for number in range(round(options.hours * 36_000)):
-            node.link.spin_for(start_s + number / 10 - time.monotonic())
+        clouds, start_s = _clouds(), time.monotonic()
+        states: list[dict[str, float]] = []
+        for _ in rounds:
+            node.link.spin_for(start_s + node.num_published / 10 - time.monotonic())
             node.process.check()
             node.publish(next(clouds))
-            if number == warm_up:
-                early = node.state()
+            if node.num_published % _SWEEPS_A_MINUTE == 0:
+                states.append(node.state())
         node.settle()
         late = node.state()
-        yield "sweeps, flows", f"{node.num_published:,}, {len(node.replay.arrived_s):,}", True
+        # Of a short run, the first third.
+        warm_up = min(_WARM_UP_MIN, len(states) // 3)
+        early = states[warm_up - 1] if warm_up else late
+        yield "flows", f"{len(node.replay.arrived_s):,}", bool(node.replay.arrived_s)
         growth_mb = late["MB"] - early["MB"]
-        text = f"{growth_mb:+.1f} MB after the first {warm_up / 600:.0f} min, now {late['MB']:.0f}"
-        yield "memory", text, growth_mb <= 20
+        text = f"{growth_mb:+.1f} MB after the first {warm_up} min, now {late['MB']:.0f} MB"
+        yield "memory", text, growth_mb <= _MAX_GROWTH_MB
         for name in ("descriptors", "threads", "segments"):
             yield name, f"{early[name]:.0f} -> {late[name]:.0f}", late[name] <= early[name]
         yield from node.balance()
 
 
-def overload(options: argparse.Namespace) -> Iterator[Figure]:
-    """20 Hz of 128 beams, more than the machine manages: latency stays bounded."""
+def large_clouds(rounds: Rounds) -> Iterator[Figure]:
+    """Full sweeps, then five clouds of two million points, then full sweeps again."""
     with live_node(_OFTEN) as node:
-        clouds, start_s = _clouds(num_beams=128, num_columns=1760), time.monotonic()
-        for number in range(round(options.hours * 72_000)):
-            node.link.spin_for(start_s + number / 20 - time.monotonic())
+        clouds, huge = _clouds(), serialized(_huge_sweep())
+        for _ in rounds:
+            states = []
+            for number, cloud in ((100, None), (5, huge), (200, None)):
+                for _ in range(number):
+                    node.process.check()
+                    node.publish(cloud or next(clouds))
+                    node.link.spin_for(0.1 if cloud is None else 2.0)
+                node.settle()
+                states.append(node.state()["MB"])
+            yield "memory before, during, after", " -> ".join(f"{mb:.0f}" for mb in states), True
+        yield from node.balance()
+
+
+def _huge_sweep() -> Sweep:
+    """Two million points along a street."""
+    xyz = simulated_sweeps(0, 1)[0].sweep.xyz
+    xyz = np.resize(xyz, (_HUGE, 3))
+    random = np.random.default_rng(0)
+    return Sweep(xyz + random.normal(0, 0.05, xyz.shape).astype(np.float32), 0, "lidar")
+
+
+def overload(rounds: Rounds) -> Iterator[Figure]:
+    """20 Hz of full sweeps, more than the machine manages: latency stays bounded."""
+    estimates_ms = []
+    with live_node(_OFTEN) as node:
+        clouds, start_s = _clouds(), time.monotonic()
+        for _ in rounds:
+            node.link.spin_for(start_s + node.num_published / 20 - time.monotonic())
             node.process.check()
             node.publish(next(clouds), INTERVAL_NS // 2)
+            estimates_ms.append(float(node.link.flow_values.get("estimate median [ms]", math.nan)))
         node.settle()
         latencies_ms, num_sweeps = node.replay.latencies_ms, len(node.replay.published_s)
-        estimate_ms = float(node.link.flow_values.get("estimate median [ms]", math.nan))
-        flows = f"{len(latencies_ms):,} of {num_sweeps:,} in {options.hours * 60:g} min"
-        yield "flows", flows, 0 < len(latencies_ms) < num_sweeps
-        for percentile in (50, 99):
+        dropped = num_sweeps - len(latencies_ms)
+        flows = f"{len(latencies_ms):,}, without {dropped:,}"
+        yield "flows", flows, bool(latencies_ms) and dropped > _MIN_DROPPED * num_sweeps
+        for percentile in (50, 95, 99):
             latency_ms = float(np.percentile(latencies_ms, percentile))
+            estimate_ms = float(np.nanpercentile(estimates_ms, percentile))
             text = f"{latency_ms:.0f} ms, an estimate takes {estimate_ms:.0f} ms"
             yield f"latency, {percentile}th percentile", text, latency_ms <= 2 * estimate_ms
         yield from node.balance()
 
 
-def clouds(options: argparse.Namespace) -> Iterator[Figure]:
+def clouds(rounds: Rounds) -> Iterator[Figure]:
     """Hostile clouds of every kind between good sweeps."""
-    random = np.random.default_rng(options.seed)
     good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
     with live_node(_OFTEN, "node.always_estimate:=true") as node:
         answered, asked = 0, 0
         log_before = node.log.stat().st_size
-        for number in range(options.number):
+        for number, random in rounds:
             node.process.check()
             between = with_stamp(good, FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
             node.link.publish_bytes(hostile(KINDS[number % len(KINDS)], between, random))
             node.num_published += 1
             node.publish(good)
-            node.link.spin_for(options.pause_ms / 1e3)
+            node.link.spin_for(_PAUSE_S)
             if number % 100 == 0:
                 asked += 1
                 answered += _is_answered(node, good)
         node.settle()
         counts = node.link.counts
-        yield "hostile clouds", f"{options.number:,} of {len(KINDS)} kinds", True
-        yield "alive, good sweeps answered", f"{answered} of {asked}", answered == asked
+        yield f"of {len(KINDS)} kinds, good sweeps answered", *_of(answered, asked)
         bad = max(1, counts.get("clouds_undecodable", 0) + counts.get("clouds_empty", 0))
-        log_bytes = (node.log.stat().st_size - log_before) / options.number
+        log_bytes = (node.log.stat().st_size - log_before) / rounds.done
         yield "log", f"{log_bytes:.1f} bytes each; {bad:,} undecodable or empty", log_bytes <= 10
         yield from node.balance()
+
+
+def _of(number: int, whole: int) -> tuple[str, bool]:
+    return f"{number:,} of {whole:,}", number == whole
 
 
 def _is_answered(node: LiveNode, good: bytearray) -> bool:
@@ -113,26 +154,27 @@ def _is_answered(node: LiveNode, good: bytearray) -> bool:
     return len(node.replay.arrived_s) > before
 
 
-def parameters(options: argparse.Namespace) -> Iterator[Figure]:
+def parameters(rounds: Rounds) -> Iterator[Figure]:
     """Changes of parameters while sweeps come, valid and not."""
-    random = np.random.default_rng(options.seed)
-    sweep = simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep
-    good = serialized(sweep)
+    good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
     changeable = [setting for setting in declared_settings() if not setting.fixed]
+    names = [setting.name for setting in changeable]
     wrong: list[str] = []
-    accepted, done, end_s = 0, 0, time.monotonic() + options.minutes * 60
+    accepted = 0
     with live_node(_OFTEN, "compute.device:=cpu") as node, _Parameters() as client:
-        for number in range(options.number):
-            if time.monotonic() > end_s:
-                break
+        expected = client.get(names)
+        for number, random in rounds:
             node.process.check()
-            done += 1
             setting = changeable[int(random.integers(len(changeable)))]
-            before, value = client.get(setting.name), _value(setting, random)
-            is_accepted, after = client.set(setting.name, value), client.get(setting.name)
+            value = _value(setting, random)
+            is_accepted = client.set(setting.name, value)
             accepted += is_accepted
-            if not _is_as_said(after, value if is_accepted else before):
-                wrong.append(f"{setting.name}: {before} -> {value}: {after}")
+            if is_accepted:
+                expected[setting.name] = value
+            for name, found in client.get(names).items():
+                if not _is_as_said(found, expected[name]):
+                    wrong.append(f"{setting.name} = {value}: {name} is {found}")
+                    expected[name] = found
             if number % 10 == 0:
                 node.publish(good)
                 node.link.spin_for(0.01)
@@ -140,9 +182,8 @@ def parameters(options: argparse.Namespace) -> Iterator[Figure]:
             client.set(setting.name, setting.default)
         node.link.spin_for(2.0)
         is_alive = _is_answered(node, good)
-        changes = f"{done:,} of {options.number:,}, of them accepted {accepted:,}"
-        yield "changes", changes, 0 < accepted < done
-        yield "not as answered", f"{len(wrong)} {'; '.join(wrong[:3])}", not wrong
+        yield "accepted", f"{accepted:,}", 0 < accepted < rounds.done
+        yield "other values than said", f"{len(wrong)} {'; '.join(wrong[:3])}", not wrong
         yield "flow after the defaults are set, without a restart", str(is_alive), is_alive
         node.settle()
         yield from node.balance()
@@ -166,11 +207,12 @@ class _Parameters:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def get(self, name: str) -> object:
-        """Value of a parameter."""
-        future = self._client.get_parameters([name])
+    def get(self, names: list[str]) -> dict[str, object]:
+        """Values of parameters."""
+        future = self._client.get_parameters(names)
         self._executor.spin_until_future_complete(future, _FLOW_TIMEOUT_S)
-        return parameter_value_to_python(future.result().values[0])
+        values = map(parameter_value_to_python, future.result().values)
+        return dict(zip(names, values, strict=True))
 
     def set(self, name: str, value: SettingValue | list[int]) -> bool:
         """Whether the node accepts a value."""
@@ -205,9 +247,29 @@ def _value(setting: Setting, random: np.random.Generator) -> SettingValue | list
     return int(value) if setting.kind is int else float(value)
 
 
-PROMISES: Final[Mapping[str, object]] = {
-    "soak": soak,
-    "overload": overload,
-    "clouds": clouds,
-    "parameters": parameters,
+PROMISES: Final = {
+    "parameters": Promise(
+        "parameters changed while the node runs, valid and not: nothing refused takes effect, "
+        "nothing else changes, nothing needs a restart",
+        *(5_000, "changes", parameters),
+    ),
+    "clouds": Promise(
+        "hostile clouds of every kind between good sweeps: alive, good sweeps answered, "
+        "everything accounted for, log at most 10 bytes each",
+        *(10_000, "clouds", clouds),
+    ),
+    "large": Promise(
+        "five clouds of two million points: their memory goes back",
+        *(1, "times", large_clouds),
+    ),
+    "overload": Promise(
+        "1 h at 20 Hz, more than the machine manages: latency at most that of two estimates, "
+        "every triplet out or counted",
+        *(72_000, "sweeps", overload),
+    ),
+    "soak": Promise(
+        "24 h at 10 Hz, full sweeps: growth at most 20 MB after the first 10 min, no descriptor, "
+        "thread or segment more, everything accounted for",
+        *(864_000, "sweeps", soak),
+    ),
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import signal
+import sys
 from collections import deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,8 +23,6 @@ from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, TaskRestarted, task_
 
 MAX_ATTEMPTS: Final = 3
 _DYING_S: Final = 5.0
-# torch imports the second one when the first optimizer is made.
-_SLOW_IMPORTS: Final = (task_events.__module__, "torch._dynamo")
 
 
 class Executor(Protocol):
@@ -132,7 +131,7 @@ class _Processes:
         # Not fork: torch and CUDA do not survive it. The server has imported all that is slow,
         # and done nothing else, so that its children begin at once.
         context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(list(_SLOW_IMPORTS))
+        context.set_forkserver_preload(_slow_imports())
         receiver, sender = context.Pipe(duplex=False)
         process = context.Process(target=_work, args=(sender, task, options), daemon=True)
         process.start()
@@ -167,6 +166,12 @@ class _Processes:
         if process.is_alive():
             process.kill()
         process.join()
+
+
+def _slow_imports() -> list[str]:
+    """Modules that tasks need; torch imports its own slow one with the first optimizer."""
+    # Who made the tasks has asked each method for its traits: one with networks imports torch.
+    return [task_events.__module__, *(["torch._dynamo"] if "torch" in sys.modules else [])]
 
 
 def _work(events: Connection, task: EvaluationTask, options: EvaluationOptions) -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import small_evaluations as small
@@ -53,6 +56,32 @@ def test_task_that_cannot_be_done_does_not_stop_the_others(bag):
     assert [type(event) for event in events["drive", "nothing"]] == [TaskFailed]
     assert "unknown method" in events["drive", "nothing"][0].reason
     assert isinstance(events["drive", "zero"][-1], Findings)
+
+
+_WITHOUT_NETWORKS = """
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":
+    import small_evaluations as small
+    from mnsf_ros.evaluation.executors import WorkerProcesses
+
+    list(WorkerProcesses(1)([small.task_at(Path(sys.argv[1]), "zero")], small.options()))
+"""
+
+
+def test_torch_is_loaded_only_for_networks(bag, tmp_path):
+    """It takes seconds, in which Ctrl-C waits for the process that loads it."""
+    (tmp_path / "torch").mkdir()
+    found = tmp_path / "found"
+    (tmp_path / "torch" / "__init__.py").write_text(f"open({str(found)!r}, 'w')")
+    script = tmp_path / "without_networks.py"
+    script.write_text(_WITHOUT_NETWORKS)
+    here = Path(__file__).parent
+    folders = os.pathsep.join(map(str, (tmp_path, here, here.parents[1])))
+    environment = os.environ | {"PYTHONPATH": folders}
+    subprocess.run([sys.executable, script, bag], check=True, timeout=120, env=environment)
+    assert not found.exists()
 
 
 class KillFirst(WorkerProcesses):
