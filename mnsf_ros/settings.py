@@ -407,6 +407,13 @@ class OptimizationSettings:
     max_points: int = declared(
         0, "Fit to this many random points of the cropped sweep; 0: all", 0, 10_000_000
     )
+    first_points: int = declared(
+        0,
+        "Fit to this many random points until they have converged, then to all; 0: to all from the "
+        "start. Not with stacked",
+        0,
+        10_000_000,
+    )
     batch_points: int = declared(
         1024, "Random points per iteration; 0: all points in every iteration", 0, 10_000_000
     )
@@ -488,12 +495,18 @@ class WarmStartSettings:
 
 @dataclass(frozen=True)
 class ComputeSettings:
-    """Device, threads and random seed."""
+    """Device, precision, threads and random seed."""
 
     device: str = declared(
         "auto",
         "Device of the networks. auto: CUDA if available, else the CPU",
         choices=("auto", "cpu", "cuda"),
+    )
+    precision: str = declared(
+        "float32",
+        "Precision of the products between hidden layers of the networks. bfloat16: faster where "
+        "the processor or GPU computes in it, else float32 is used; all else is float32",
+        choices=("float32", "bfloat16"),
     )
     num_threads: int = declared(
         0,

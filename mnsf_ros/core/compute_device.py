@@ -1,11 +1,12 @@
-"""Where tensors live and how many threads may work.
+"""Where tensors live, how precisely networks compute, and how many threads may work.
 
 PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
@@ -14,6 +15,9 @@ from mnsf_ros.settings import ComputeSettings
 
 if TYPE_CHECKING:
     import torch
+
+# Instructions of x86 processors that multiply bfloat16, as `torch.cpu` names them.
+_CPU_BFLOAT16: Final = ("amx_bf16", "avx512_bf16")
 
 
 def compute_device(settings: ComputeSettings) -> torch.device:
@@ -45,6 +49,27 @@ def check_device(settings: ComputeSettings) -> None:
     """
     if settings.device == "cuda":
         compute_device(settings)
+
+
+def layer_precision(settings: ComputeSettings) -> torch.dtype:
+    """Returns the precision of products between hidden layers that the settings ask for.
+
+    It is float32 where the device does not compute in bfloat16 itself: there it would be slower.
+    """
+    import torch
+
+    is_wanted = settings.precision == "bfloat16"
+    return torch.bfloat16 if is_wanted and _computes_in_bfloat16(settings) else torch.float32
+
+
+def _computes_in_bfloat16(settings: ComputeSettings) -> bool:
+    import torch
+
+    if compute_device(settings).type == "cuda":
+        return bool(torch.cuda.is_bf16_supported())
+    # What PyTorch before 2.10 cannot tell counts as missing.
+    capabilities: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+    return any(capabilities.get(name) for name in _CPU_BFLOAT16)
 
 
 def on_device(array: NDArray[Any], device: torch.device) -> torch.Tensor:

@@ -19,7 +19,7 @@ import torch
 from mnsf_ros.core.batches import Batches, preload
 from mnsf_ros.core.compute_device import copy_to
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
-from mnsf_ros.core.learner import Learner, PartlyJudgedLoss, checked_loss
+from mnsf_ros.core.learner import Learner, LossOf, PartlyJudgedLoss, checked_loss
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import CancelledError
 
@@ -28,12 +28,10 @@ _STEPS_AT_ONCE = 10
 # Steps before the recording: a library may allocate at its first calls.
 _UNRECORDED_STEPS = 3
 
-LossesOf = Callable[[], "torch.Tensor | PartlyJudgedLoss"]
-
 
 def minimize_on_device(
     learner: Learner,
-    losses_of: LossesOf,
+    losses_of: LossOf,
     schedule: Schedule,
     *,
     keep_best: bool,
@@ -98,7 +96,7 @@ class _Run:
     """One optimization under way."""
 
     def __init__(
-        self, learner: Learner, losses_of: LossesOf, schedule: Schedule, *, keep_best: bool
+        self, learner: Learner, losses_of: LossOf, schedule: Schedule, *, keep_best: bool
     ) -> None:
         # A network without weights is never optimized.
         self._optimizer = cast(torch.optim.Adam, learner.optimizer)

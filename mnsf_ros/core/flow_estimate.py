@@ -150,6 +150,8 @@ class FlowEstimate:
         start: Whether the networks were carried over from the last triplet.
         device: Where it was computed, `cpu` or `cuda`.
         distance_kind: `grid` or `tree`; empty for methods that have neither.
+        precision: Of the products between hidden layers, `float32` or `bfloat16`; empty for methods
+            that have none.
         over_ground: The same without the sensor's own motion, of methods that know it.
         num_left_out: Objects that there was no room to look at: they count as standing.
         reason_of: Says of rows (M,) of one thing why it was called dynamic or not, of methods that
@@ -163,6 +165,7 @@ class FlowEstimate:
     start: Start = Start.COLD_BY_SETTING
     device: str = "cpu"
     distance_kind: str = ""
+    precision: str = ""
     over_ground: OverGround | None = None
     num_left_out: int = 0
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import torch
@@ -49,6 +49,10 @@ class PartlyJudgedLoss:
 
     total: torch.Tensor
     judged: torch.Tensor
+
+
+# Computes the loss of a network as it is now, a scalar, or of K networks (K,).
+LossOf = Callable[[], torch.Tensor | PartlyJudgedLoss]
 
 
 def adam(weights: Iterable[nn.Parameter], weight_decay: float = 0.0) -> torch.optim.Adam:

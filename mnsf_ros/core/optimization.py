@@ -5,7 +5,10 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -14,7 +17,7 @@ from torch import nn
 from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.device_optimization import minimize_on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
-from mnsf_ros.core.learner import Learner, PartlyJudgedLoss, checked_loss
+from mnsf_ros.core.learner import Learner, LossOf, PartlyJudgedLoss, checked_loss
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import CancelledError
 
@@ -51,13 +54,15 @@ class EarlyStopping:
 
 def minimize(
     learner: Learner,
-    loss_of: Callable[[], torch.Tensor | PartlyJudgedLoss],
+    loss_of: LossOf,
     schedule: Schedule,
     *,
     keep_best: bool,
     sources: Sequence[Batches] = (),
 ) -> OptimizationResult:
     """Optimizes the learner's network in place, on CUDA without waiting for each step.
+
+    With `first_points` of the schedule it does so twice, at first on few rows of the sources.
 
     Args:
         learner: Network and optimizer. Gets the final loss as `last_loss`.
@@ -74,10 +79,40 @@ def minimize(
     if learner.optimizer is None:
         loss, _ = _parts(loss_of())
         return OptimizationResult(checked_loss(loss.item()), 0, StopReason.CONVERGED)
+    run = partial(
+        _minimized,
+        learner,
+        learner.optimizer,
+        loss_of,
+        schedule,
+        keep_best=keep_best,
+        sources=sources,
+    )
+    num_first = schedule.first_points
+    if not any(source.num_rows > num_first > 0 for source in sources):
+        return run()
+    with ExitStack() as few:
+        for source in sources:
+            few.enter_context(source.few(num_first))
+        first = run()
+    result = run()
+    return replace(result, iterations=first.iterations + result.iterations)
+
+
+def _minimized(
+    learner: Learner,
+    optimizer: torch.optim.Adam,
+    loss_of: LossOf,
+    schedule: Schedule,
+    *,
+    keep_best: bool,
+    sources: Sequence[Batches],
+) -> OptimizationResult:
     if next(learner.network.parameters()).is_cuda:
-        return minimize_on_device(learner, loss_of, schedule, keep_best=keep_best, sources=sources)[
-            0
-        ]
+        (result,) = minimize_on_device(
+            learner, loss_of, schedule, keep_best=keep_best, sources=sources
+        )
+        return result
     best = _BestWeights(learner.network)
     stopping = EarlyStopping(schedule.patience, schedule.min_delta_m)
     loss = torch.tensor(math.nan)
@@ -96,7 +131,7 @@ def minimize(
             break
         if keep_best:
             best.offer(value)
-        _step(learner.optimizer, loss, schedule.learning_rate_at(iterations))
+        _step(optimizer, loss, schedule.learning_rate_at(iterations))
         iterations += 1
         if stopping.should_stop(value if judged is loss else judged.item()):
             reason = StopReason.CONVERGED

@@ -10,7 +10,7 @@ from torch import nn
 
 from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.flow_estimate import OptimizationResult
-from mnsf_ros.core.flow_field import perceptron, start_at_zero
+from mnsf_ros.core.flow_field import Perceptron
 from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
@@ -22,16 +22,23 @@ class MlpFusion(nn.Module):
     """The fusion of the paper: a perceptron from (f, f') to the flow, shared by all points."""
 
     def __init__(
-        self, settings: FusionSettings, generator: torch.Generator, num_flows: int = 2
+        self,
+        settings: FusionSettings,
+        generator: torch.Generator,
+        num_flows: int = 2,
+        precision: torch.dtype = torch.float32,
     ) -> None:
         super().__init__()
         self._takes_sum = settings.input == "sum"
         num_inputs = 3 if self._takes_sum else 3 * num_flows
-        self._layers = perceptron(
-            num_inputs, settings.num_hidden_layers, settings.hidden_width, generator
+        self._layers = Perceptron(
+            num_inputs,
+            settings.num_hidden_layers,
+            settings.hidden_width,
+            generator,
+            zero_start=settings.zero_start,
+            precision=precision,
         )
-        if settings.zero_start:
-            start_at_zero(self._layers)
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
         """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""
@@ -73,11 +80,14 @@ def _apart(flows: torch.Tensor) -> torch.Tensor:
 
 
 def fusion_network(
-    settings: FusionSettings, generator: torch.Generator, num_flows: int = 2
+    settings: FusionSettings,
+    generator: torch.Generator,
+    num_flows: int = 2,
+    precision: torch.dtype = torch.float32,
 ) -> nn.Module:
     """A fresh fusion of so many flows, of the kind that the settings ask for."""
     if settings.kind == "mlp":
-        return MlpFusion(settings, generator, num_flows)
+        return MlpFusion(settings, generator, num_flows, precision)
     return WeightedSumFusion(num_flows) if settings.kind == "weighted_sum" else MeanFusion()
 
 

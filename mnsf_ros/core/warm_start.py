@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import torch
 from torch import nn
 
+from mnsf_ros.core.compute_device import layer_precision
 from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.core.flow_field import FlowField
+from mnsf_ros.core.flow_field import FlowField, StackedFields
 from mnsf_ros.core.learner import Learner, adam
-from mnsf_ros.core.stacked_fields import StackedFields
 from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
@@ -45,16 +45,19 @@ class Learners:
         num_fields: int = 2,
     ) -> Learners:
         """Networks with random weights."""
-        stack = None
+        stack, precision = None, layer_precision(settings.compute)
         if settings.optimization.joint:
             fields = _fields_with_one_optimizer(settings, generator, device, num_fields)
         else:
-            networks = [FlowField(settings.field, generator).to(device) for _ in range(num_fields)]
+            networks = [
+                FlowField(settings.field, generator, precision=precision).to(device)
+                for _ in range(num_fields)
+            ]
             if num_fields > 1 and (settings.optimization.stacked or device.type == "cuda"):
                 stack = Learner.fresh(StackedFields(networks))
                 stack.num_networks = num_fields
             fields = tuple(Learner.fresh(network) for network in networks)
-        fusion = fusion_network(settings.fusion, generator, num_fields)
+        fusion = fusion_network(settings.fusion, generator, num_fields, precision)
         return cls(fields, Learner.fresh(fusion.to(device)), stack)
 
 
@@ -62,7 +65,8 @@ def _fields_with_one_optimizer(
     settings: Settings, generator: torch.Generator, device: torch.device, number: int
 ) -> tuple[Learner, ...]:
     """Fields that start from the same weights, as in the authors' code."""
-    first = FlowField(settings.field, generator).to(device)
+    precision = layer_precision(settings.compute)
+    first = FlowField(settings.field, generator, precision=precision).to(device)
     networks = nn.ModuleList([first, *(copy.deepcopy(first) for _ in range(number - 1))])
     optimizer = adam(networks.parameters())
     return tuple(Learner(network, optimizer) for network in networks)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 
@@ -11,7 +11,8 @@ from torch import nn
 
 from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock, Start
-from mnsf_ros.core.learner import Learner, PartlyJudgedLoss
+from mnsf_ros.core.flow_field import Perceptron
+from mnsf_ros.core.learner import Learner, LossOf
 from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
@@ -77,6 +78,7 @@ class Workbench:
         self.settings = settings
         self.device = device
         self._sources: list[Batches] = []
+        self._precision = ""
         self.fits: dict[str, OptimizationResult] = {}
         self.warm_start = warm_start or WarmStart()
         self.start = Start.COLD_BY_SETTING
@@ -109,7 +111,7 @@ class Workbench:
         self,
         stage: str,
         learner: Learner,
-        loss_of: Callable[[], torch.Tensor | PartlyJudgedLoss],
+        loss_of: LossOf,
         schedule: Schedule,
         *,
         keep_best: bool | None = None,
@@ -140,6 +142,9 @@ class Workbench:
             OptimizationError: If the flow is not finite.
         """
         with self.stage(stage):
+            for part in network.modules():
+                if isinstance(part, Perceptron):
+                    self._precision = str(part.precision).removeprefix("torch.")
             rows = self.current.positions if rows is None else rows
             flow = self.current.everywhere(partial(evaluate, network), rows)
             # The loss may be finite all the same: it is that of the step before, or truncated.
@@ -174,6 +179,7 @@ class Workbench:
             start=self.start,
             device=self.device.type,
             distance_kind=distance_kind or self.next.distance.kind,
+            precision=self._precision,
         )
 
     def _wait_for_gpu(self) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from mnsf_ros.core.compute_device import layer_precision
 from mnsf_ros.core.flow_field import FlowField
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.workbench import Workbench
@@ -21,14 +22,16 @@ _MAX_NODES = 4_000_000
 _VARIATION_FLOOR = 1e-5
 
 
-def fresh_field(bench: Workbench, *, is_linear: bool = False) -> nn.Module:
+def fresh_field(bench: Workbench, *, is_linear: bool = False, num_inputs: int = 3) -> nn.Module:
     """A fresh field of the paper, or a linear one on a grid around the current and the next sweep.
 
     Raises:
         SweepError: If the grid would be too large.
     """
     if not is_linear:
-        return FlowField(bench.settings.field, bench.generator).to(bench.device)
+        precision = layer_precision(bench.settings.compute)
+        field = FlowField(bench.settings.field, bench.generator, num_inputs, precision)
+        return field.to(bench.device)
     points = torch.cat([bench.current.points, bench.next.points]).cpu()
     return KroneckerField(points, bench.settings.linear, bench.generator).to(bench.device)
 

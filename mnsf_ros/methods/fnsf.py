@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import torch
 
-from mnsf_ros.core.flow_field import FlowField
 from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
@@ -36,8 +35,7 @@ def fnsf_joint(bench: Workbench, schedules: Schedules, *, has_time: bool = False
     Minimizes mean D(p + g(p), S3) over p in S2 + mean D(q + g(q), S2) over q in S1. With the time
     as a fourth input it is g(p, 0) and g(q, -1).
     """
-    settings, num_inputs = bench.settings.field, 4 if has_time else 3
-    field = FlowField(settings, bench.generator, num_inputs=num_inputs).to(bench.device)
+    field = fresh_field(bench, num_inputs=4 if has_time else 3)
     (previous,) = bench.before
     earlier_points = bench.batches(bench.sampled_points(previous))
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import torch
 from torch import nn
 
+from mnsf_ros.core.compute_device import layer_precision
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.forward_backward_fields import (
     fit_field,
@@ -147,8 +148,9 @@ def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
     forward_flow = _cycle_flow("forward", bench, bench.next, schedules.forward)
     backward_flow = _cycle_flow("backward", bench, previous, schedules.backward)
     inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
-    network = fusion_network(bench.settings.fusion, bench.generator).to(bench.device)
-    fusion = Learner.fresh(network)
+    precision = layer_precision(bench.settings.compute)
+    network = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
+    fusion = Learner.fresh(network.to(bench.device))
     return bench.fused_flow(fusion, [forward_flow, inverted_flow], schedules.fusion)
 
 

@@ -185,6 +185,7 @@ def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
     values: dict[str, object] = {
         "device": newest.device,
         "distance": newest.distance_kind,
+        "precision": newest.precision,
         "start": newest.start,
         "cold starts, recent": sum(item.start != "warm" for item in snapshot.recent),
     }

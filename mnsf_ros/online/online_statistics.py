@@ -27,6 +27,7 @@ class RecentEstimate:
     start: str
     device: str
     distance_kind: str
+    precision: str
     ego_source: str
 
     @property
@@ -114,6 +115,7 @@ class OnlineStatistics:
             start=estimate.start.value,
             device=estimate.device,
             distance_kind=estimate.distance_kind,
+            precision=estimate.precision,
             ego_source=estimate.over_ground.source if estimate.over_ground else "",
         )
         with self._lock:

@@ -5,7 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mnsf_ros.core.compute_device import check_device, compute_device, limit_threads
+from mnsf_ros.core.compute_device import (
+    check_device,
+    compute_device,
+    layer_precision,
+    limit_threads,
+)
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.settings import Settings
 
@@ -33,6 +38,28 @@ def test_cuda_where_there_is_none():
     for ask in (compute_device, check_device):
         with pytest.raises(SettingsError, match=text):
             ask(settings.compute)
+
+
+@pytest.mark.parametrize(
+    ("capabilities", "expected"),
+    [
+        ({"amx_bf16": True, "avx512_bf16": True}, torch.bfloat16),
+        ({"amx_bf16": False, "avx512_bf16": True}, torch.bfloat16),
+        ({"amx_bf16": False, "avx512_f": True}, torch.float32),
+        ({}, torch.float32),
+    ],
+)
+def test_bfloat16_only_where_the_processor_computes_in_it(monkeypatch, capabilities, expected):
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities, raising=False)
+    asked = settings_with(device="cpu", precision="bfloat16")
+    assert layer_precision(asked.compute) is expected
+    assert layer_precision(settings_with(device="cpu").compute) is torch.float32
+
+
+def test_float32_where_pytorch_cannot_tell(monkeypatch):
+    monkeypatch.delattr(torch.cpu, "get_capabilities", raising=False)
+    asked = settings_with(device="cpu", precision="bfloat16")
+    assert layer_precision(asked.compute) is torch.float32
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 from moving_sweeps import QUICK
 
 from mnsf_ros.core.flow_estimate import Start
@@ -76,6 +77,25 @@ def test_preset_finds_the_flow(make_scene, device, name, seed):
     assert still < 0.1
     assert result.device == device.type
     assert result.distance_kind == {"online": "tree", "paper": "grid"}[name]
+
+
+@pytest.mark.parametrize("stacked", [False, True])
+def test_precision_that_is_asked_for(monkeypatch, triplet, stacked):
+    # Slow or not, any processor can compute in bfloat16.
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": True}, raising=False)
+    exact = SHORT.changed({"optimization.stacked": stacked})
+    near = exact.changed({"compute.precision": "bfloat16"})
+    results = [estimate(triplet, settings) for settings in (exact, near, near)]
+    assert [result.precision for result in results] == ["float32", "bfloat16", "bfloat16"]
+    flow, rounded, again = (result.flow for result in results)
+    assert 0 < np.abs(rounded - flow).mean() < 0.05
+    assert np.array_equal(rounded, again)
+
+
+def test_methods_without_hidden_layers_have_no_precision(triplet):
+    settings = SHORT.changed({"compute.precision": "bfloat16", "linear.node_spacing_m": 20.0})
+    result = make_method("fnsf-linear", settings).estimate(pair_of(triplet))
+    assert result.precision == ""
 
 
 @pytest.mark.parametrize("distance", ["grid", "tree"])

@@ -61,6 +61,7 @@ class Story:
             start=start,
             device="cpu",
             distance_kind="tree",
+            precision="float32",
             over_ground=None if ego_source is None else over_ground(ego_source),
         )
         self.statistics.add_estimate(latency_ms, estimate)
@@ -270,6 +271,7 @@ class TestValues:
             "triplets_formed": "3",
             "device": "cpu",
             "distance": "tree",
+            "precision": "float32",
             "start": "warm",
             "cold starts, recent": "1",
             "estimate median [ms]": "3.5",

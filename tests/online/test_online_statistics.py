@@ -26,6 +26,7 @@ def make_estimate(start=Start.WARM):
         start=start,
         device="cpu",
         distance_kind="tree",
+        precision="bfloat16",
     )
 
 
@@ -110,6 +111,7 @@ class TestSnapshot:
         assert recent.stop_reasons == {"forward": "time_budget"}
         assert recent.start == "cold: gap since the last triplet"
         assert (recent.device, recent.distance_kind) == ("cpu", "tree")
+        assert recent.precision == "bfloat16"
         assert recent.ego_source == ""
 
     def test_of_an_estimate_that_knows_how_the_sensor_moved(self):
