@@ -153,29 +153,29 @@ def _cross(arm: tuple[float, float, float], x: float, y: float, z: float) -> tup
 
 
 @compiled(
-    "void(float64, UniTuple(float64, 3), UniTuple(float64, 3), float64[:, ::1], float64[:, ::1])"
+    "void(float64, UniTuple(float64, 3), UniTuple(float64, 3), int64, float64[:, :, ::1],"
+    " float64[:, ::1])"
 )
 def _add_equations(
     weight: float,
     arm: tuple[float, float, float],
     pull: tuple[float, float, float],
-    weights: NDArray[np.float64],
+    cell: int,
+    surfaces: NDArray[np.float64],
     equations: NDArray[np.float64],
 ) -> None:
     """Adds what one point says; a turn moves it by its product with the arm to the sensor."""
     turn = _cross(arm, *pull)
-    one, two, three = weights[0], weights[1], weights[2]
-    by_x = _cross(arm, one[0], one[1], one[2])
-    by_y = _cross(arm, two[0], two[1], two[2])
-    by_z = _cross(arm, three[0], three[1], three[2])
+    by_x = _cross(arm, surfaces[cell, 1, 0], surfaces[cell, 1, 1], surfaces[cell, 1, 2])
+    by_y = _cross(arm, surfaces[cell, 2, 0], surfaces[cell, 2, 1], surfaces[cell, 2, 2])
+    by_z = _cross(arm, surfaces[cell, 3, 0], surfaces[cell, 3, 1], surfaces[cell, 3, 2])
     for axis in range(3):
         x, y, z = weight * by_x[axis], weight * by_y[axis], weight * by_z[axis]
         turns = _cross(arm, x, y, z)
         equations[axis, 6] += weight * pull[axis]
         equations[3 + axis, 6] += weight * turn[axis]
-        equations[0, axis] += weight * one[axis]
-        equations[1, axis] += weight * two[axis]
-        equations[2, axis] += weight * three[axis]
+        for first in range(3):
+            equations[first, axis] += weight * surfaces[cell, 1 + first, axis]
         equations[0, 3 + axis] += x
         equations[1, 3 + axis] += y
         equations[2, 3 + axis] += z
@@ -215,16 +215,16 @@ def compare(
         cell = int(cells[row])
         if cell < 0:
             continue
-        center, weights = surfaces[cell, 0], surfaces[cell, 1:]
-        if weights[0, 0] + weights[1, 1] + weights[2, 2] == 0.0:
+        # Not in rows of `surfaces`: making one for each point takes longer than all the rest.
+        if surfaces[cell, 1, 0] + surfaces[cell, 2, 1] + surfaces[cell, 3, 2] == 0.0:
             elsewhere += 1
             continue
         px, py, pz = points[row, 0], points[row, 1], points[row, 2]
-        x, y, z = px - center[0], py - center[1], pz - center[2]
+        x, y, z = px - surfaces[cell, 0, 0], py - surfaces[cell, 0, 1], pz - surfaces[cell, 0, 2]
         # Half of the derivative of the squared distance.
-        pull_x = weights[0, 0] * x + weights[0, 1] * y + weights[0, 2] * z
-        pull_y = weights[1, 0] * x + weights[1, 1] * y + weights[1, 2] * z
-        pull_z = weights[2, 0] * x + weights[2, 1] * y + weights[2, 2] * z
+        pull_x = surfaces[cell, 1, 0] * x + surfaces[cell, 1, 1] * y + surfaces[cell, 1, 2] * z
+        pull_y = surfaces[cell, 2, 0] * x + surfaces[cell, 2, 1] * y + surfaces[cell, 2, 2] * z
+        pull_z = surfaces[cell, 3, 0] * x + surfaces[cell, 3, 1] * y + surfaces[cell, 3, 2] * z
         squared = pull_x * x + pull_y * y + pull_z * z
         if squared >= reach:
             continue
@@ -232,7 +232,7 @@ def compare(
         arm = px - sensor[0], py - sensor[1], pz - sensor[2]
         # Tukey's weight: what is nearly too far off hardly counts.
         weight = (1 - squared / reach) ** 2
-        _add_equations(weight, arm, (pull_x, pull_y, pull_z), weights, equations)
+        _add_equations(weight, arm, (pull_x, pull_y, pull_z), cell, surfaces, equations)
     for first in range(3):
         for axis in range(3):
             equations[3 + axis, first] = equations[first, 3 + axis]

@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.cloud import Cloud
-from mnsf_ros.ego_motion.surface_map import SurfaceMap
+from mnsf_ros.ego_motion.surface_map import Comparison, SurfaceMap
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
@@ -101,20 +101,22 @@ class SweepMatcher:
     def _found(self, cloud: Cloud, expected: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The pose near an expected one, None if there the map does not explain the cloud."""
         some = cloud.points[::_FIND_STRIDE]
-        starts = [self._aligned(some, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)]
-        if np.linalg.norm(starts[0][:3, 3] - expected[:3, 3]) > _DRAGGED_M:
+        start, _ = self._aligned(some, expected, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
+        starts = [start]
+        if np.linalg.norm(start[:3, 3] - expected[:3, 3]) > _DRAGGED_M:
             # Traffic alongside may have led the search astray.
             starts.append(expected)
-        found = self._settled(cloud, starts, expected)
-        return found if self._is_explained(cloud, found) else None
+        found, there = self._settled(cloud, starts, expected)
+        return found if _is_explained(cloud, there) else None
 
     def _searched(self, cloud: Cloud) -> NDArray[np.float64] | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
-        best = self._settled(cloud, self._starts(cloud), None)
+        points = cloud.points
+        best, _ = self._settled(cloud, self._starts(cloud), None)
         # What nothing holds stays where it is.
-        best = self._aligned(cloud.points, best, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND, best)
-        best = self._aligned(cloud.points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE, best)
-        return best if self._is_explained(cloud, best) else None
+        best, _ = self._aligned(points, best, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND, best)
+        best, there = self._aligned(points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE, best)
+        return best if _is_explained(cloud, there) else None
 
     def _starts(self, cloud: Cloud) -> list[NDArray[np.float64]]:
         """The last pose, and the most promising of many around it."""
@@ -147,13 +149,13 @@ class SweepMatcher:
         cloud: Cloud,
         starts: Sequence[NDArray[np.float64]],
         expected: NDArray[np.float64] | None,
-    ) -> NDArray[np.float64]:
+    ) -> tuple[NDArray[np.float64], Comparison]:
         """The pose near one of several that explains most of what stands on the ground.
 
         By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         by all that stands they do not.
         """
-        poses = [
+        found = [
             self._aligned(
                 cloud.points,
                 start,
@@ -163,21 +165,16 @@ class SweepMatcher:
             )
             for start in starts
         ]
-        if len(poses) == 1:
-            return poses[0]
+        if len(found) == 1:
+            return found[0]
         return max(
-            poses, key=lambda pose: self._num_standing(cloud.standing, pose, _STANDING_WITHIN_M)
+            found, key=lambda each: self._num_standing(cloud.standing, each[0], _STANDING_WITHIN_M)
         )
 
     def _num_standing(
         self, standing: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
     ) -> int:
         return self._map.compared(standing, pose, within_m).num_on_surfaces
-
-    def _is_explained(self, cloud: Cloud, pose: NDArray[np.float64]) -> bool:
-        there = self._map.compared(cloud.points, pose, _SETTLE_WITHIN_M)
-        is_held = there.num_on_surfaces >= _MIN_ON_SURFACES * len(cloud)
-        return is_held and there.num_explained >= _MIN_EXPLAINED * len(cloud)
 
     def _aligned(
         self,
@@ -186,8 +183,11 @@ class SweepMatcher:
         within_m: float,
         max_steps: int,
         expected: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
-        """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton)."""
+    ) -> tuple[NDArray[np.float64], Comparison]:
+        """The pose near a start and an expected one that puts points on surfaces (Gauss-Newton).
+
+        With it comes the comparison that its last step was made of, the points nearly there.
+        """
         pose = start.copy()
         for _ in range(max_steps):
             there = self._map.compared(points, pose, within_m)
@@ -201,4 +201,9 @@ class SweepMatcher:
             pose[:3, 3] += step[:3]
             if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
                 break
-        return pose
+        return pose, there
+
+
+def _is_explained(cloud: Cloud, there: Comparison) -> bool:
+    is_held = there.num_on_surfaces >= _MIN_ON_SURFACES * len(cloud)
+    return is_held and there.num_explained >= _MIN_EXPLAINED * len(cloud)

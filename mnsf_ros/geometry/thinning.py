@@ -55,13 +55,14 @@ def _means_of_cells(
             place = place + 1 & size - 1
         if keys[place] == -1:
             keys[place], cells[place], own_keys[number] = key, number, key
-            sums[number] = 0.0
+            for axis in range(4):
+                sums[number, axis] = 0.0
             number += 1
-        total = sums[cells[place]]
-        total[0] += x
-        total[1] += y
-        total[2] += z
-        total[3] += 1.0
+        cell = cells[place]
+        sums[cell, 0] += x
+        sums[cell, 1] += y
+        sums[cell, 2] += z
+        sums[cell, 3] += 1.0
     means = np.empty((number, 3), np.float32)
     for cell in range(number):
         for axis in range(3):

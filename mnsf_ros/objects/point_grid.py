@@ -105,7 +105,9 @@ def _in_buckets(
     for row in range(len(points) - 1, -1, -1):
         starts[buckets[row]] -= 1
         place = starts[buckets[row]]
-        ordered[place], rows[place] = points[row], row
+        rows[place] = row
+        for axis in range(3):
+            ordered[place, axis] = points[row, axis]
     return starts, ordered, rows
 
 

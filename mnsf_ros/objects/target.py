@@ -97,11 +97,8 @@ class Target:
         """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
         places = transformed(points, self.from_current)
         is_new, _ = self.sweep.view.free_and_hidden(places)
-        free = np.ascontiguousarray(places[is_new])
-        each, nothing = np.arange(len(free)), np.zeros_like(free)
-        exactly = np.zeros(len(free), np.float32)
-        _, _, num_near = self.sweep.grid.compared(free, each, nothing, np.eye(4), exactly, _NEAR_M)
-        is_new[is_new] = num_near == 0
+        free = np.compress(is_new, places, axis=0)
+        is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
 
     def seen(

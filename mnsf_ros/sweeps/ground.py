@@ -85,11 +85,17 @@ def _without_pits(lowest: NDArray[np.float32], rise: float, margin_m: float) -> 
     return np.where(is_pit, closed, lowest)
 
 
-@compiled("void(float32[::1], float32[::1], float32)")
-def _lower(heights: NDArray[np.float32], beside: NDArray[np.float32], rise: np.float32) -> None:
-    """Lowers heights to those beside them plus a rise."""
-    for place in range(len(heights)):
-        heights[place] = min(heights[place], beside[place] + rise)
+@compiled("void(float32[::1], float32[::1], float32[::1], float32[::1], float32)")
+def _lower(
+    before: NDArray[np.float32],
+    left: NDArray[np.float32],
+    right: NDArray[np.float32],
+    lowered: NDArray[np.float32],
+    rise: np.float32,
+) -> None:
+    """Heights lowered to those on either side of them plus a rise."""
+    for place in range(len(lowered)):
+        lowered[place] = min(before[place], min(left[place], right[place]) + rise)
 
 
 @compiled("float32[:, ::1](float32[:, ::1], int64, float64)")
@@ -97,19 +103,24 @@ def _cone_erosion(
     heights: NDArray[np.float32], radius: int, rise_per_cell: float
 ) -> NDArray[np.float32]:
     """Smallest of `height + rise * distance` within the radius, along columns, then along rows."""
-    eroded, before = heights.copy(), np.empty_like(heights)
-    for is_along_rows in (False, True):
+    num_rows, num_columns = heights.shape
+    # Row by row, with so many empty places around that no step reaches another row, or leads out.
+    width = num_columns + radius
+    eroded = np.full((num_rows + 2 * radius, width), np.float32(np.inf))
+    eroded[radius : radius + num_rows, :num_columns] = heights
+    before = eroded.copy()
+    flat, flat_before = eroded.reshape(-1), before.reshape(-1)
+    start, end = radius * width, (radius + num_rows) * width
+    for places in (1, width):
         # Cones add up: one of radius a, then one of radius b, is one of a + b. From radius a a step
         # of up to a + 1 to either side leaves no gap, so that the radius doubles with each step.
         reached = 0
         while reached < radius:
             step = min(reached + 1, radius - reached)
             reached += step
+            shift = step * places
+            left, right = flat[start - shift : end - shift], flat[start + shift : end + shift]
             rise = np.float32(rise_per_cell * step)
-            down, across = (step, 0) if is_along_rows else (0, step)
-            end = max(heights.shape[1] - across, 0)
-            before[:] = eroded
-            for row in range(heights.shape[0] - down):
-                _lower(eroded[row, :end], before[row + down, across:], rise)
-                _lower(eroded[row + down, across:], before[row, :end], rise)
-    return eroded
+            _lower(flat[start:end], left, right, flat_before[start:end], rise)
+            flat, flat_before = flat_before, flat
+    return flat.reshape(-1, width)[radius : radius + num_rows, :num_columns].copy()
