@@ -36,7 +36,7 @@ _MAX_END_S: Final = 1.0
 _TIMEOUT_S: Final = 300
 _FLOW_TIMEOUT_S: Final = 60
 # The process that starts workers ends when it has imported what they need.
-_LEFT_S: Final = 60
+_LEFT_S: Final = 120
 _NODE_START_S: Final = 4.0
 _EXIT_INTERRUPTED: Final = 130
 _EXIT_RESULTS: Final = 4
@@ -141,13 +141,15 @@ def _descendants(pid: int) -> list[int]:
     return found[1:]
 
 
-def _are_gone(pids: Sequence[int]) -> bool:
+def _left(pids: Sequence[int]) -> str:
+    """What still runs of some processes after a while; empty if they are gone."""
     deadline_s = time.monotonic() + _LEFT_S
-    while any(Path("/proc", str(pid), "exe").exists() for pid in pids):
+    while left := [pid for pid in pids if Path("/proc", str(pid), "exe").exists()]:
         if time.monotonic() > deadline_s:
-            return False
+            command = Path("/proc", str(left[0]), "cmdline").read_text(errors="replace")
+            return f"wrong: left after {_LEFT_S} s: {command[-80:]}"
         time.sleep(0.05)
-    return True
+    return ""
 
 
 def killed_evaluations(rounds: Rounds) -> Iterator[Figure]:
@@ -172,8 +174,10 @@ def _killed_evaluation(evaluations: _Evaluations, is_driver: bool, random: Rando
         with suppress(ProcessLookupError):
             os.kill(victim, signal.SIGKILL)
     status, said = evaluations.end(driver)
-    if not _are_gone(family):
-        return "wrong: processes are left"
+    if left := _left(family):
+        return left
+    if "Traceback" in said:
+        return f"wrong: {said[-200:]}"
     if status == 0:
         return "as without" if evaluations.is_complete() else f"wrong: other results: {said[-200:]}"
     if not evaluations.is_right():
@@ -314,8 +318,8 @@ def _signalled(
         end_s = time.monotonic() - start_s
         said.seek(0)
         text = said.read().decode(errors="replace")
-    if not _are_gone(family):
-        return "wrong: processes are left", end_s
+    if left := _left(family):
+        return left, end_s
     if status == -number and "mnsf_ros" not in text:
         return "wrong: Python's start" if text else "before the program began", end_s
     if status not in statuses or "Traceback" in text:

@@ -9,6 +9,7 @@ import math
 import multiprocessing
 import signal
 import sys
+import time
 from collections import deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Final, Protocol
 
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.results import ResultRow
@@ -23,6 +25,7 @@ from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, TaskRestarted, task_
 
 MAX_ATTEMPTS: Final = 3
 _DYING_S: Final = 5.0
+_DEAD_S: Final = 0.2
 
 
 class Executor(Protocol):
@@ -134,7 +137,7 @@ class _Processes:
         context.set_forkserver_preload(_slow_imports())
         receiver, sender = context.Pipe(duplex=False)
         process = context.Process(target=_work, args=(sender, task, options), daemon=True)
-        process.start()
+        _start(process)
         # The end of the pipe is seen only when nobody else could write to it.
         sender.close()
         self._processes[receiver] = process
@@ -166,6 +169,21 @@ class _Processes:
         if process.is_alive():
             process.kill()
         process.join()
+
+
+def _start(process: BaseProcess) -> None:
+    """Starts a process, and the server that forks it again if that was killed meanwhile."""
+    for attempt in range(MAX_ATTEMPTS):
+        try:
+            process.start()
+            return
+        except (EOFError, OSError) as error:
+            if attempt + 1 == MAX_ATTEMPTS:
+                raise EvaluationError(
+                    f"worker processes cannot be started, tried {MAX_ATTEMPTS} times: {error}"
+                ) from error
+            # Until the system knows that it has ended.
+            time.sleep(_DEAD_S)
 
 
 def _slow_imports() -> list[str]:

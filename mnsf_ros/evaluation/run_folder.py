@@ -32,6 +32,9 @@ from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
 
 RUN_FILE: Final = "run.json"
 _LOCK_FILE: Final = ".lock"
+_DRAFT: Final = ".{}.new"
+# By a run that was killed before it was written down.
+_LEFT_BY_A_START: Final = {_LOCK_FILE, _DRAFT.format(RUN_FILE)}
 
 
 class WritingError(EvaluationError):
@@ -193,8 +196,9 @@ class RunFolder:
 
     def _remove_if_unused(self) -> None:
         """Takes the folder away if it holds nothing but the start of a run."""
-        if {entry.name for entry in self.path.iterdir()} <= {RUN_FILE, _LOCK_FILE}:
-            for name in (RUN_FILE, _LOCK_FILE):
+        start = {RUN_FILE, *_LEFT_BY_A_START}
+        if {entry.name for entry in self.path.iterdir()} <= start:
+            for name in start:
                 (self.path / name).unlink(missing_ok=True)
             self.path.rmdir()
 
@@ -212,7 +216,7 @@ def check_folder(out: Path, *, resume: bool) -> None:
 
 
 def _holds_something(out: Path) -> bool:
-    return out.is_dir() and any(entry.name != _LOCK_FILE for entry in out.iterdir())
+    return out.is_dir() and any(entry.name not in _LEFT_BY_A_START for entry in out.iterdir())
 
 
 def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
@@ -243,7 +247,7 @@ def replace_file(file: Path, parts: Iterable[str]) -> None:
     Raises:
         WritingError: That fails; the old file is still there.
     """
-    draft = file.with_name(f".{file.name}.new")
+    draft = file.with_name(_DRAFT.format(file.name))
     with _writing(file):
         try:
             with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:

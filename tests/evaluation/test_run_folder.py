@@ -160,6 +160,20 @@ def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
     assert len(list(folder.rows)) == 1
 
 
+def test_run_that_was_killed_while_it_was_written_down_is_started_anew(tmp_path, recording):
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in (".lock", ".run.json.new"):
+        (out / name).write_text("{")
+    with RunFolder(out).opened(resume=True) as folder:
+        folder.begin(record_of(recording))
+    assert not out.exists()
+    out.mkdir()
+    (out / ".run.json.new").write_text("{")
+    assert start(out, recording).read_record().recordings
+    assert not (out / ".run.json.new").exists()
+
+
 def test_run_that_another_process_made_meanwhile_is_left_alone(tmp_path, recording):
     refused = pytest.raises(EvaluationError, match="another process has just written to it")
     with RunFolder(tmp_path / "out").opened(resume=False) as folder:

@@ -58,30 +58,59 @@ def test_task_that_cannot_be_done_does_not_stop_the_others(bag):
     assert isinstance(events["drive", "zero"][-1], Findings)
 
 
-_WITHOUT_NETWORKS = """
+_OF_ITS_OWN = """
 import sys
 from pathlib import Path
 
 if __name__ == "__main__":
     import small_evaluations as small
     from mnsf_ros.evaluation.executors import WorkerProcesses
+    from mnsf_ros.evaluation.findings import Findings
 
-    list(WorkerProcesses(1)([small.task_at(Path(sys.argv[1]), "zero")], small.options()))
+    if sys.argv[2] == "torch":
+        import torch
+    tasks = [small.task_at(Path(sys.argv[1]), "zero")]
+    *_, (_, last) = WorkerProcesses(1)(tasks, small.options())
+    sys.exit(0 if isinstance(last, Findings) else repr(last))
 """
+
+
+def evaluate_with_another_torch(folder, bag, torch, *arguments):
+    """Runs a task by a worker, in a process of its own in which torch is a few lines."""
+    (folder / "torch").mkdir()
+    (folder / "torch" / "__init__.py").write_text(torch)
+    script = folder / "of_its_own.py"
+    script.write_text(_OF_ITS_OWN)
+    here = Path(__file__).parent
+    paths = os.pathsep.join(map(str, (folder, here, here.parents[1])))
+    subprocess.run(
+        [sys.executable, script, bag, *arguments],
+        check=True,
+        timeout=120,
+        env=os.environ | {"PYTHONPATH": paths},
+    )
 
 
 def test_torch_is_loaded_only_for_networks(bag, tmp_path):
     """It takes seconds, in which Ctrl-C waits for the process that loads it."""
-    (tmp_path / "torch").mkdir()
     found = tmp_path / "found"
-    (tmp_path / "torch" / "__init__.py").write_text(f"open({str(found)!r}, 'w')")
-    script = tmp_path / "without_networks.py"
-    script.write_text(_WITHOUT_NETWORKS)
-    here = Path(__file__).parent
-    folders = os.pathsep.join(map(str, (tmp_path, here, here.parents[1])))
-    environment = os.environ | {"PYTHONPATH": folders}
-    subprocess.run([sys.executable, script, bag], check=True, timeout=120, env=environment)
+    evaluate_with_another_torch(tmp_path, bag, f"open({str(found)!r}, 'w')", "no torch")
     assert not found.exists()
+
+
+def test_server_of_processes_that_is_killed_is_started_again(bag, tmp_path):
+    """It is killed while it imports torch, which the process that starts it has done before."""
+    found, killed = tmp_path / "found", tmp_path / "killed"
+    torch = f"""
+import os, pathlib, signal
+found, killed = map(pathlib.Path, {[str(found), str(killed)]!r})
+if found.exists() and not killed.exists():
+    killed.touch()
+    os.kill(os.getpid(), signal.SIGKILL)
+found.touch()
+"""
+    evaluate_with_another_torch(tmp_path, bag, torch, "torch")
+    assert killed.exists()
 
 
 class KillFirst(WorkerProcesses):
