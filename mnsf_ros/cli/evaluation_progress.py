@@ -21,8 +21,9 @@ from rich.progress import (
 
 from mnsf_ros.cli.console import Console
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
-from mnsf_ros.evaluation.results import ResultRow, mean
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, TaskRestarted
 
 

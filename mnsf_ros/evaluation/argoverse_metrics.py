@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
 # Of a group of points: their number, the sum of their errors (m), the sum of their own motion (m).
@@ -102,6 +103,25 @@ def added(parts: Iterable[Mapping[str, list[float]]]) -> Sums:
         name: [math.fsum(column) for column in zip(*rows, strict=True)]
         for name, rows in columns.items()
     }
+
+
+def over_all_points(
+    parts: Iterable[Mapping[str, list[float]]],
+) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Returns both metrics over the points of several examples, with a `mean`; empty without any.
+
+    The first mean is that of the three groups, NaN without one of them, the second that of the
+    classes which have a value.
+    """
+    sums = added(parts)
+    if not sums:
+        return {}, {}
+    groups, classes = three_way_epe_m(sums), bucketed_errors(sums)
+    groups["mean"] = math.fsum(groups.values()) / len(groups)
+    if classes:
+        means = {kind: mean([own[kind] for own in classes.values()]) for kind in (DYNAMIC, STATIC)}
+        classes["mean"] = means
+    return groups, classes
 
 
 def three_way_epe_m(sums: Mapping[str, list[float]]) -> dict[str, float]:

@@ -18,7 +18,7 @@ them left out says so with the `valid` mask.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -154,6 +154,21 @@ def mean_of(examples: Iterable[FlowErrors]) -> FlowErrors:
         angle_error_rad=math.fsum(errors.angle_error_rad for errors in scored) / count,
         num_points=sum(errors.num_points for errors in scored),
     )
+
+
+def means_by_group(examples: Iterable[Mapping[str, FlowErrors]]) -> dict[str, FlowErrors]:
+    """Returns the mean over examples of the errors of each group of points."""
+    groups: dict[str, list[FlowErrors]] = {}
+    for example in examples:
+        for name, errors in example.items():
+            groups.setdefault(name, []).append(errors)
+    return {name: mean_of(errors) for name, errors in groups.items()}
+
+
+def mean(values: Sequence[float]) -> float:
+    """Returns the mean of the values that are numbers; NaN if there are none."""
+    numbers = [value for value in values if not math.isnan(value)]
+    return math.fsum(numbers) / len(numbers) if numbers else math.nan
 
 
 def end_point_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:

@@ -10,11 +10,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
 
 # Recording and number of a sweep.
 SweepKey = tuple[str, int]
 
+_GROUPS: Final = ("all", "dynamic", "static")
 CONFIDENCE: Final = 0.95
 # Sweeps that follow each other are alike: so many are drawn together, about a second of them.
 _LONGEST_BLOCK: Final = 10
@@ -53,6 +55,21 @@ class PairedDifference:
         return "worse" if self.high_m < 0 else "undecided"
 
 
+@dataclass(frozen=True)
+class CommonSweeps:
+    """The errors of all methods on the sweeps that each of them answered.
+
+    Attributes:
+        num_common: Number of these.
+        num_sweeps: Number of all sweeps.
+        errors: Method to its errors of all points.
+    """
+
+    num_common: int
+    num_sweeps: int
+    errors: dict[str, FlowErrors]
+
+
 def errors_of(rows: Iterable[ResultRow], method: str, group: str) -> dict[SweepKey, float]:
     """Returns the end point error of a method on a group of points, for each sweep that has one."""
     return {
@@ -62,13 +79,39 @@ def errors_of(rows: Iterable[ResultRow], method: str, group: str) -> dict[SweepK
     }
 
 
-def common_sweeps(rows: Iterable[ResultRow], methods: Sequence[str]) -> set[SweepKey]:
-    """Returns the sweeps for which each of the methods gave a flow."""
-    answered: dict[str, set[SweepKey]] = {method: set() for method in methods}
+def common_sweeps(
+    rows: Sequence[ResultRow], summaries: Iterable[MethodSummary]
+) -> CommonSweeps | None:
+    """Compares methods that gave any flow on the sweeps that each of them answered.
+
+    None if all of them answered the same ones, or without truth.
+    """
+    answered: dict[str, set[SweepKey]] = {s.method: set() for s in summaries if s.num_examples}
     for row in rows:
-        if row.failure is None and row.method in answered:
+        if row.failure is None:
             answered[row.method].add(row.sweep)
-    return set.intersection(*answered.values()) if answered else set()
+    common = set.intersection(*answered.values()) if answered else set()
+    if all(sweeps == common for sweeps in answered.values()):
+        return None
+    found = summarize((row for row in rows if row.sweep in common), list(answered))
+    errors = {one.method: one.errors["all"] for one in found if one.errors}
+    if common and not errors:
+        return None
+    return CommonSweeps(len(common), len({row.sweep for row in rows}), errors)
+
+
+def differences(
+    rows: Sequence[ResultRow], under_test: str, methods: Iterable[str]
+) -> dict[tuple[str, str], PairedDifference]:
+    """Compares the method under test with others; returns method and group of points to it."""
+    own = {group: errors_of(rows, under_test, group) for group in _GROUPS}
+    found = {
+        (method, group): paired_difference(own[group], errors_of(rows, method, group))
+        for method in methods
+        if method != under_test
+        for group in _GROUPS
+    }
+    return {key: one for key, one in found.items() if one is not None}
 
 
 def paired_difference(

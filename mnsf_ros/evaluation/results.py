@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from mnsf_ros.evaluation.argoverse_metrics import added, bucketed_errors, three_way_epe_m
-from mnsf_ros.evaluation.metrics import FlowErrors, mean_of
+from mnsf_ros.evaluation.argoverse_metrics import over_all_points
+from mnsf_ros.evaluation.metrics import FlowErrors, mean, means_by_group
 from mnsf_ros.evaluation.mover_summary import MoverSummary, summarize_movers
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 
@@ -208,18 +208,17 @@ def summarize(rows: Iterable[ResultRow], methods: Sequence[str] = ()) -> list[Me
 def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
     good = [row for row in rows if row.failure is None]
     num_dropped = sum(row.is_dropped for row in rows)
-    sums = added(row.sums for row in good)
-    three_way = three_way_epe_m(sums) if sums else {}
+    three_way_epe_m, bucketed = over_all_points(row.sums for row in good)
     return MethodSummary(
         method=method,
         num_examples=len(good),
         num_failed=len(rows) - len(good) - num_dropped,
         num_dropped=num_dropped,
-        errors=_mean_errors(good, lambda row: row.errors),
-        by_range=_by_limit(_mean_errors(good, lambda row: row.by_range)),
-        by_speed=_by_limit(_mean_errors(good, lambda row: row.by_speed)),
-        three_way_epe_m=_with_mean(three_way),
-        bucketed=_with_class_mean(bucketed_errors(sums)),
+        errors=means_by_group(row.errors for row in good),
+        by_range=_by_limit(means_by_group(row.by_range for row in good)),
+        by_speed=_by_limit(means_by_group(row.by_speed for row in good)),
+        three_way_epe_m=three_way_epe_m,
+        bucketed=bucketed,
         consistency=_means([row.consistency for row in good]),
         time_ms=mean([row.time_ms for row in good]),
         latency_ms=mean([row.latency_ms for row in good]),
@@ -233,22 +232,6 @@ def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
     )
 
 
-def mean(values: Sequence[float]) -> float:
-    """Returns the mean of the values that are numbers; NaN if there are none."""
-    numbers = [value for value in values if not math.isnan(value)]
-    return math.fsum(numbers) / len(numbers) if numbers else math.nan
-
-
-def _mean_errors(
-    rows: list[ResultRow], part: Callable[[ResultRow], dict[str, FlowErrors]]
-) -> dict[str, FlowErrors]:
-    groups: dict[str, list[FlowErrors]] = {}
-    for row in rows:
-        for name, errors in part(row).items():
-            groups.setdefault(name, []).append(errors)
-    return {name: mean_of(errors) for name, errors in groups.items()}
-
-
 def _by_limit(errors: dict[str, FlowErrors]) -> dict[str, FlowErrors]:
     return {name: errors[name] for name in sorted(errors, key=float)}
 
@@ -256,18 +239,3 @@ def _by_limit(errors: dict[str, FlowErrors]) -> dict[str, FlowErrors]:
 def _means(parts: Sequence[dict[str, float]] | Sequence[dict[str, int]]) -> dict[str, float]:
     names = dict.fromkeys(name for part in parts for name in part)
     return {name: mean([part[name] for part in parts if name in part]) for name in names}
-
-
-def _with_mean(values: dict[str, float]) -> dict[str, float]:
-    if not values:
-        return {}
-    # Of a recording without one of the groups there is no such mean.
-    return {**values, "mean": math.fsum(values.values()) / len(values)}
-
-
-def _with_class_mean(classes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-    if not classes:
-        return {}
-    kinds = next(iter(classes.values()))
-    means = {kind: mean([errors[kind] for errors in classes.values()]) for kind in kinds}
-    return {**classes, "mean": means}

@@ -11,27 +11,21 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.paired import (
+    CommonSweeps,
     PairedDifference,
     SweepKey,
     common_sweeps,
+    differences,
     errors_of,
-    paired_difference,
 )
-from mnsf_ros.evaluation.results import (
-    FinishedTask,
-    MethodSummary,
-    ResultRow,
-    mean,
-    summarize,
-)
+from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
 
-_GROUPS: Final = ("all", "dynamic", "static")
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _REST: Final = "other"
 # A smaller part of the time outside of all stages is not worth a colour.
@@ -44,14 +38,6 @@ class MissedMover(NamedTuple):
     row: ResultRow
     item: ObjectRow
     num_sweeps: int
-
-
-class CommonSweeps(NamedTuple):
-    """The errors of all methods on the sweeps that each of them answered."""
-
-    num_common: int
-    num_sweeps: int
-    errors: dict[str, FlowErrors]
 
 
 class Failures(NamedTuple):
@@ -165,8 +151,8 @@ def results_of(
         focus=focus,
         worst=_worst_first(own),
         missed=_missed_movers(own),
-        common=_common(rows, summaries),
-        differences=_differences(rows, focus, [one.method for one in summaries]),
+        common=common_sweeps(rows, summaries),
+        differences=differences(rows, focus, [one.method for one in summaries]),
         failures=_failures(rows),
     )
 
@@ -200,31 +186,6 @@ def _missed_movers(rows: Iterable[ResultRow]) -> list[MissedMover]:
         for sweeps in missed.values()
     )
     return sorted(most, key=lambda one: -one.num_sweeps)
-
-
-def _common(rows: Sequence[ResultRow], summaries: Sequence[MethodSummary]) -> CommonSweeps | None:
-    methods = [summary.method for summary in summaries if summary.num_examples]
-    common = common_sweeps(rows, methods)
-    if all(one.num_examples == len(common) for one in summaries if one.num_examples):
-        return None
-    shared = summarize((row for row in rows if row.sweep in common), methods)
-    errors = {one.method: one.errors["all"] for one in shared if one.errors}
-    if common and not errors:
-        return None
-    return CommonSweeps(len(common), len({row.sweep for row in rows}), errors)
-
-
-def _differences(
-    rows: Sequence[ResultRow], focus: str, methods: Iterable[str]
-) -> dict[tuple[str, str], PairedDifference]:
-    own = {group: errors_of(rows, focus, group) for group in _GROUPS}
-    found = {
-        (method, group): paired_difference(own[group], errors_of(rows, method, group))
-        for method in methods
-        if method != focus
-        for group in _GROUPS
-    }
-    return {key: one for key, one in found.items() if one is not None}
 
 
 def _failures(rows: Iterable[ResultRow]) -> list[Failures]:
