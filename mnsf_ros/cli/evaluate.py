@@ -12,11 +12,9 @@ from mnsf_ros.cli.arguments import (
     Arguments,
     Subparsers,
     add_subcommand,
-    chosen_settings,
     number_or_all,
 )
 from mnsf_ros.cli.console import Console
-from mnsf_ros.errors import SettingsError
 
 EXIT_INCOMPLETE = 3
 EXIT_UNWRITTEN = 4
@@ -135,31 +133,12 @@ def _add_run_arguments(group: Arguments) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mnsf_ros.cli.evaluation import evaluate, new_folder
-    from mnsf_ros.evaluation.options import EvaluationOptions
+    from mnsf_ros.cli.evaluation import evaluate
     from mnsf_ros.evaluation.recordings import path_text
     from mnsf_ros.evaluation.run_folder import WritingError
-    from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
 
-    console = Console()
-    options.methods = options.methods or [DEFAULT_METHODS]
-    if options.out is None:
-        if options.resume:
-            raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
-        options.out = new_folder(options.bags)
-    evaluation = EvaluationOptions(
-        settings=chosen_settings(options),
-        num_points=None if options.num_points == ALL else options.num_points,
-        every=options.every,
-        seed=options.seed,
-        ground=options.ground,
-        realtime_rate=options.realtime,
-        check_cycle=options.check_cycle,
-        flow_folder=options.out / FLOW_FOLDER if options.write_flow else None,
-        num_pictured=max(0, options.pictures),
-    )
     try:
-        is_complete = evaluate(options, evaluation, console)
+        is_complete = evaluate(options, Console())
     except WritingError as error:
         print(
             f"mnsf: {error}. Finished results are kept; to continue, repeat the command with "

@@ -12,7 +12,9 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
+from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
@@ -24,6 +26,7 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.recordings import inspected_recordings, path_text, short_name
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
 from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
@@ -35,7 +38,7 @@ from mnsf_ros.report.tables import work_table
 _PAIR: Final = 2
 
 
-def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console: Console) -> bool:
+def evaluate(options: argparse.Namespace, console: Console) -> bool:
     """Evaluates and prints; `options` are those of the command line, see `evaluate.add_to`.
 
     Returns:
@@ -45,12 +48,16 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
+    names = _split(options.methods or [DEFAULT_METHODS])
+    if options.out is None:
+        if options.resume:
+            raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
+        options.out = new_folder(options.bags)
+    evaluation = _evaluation_options(options)
     execute = _executor(options, evaluation)
     folder = RunFolder(options.out)
     with folder.opened(resume=options.resume):
-        methods = evaluated_methods(
-            _split(options.methods), evaluation, is_remote=options.ray is not None
-        )
+        methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
         recordings, unreadable = inspected_recordings(
             options.bags,
             folder.before.recordings if folder.before is not None else (),
@@ -73,7 +80,7 @@ def evaluate(options: argparse.Namespace, evaluation: EvaluationOptions, console
                         given_up.append(f"gave up {task_title(task.key)}: {event.reason}")
         finally:
             # Also after Ctrl-C: what is finished is worth a table.
-            is_complete = folder.has_results and _conclude(folder, options.pictures, console)
+            is_complete = folder.has_results and _conclude(folder, evaluation.num_pictured, console)
     for text in (*given_up, *unreadable):
         console.warn(text)
     return is_complete and not given_up and not unreadable
@@ -93,7 +100,7 @@ def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
     write_results(folder, results, tables)
     _print_results(results, tables, folder, console)
     try:
-        path = write_report(folder, results, tables, max(0, num_pictured))
+        path = write_report(folder, results, tables, num_pictured)
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
         console.warn(f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again")
@@ -138,6 +145,20 @@ def _split(texts: Sequence[str]) -> list[str]:
     if not methods:
         raise SettingsError("methods: got none, expected at least one")
     return methods
+
+
+def _evaluation_options(options: argparse.Namespace) -> EvaluationOptions:
+    return EvaluationOptions(
+        settings=chosen_settings(options),
+        num_points=None if options.num_points == ALL else options.num_points,
+        every=options.every,
+        seed=options.seed,
+        ground=options.ground,
+        realtime_rate=options.realtime,
+        check_cycle=options.check_cycle,
+        flow_folder=options.out / FLOW_FOLDER if options.write_flow else None,
+        num_pictured=max(0, options.pictures),
+    )
 
 
 def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Executor:

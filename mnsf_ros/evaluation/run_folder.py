@@ -60,6 +60,7 @@ class RunFolder:
         self.flows = ShownFlows(path)
         self._rows, self._tasks = path / "rows.jsonl", path / "tasks.jsonl"
         self._session = ExitStack()
+        self._num_pictured = 0
         self._done: dict[TaskKey, set[int]] = {}
         self._indivisible: frozenset[TaskKey] = frozenset()
 
@@ -87,7 +88,7 @@ class RunFolder:
             EvaluationError: The folder holds a run with other settings or another recording of the
                 same name, which must not be mixed with this one; or another process is at it.
         """
-        whole, self.flows = record, ShownFlows(self.path, record.options.num_pictured)
+        whole, self._num_pictured = record, record.options.num_pictured
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
         self.path.mkdir(parents=True, exist_ok=True)
@@ -127,7 +128,7 @@ class RunFolder:
                 done.add(event.number)
         elif isinstance(event, ShownFlow):
             with _writing(self.path / PICTURES_FOLDER):
-                self.flows.add(event)
+                self.flows.add(event, self._num_pictured)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]

@@ -156,11 +156,9 @@ def _around(item: ObjectRow, sweep: ShownFlow) -> ShownFlow:
 class ShownFlows:
     """The flows of a run that a report shows: of each method so many, as files in a folder."""
 
-    def __init__(self, run_folder: Path, number: int = 0) -> None:
-        """Names the folder of the run; keeps so many worst sweeps, and so many missed movers."""
+    def __init__(self, run_folder: Path) -> None:
         self._folder = run_folder / PICTURES_FOLDER
         self._recordings = run_folder / FLOW_FOLDER
-        self._number = number
 
     @cached_property
     def _known(self) -> dict[Path, ShownFlow]:
@@ -178,8 +176,10 @@ class ShownFlows:
                 return ShownFlow(row.recording, row.method, row.number, *recorded)
         return found
 
-    def add(self, flow: ShownFlow) -> None:
+    def add(self, flow: ShownFlow, number: int) -> None:
         """Keeps a flow, and takes away what is not among the worst of its method any more.
+
+        These are so many sweeps, and so many missed movers.
 
         Raises:
             OSError: It cannot be written.
@@ -198,7 +198,7 @@ class ShownFlows:
             for path, one in known.items()
             if one.method == flow.method and (one.mover is None) == (flow.mover is None)
         ]
-        kept = heapq.nlargest(self._number, rivals, key=lambda path: known[path].rank)
+        kept = heapq.nlargest(number, rivals, key=lambda path: known[path].rank)
         self._remove(set(rivals).difference(kept))
 
     def drop(self, keys: Collection[TaskKey]) -> None:

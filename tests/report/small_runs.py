@@ -9,7 +9,7 @@ from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import structured
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
+from mnsf_ros.evaluation.shown_flows import ShownFlow
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_tables import tables_of
@@ -108,5 +108,5 @@ def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):
 def write_run_report(path, results, kept_flows=()):
     folder = RunFolder(path)
     for flow in kept_flows:
-        ShownFlows(path, 9).add(flow)
+        folder.flows.add(flow, 9)
     return write_report(folder, results, tables_of(results))

@@ -129,16 +129,16 @@ def shown(method, number, rank, mover=None, recording="street"):
 
 
 def test_no_more_flows_are_kept_than_are_shown(tmp_path):
-    flows = ShownFlows(tmp_path, 2)
+    flows = ShownFlows(tmp_path)
     for number, rank in enumerate([3.0, 1.0, 2.0, 0.5, 4.0]):
-        flows.add(shown("ego", number, rank))
-    flows.add(shown("ego", 1, 7, mover=5))
-    flows.add(shown("mnsf", 1, 0.1))
+        flows.add(shown("ego", number, rank), 2)
+    flows.add(shown("ego", 1, 7, mover=5), 2)
+    flows.add(shown("mnsf", 1, 0.1), 2)
     names = ["street.ego.0.npz", "street.ego.1.5.npz", "street.ego.4.npz", "street.mnsf.1.npz"]
     assert files(RunFolder(tmp_path)) == names
     # Another session goes on with what is there.
-    again = ShownFlows(tmp_path, 2)
-    again.add(shown("ego", 9, 3.5, recording="other"))
+    again = ShownFlows(tmp_path)
+    again.add(shown("ego", 9, 3.5, recording="other"), 2)
     assert "street.ego.0.npz" not in files(RunFolder(tmp_path))
     again.drop([("street", "ego")])
     assert files(RunFolder(tmp_path)) == ["other.ego.9.npz", "street.mnsf.1.npz"]
