@@ -111,6 +111,7 @@ class RunFolder:
         self._indivisible = frozenset(
             task.key for task in left if options.is_indivisible(task.method)
         )
+        self.flows.drop(self._indivisible)
         if anew := self._indivisible & numbers.keys():
             self.drop(anew)
         self._done = {
@@ -133,9 +134,11 @@ class RunFolder:
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]
             _append(self._tasks, FinishedTask(*task.key, len(done), counts, damages))
-        elif isinstance(event, TaskRestarted) and task.key in self._indivisible and done:
-            self.drop({task.key})
-            done.clear()
+        elif isinstance(event, TaskRestarted) and task.key in self._indivisible:
+            self.flows.drop({task.key})
+            if done:
+                self.drop({task.key})
+                done.clear()
 
     @property
     def rows(self) -> Iterator[ResultRow]:
@@ -173,7 +176,6 @@ class RunFolder:
         """Takes the rows of some tasks away."""
         rows = (row for row in self.rows if (row.recording, row.method) not in keys)
         replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
-        self.flows.drop(keys)
 
     def cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed."""

@@ -6,6 +6,7 @@ sweeps.
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import io
 import math
@@ -211,8 +212,10 @@ class ShownFlows:
             del self._known[path]
 
     def _path(self, recording: str, method: str, number: int, mover: int | None) -> Path:
-        end = "" if mover is None else f".{mover}"
-        return self._folder / f"{folder_name(recording, method)}.{number}{end}.npz"
+        task, end = folder_name(recording, method), "" if mover is None else f".{mover}"
+        # Not every locale can write every name.
+        task = task if task.isascii() else hashlib.sha256(task.encode()).hexdigest()[:16]
+        return self._folder / f"{task}.{number}{end}.npz"
 
 
 def _without_points(flow: ShownFlow) -> ShownFlow:

@@ -438,10 +438,11 @@ def test_path_that_is_no_text_costs_nothing(bag, tmp_path, environment, name):
     place = tmp_path / os.fsdecode(name)
     shutil.copytree(bag, place)
     out = tmp_path / "out"
-    arguments = [place, "--methods=zero", "--pictures=0", f"--out={out}"]
+    arguments = [place, "--methods=zero", "--pictures=1", f"--out={out}"]
     done = shell('"$@"', arguments, **environment)
     assert (done.returncode, done.stderr) == (0, "")
     assert "no report" not in done.stdout
+    assert "data:image/png" in (out / "report.html").read_text(encoding="utf-8")
     readable = name.decode(errors="backslashreplace")
     lines = (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()
     assert {json.loads(line)["recording"] for line in lines} == {readable}
