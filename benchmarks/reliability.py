@@ -87,7 +87,7 @@ def _write_row(
     measured = "; ".join([done, *texts]).replace("|", "\\|").replace("\n", " ")
     rows = {}
     for row in read_section(document, _SECTION).splitlines()[2:]:
-        rows[row.split("`")[1]] = row
+        rows[row.split(" | ")[1].strip("`")] = row
     rows[name] = f"| {PROMISES[name].text} | `{name}` | {measured} | {when} | {verdict} |"
     text = "\n".join(rows[known] for known in PROMISES if known in rows)
     replace_section(document, _SECTION, _HEAD + text)

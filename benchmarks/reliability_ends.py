@@ -40,8 +40,9 @@ _LEFT_S: Final = 120
 _NODE_START_S: Final = 4.0
 _EXIT_INTERRUPTED: Final = 130
 _EXIT_RESULTS: Final = 4
-# What killed nodes may leave: two segments that the next start has not yet taken away.
-_MAX_SHARED_MB: Final = 100
+_OLD_S: Final = 61
+# Two segments.
+_MAX_SHARED_MB: Final = 53
 _FORK: Final = multiprocessing.get_context("fork")
 
 Rows = dict[tuple[str, int], Any]
@@ -214,6 +215,10 @@ def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
                     link.spin_for(min(0.1, end_s - time.monotonic()))
                 found["killed while it starts"] += number % 2
                 os.kill(process.pid, signal.SIGKILL)
+        # A node that starts removes what is older than a minute.
+        time.sleep(_OLD_S)
+        with node_process(arguments, log):
+            link.spin_for(_NODE_START_S)
     yield fates("node killed", found)
     growth_mb = _shared_mb() - before
     yield "left in /dev/shm", f"{growth_mb:.0f} MB", growth_mb < _MAX_SHARED_MB

@@ -13,6 +13,7 @@ from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.environment import (
     NoRosError,
     prepare_environment,
+    remove_dead_segments,
     require_ros,
     transport_fault,
 )
@@ -64,6 +65,7 @@ def main(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> None:
     """
     _refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
     prepare_environment()
+    remove_dead_segments()
     keep_memory()
     try:
         require_ros()

@@ -71,7 +71,7 @@ def measured(reliability, monkeypatch, document, is_met=True, number=2, minutes=
     monkeypatch.setattr(
         reliability,
         "PROMISES",
-        {name: reliability.Promise(f"{name} holds", 2, "rounds", measure) for name in ("a", "b")},
+        {name: reliability.Promise(f"`{name}` holds", 2, "rounds", measure) for name in ("a", "b")},
     )
     options = ["all", "--number", number, "--minutes", minutes, "--document", document]
     monkeypatch.setattr(sys, "argv", ["reliability.py", *map(str, options)])

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import fcntl
 import itertools
+import os
 import shutil
+import time
 import types
 from xml.etree import ElementTree
 
@@ -13,6 +16,7 @@ from mnsf_ros.node.environment import (
     SEGMENT_BYTES,
     TRANSPORT_PROFILE,
     prepare_environment,
+    remove_dead_segments,
     transport_fault,
 )
 
@@ -118,3 +122,28 @@ class TestLargeClouds:
         peer.spin_until(have_come, "three clouds with flow")
         assert len(peer.flows) >= 0.5 * (peer.count("flows_out") - before)
         assert {len(flow.data) for flow in peer.flows.values()} == {120_000 * (16 + ADDED_BYTES)}
+
+
+def test_only_segments_of_killed_processes_are_removed(tmp_path):
+    """As Fast DDS lays them out: the process of a segment holds a file locked."""
+
+    def segment(number, age_s=3600.0, name="fastrtps_{:016x}"):
+        file = tmp_path / name.format(number)
+        lock = file.with_name(f"{file.name}_el")
+        file.write_bytes(bytes(1000))
+        lock.touch()
+        os.utime(lock, (time.time() - age_s,) * 2)
+        return file, lock
+
+    dead, living, young = segment(10), segment(11), segment(12, age_s=1)
+    others = (*segment(7411, name="fastrtps_port{}"), *segment(1, name="other_{}"))
+    alone = tmp_path / f"fastrtps_{13:016x}_el"
+    alone.touch()
+    os.utime(alone, (0, 0))
+    with living[1].open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert remove_dead_segments(tmp_path) == 1000
+        assert remove_dead_segments(tmp_path) == 0
+    assert set(tmp_path.iterdir()) == {*living, *young, *others}
+    assert not dead[0].exists()
+    assert remove_dead_segments(tmp_path / "gone") == 0
