@@ -9,19 +9,18 @@ their own flag calls ground.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from online_recordings import DATA
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.metrics import FlowErrors, by_motion, flow_errors
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 MOMENTS = (5, 10, 15, 20)
 FEW, FULL = "8192", "full"
 SCALES = (FEW, FULL)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, get_type_hints
 
 from mnsf_ros.errors import SettingsError
 
 SettingValue = bool | int | float | str
 
 # End of a setting's name -> its unit.
-_UNITS = {"_m_s": "m/s", "_m2": "m²", "_m": "m", "_ms": "ms", "_s": "s", "_deg": "degrees"}
+_UNITS = {
+    **{"_m_s": "m/s", "_m2": "m²", "_m": "m", "_ms": "ms", "_s": "s"},
+    **{"_hz": "Hz", "_deg": "degrees"},
+}
 _LARGE = 1_000_000
 
 
@@ -79,7 +83,8 @@ class Setting:
 
 
 def _plain(number: float) -> str:
-    return f"{number:g}" if abs(number) < _LARGE else f"{number:.0f}"
+    # A float has too few digits for the largest whole numbers.
+    return f"{number:g}" if abs(number) < _LARGE else str(int(number))
 
 
 def declared(
@@ -95,3 +100,10 @@ def declared(
     metadata = {"text": text, "minimum": minimum, "maximum": maximum}
     others = {"choices": choices, "fixed": fixed, "tuned": tuned}
     return field(default=default, metadata=metadata | others)
+
+
+def settings_of(group: type, prefix: str = "") -> Iterator[Setting]:
+    """Yields what the fields of a dataclass declare, in order; the prefix is put before names."""
+    kinds = get_type_hints(group)
+    for item in fields(group):
+        yield Setting(f"{prefix}{item.name}", kinds[item.name], item.default, **item.metadata)

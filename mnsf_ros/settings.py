@@ -11,10 +11,9 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import get_type_hints
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.setting import Setting, SettingValue, declared
+from mnsf_ros.setting import Setting, SettingValue, declared, settings_of
 
 
 @dataclass(frozen=True)
@@ -661,17 +660,13 @@ class Settings:
 @cache
 def declared_settings() -> tuple[Setting, ...]:
     """The declarations of all settings, in order."""
-    defaults = Settings()
-    settings = []
-    for group in dataclasses.fields(Settings):
-        values = getattr(defaults, group.name)
-        if not dataclasses.is_dataclass(values):
-            continue
-        kinds = get_type_hints(type(values))
-        for item in dataclasses.fields(values):
-            name, default = f"{group.name}.{item.name}", getattr(values, item.name)
-            settings.append(Setting(name, kinds[item.name], default, **item.metadata))
-    return tuple(settings)
+    groups = {item.name: item.default for item in dataclasses.fields(Settings)}
+    return tuple(
+        setting
+        for name, group in groups.items()
+        if dataclasses.is_dataclass(group)
+        for setting in settings_of(type(group), f"{name}.")
+    )
 
 
 def declared_setting(name: str) -> Setting:

@@ -7,20 +7,10 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
-from mnsf_ros.simulation.settings import BEAM_CHOICES, SCENARIOS, SimulationSettings
+from mnsf_ros.simulation.settings import SimulationSettings, simulation_settings
 
-_OPTIONS = {
-    "seed": ("N", "chooses street, traffic and noise"),
-    "duration_s": ("S", "duration in seconds"),
-    "rate_hz": ("HZ", "sweeps per second"),
-    "num_beams": ("N", f"lasers: {', '.join(map(str, BEAM_CHOICES))}"),
-    "num_columns": ("N", "azimuth steps of a sweep"),
-    "range_noise_m": ("M", "standard deviation of the range"),
-    "dropout": ("SHARE", "share of returns that are dropped"),
-    "ego_speed_m_s": ("M/S", "speed of the vehicle with the lidar"),
-    "max_range_m": ("M", "maximum range of the lidar"),
-    "scenario": ("NAME", f"street and traffic: {', '.join(SCENARIOS)}"),
-}
+# Of values without a unit in their name.
+_METAVARS = {int: "N", float: "SHARE", str: "NAME"}
 
 
 def add_to(subparsers: Subparsers) -> None:
@@ -29,15 +19,18 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(subparsers, "simulate", summary, _run)
     arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
-    for name, (unit, text) in _OPTIONS.items():
-        default = getattr(SimulationSettings, name)
-        arguments.value(f"--{name.replace('_', '-')} {unit}", text, default=default)
+    for setting in simulation_settings():
+        metavar = setting.unit.upper() or _METAVARS[setting.kind]
+        name = f"--{setting.name.replace('_', '-')} {metavar}"
+        arguments.value(name, setting.text, default=setting.default)
 
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.demo.console_progress import simulate_with_progress
 
-    settings = SimulationSettings(**{name: getattr(options, name) for name in _OPTIONS})
+    settings = SimulationSettings(
+        **{setting.name: getattr(options, setting.name) for setting in simulation_settings()}
+    )
     console = Console()
     simulate_with_progress(settings, options.out, console, overwrite=options.force)
     console.say(

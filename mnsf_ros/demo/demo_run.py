@@ -39,10 +39,10 @@ from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 from msg_utils.point_cloud2 import decode_points
 
 _GROUND, _OTHERS = "ground", "without ground"
-_NANOSECONDS: Final = 1e9
 _NUM_DOMAINS: Final = 101  # from 1 on; above, ports of Linux are used for something else
 _LOCK: Final = "demo.lock"
 _ENOUGH: Final = 0.95  # of the flows that there can be
@@ -254,5 +254,5 @@ def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:
     true_flow = None
     if truth is not None and truth.valid.any():
         true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
-    title = f"sweep {current.stamp_ns / _NANOSECONDS:.3f} s"
+    title = f"sweep {current.stamp_ns / NANOSECONDS:.3f} s"
     save_top_view(path, current.xyz, flow, title=title, truth=true_flow)

@@ -46,13 +46,11 @@ class Shape:
     is_glass: bool = False
 
 
-def box(
-    x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], yaw: float = 0.0
-) -> Shape:
-    """Returns a box that spans the three intervals (metres), turned by `yaw` about its center."""
+def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Shape:
+    """Returns a box that spans the three intervals (metres)."""
     center = [(low + high) / 2 for low, high in (x, y, z)]
     half = ((x[1] - x[0]) / 2, (y[1] - y[0]) / 2, (z[1] - z[0]) / 2)
-    return Shape(ShapeKind.BOX, half, planar_pose(center[0], center[1], yaw, center[2]))
+    return Shape(ShapeKind.BOX, half, planar_pose(center[0], center[1], 0.0, center[2]))
 
 
 def cylinder(x: float, y: float, radius: float, z: tuple[float, float]) -> Shape:

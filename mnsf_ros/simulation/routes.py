@@ -14,6 +14,7 @@ EGO_LENGTH_M = 4.4
 EGO_WIDTH_M = 1.8
 BRAKING_M_S2 = 3.0
 ACCELERATION_M_S2 = 2.5
+_WATCH_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -195,9 +196,9 @@ class _Track:
 class Clearance:
     """Keeps moving things apart: a trip is accepted only if it never meets an accepted one."""
 
-    def __init__(self, end_s: float, *, margin_m: float = 0.05, step_s: float = 0.1) -> None:
+    def __init__(self, end_s: float, *, margin_m: float = 0.05) -> None:
         """Watches over times from 0 to `end_s`; each thing keeps `margin_m` around itself."""
-        self._times_s = np.arange(0.0, end_s + step_s, step_s)
+        self._times_s = np.arange(0.0, end_s + _WATCH_STEP_S, _WATCH_STEP_S)
         self._margin_m = margin_m
         self._tracks: list[_Track] = []
 

@@ -93,25 +93,23 @@ def test_same_points_from_every_format(file, name):
     np.testing.assert_array_equal(found.sweep().xyz, XYZ[[0, 2, 3]])
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "ascii.pcd", "binary.pcd", "literal.pcd"])
-def test_no_points_are_a_sweep(file, name):
-    nothing = XYZ[:0]
-    content = {
-        "a.npy": lambda: npy(nothing),
-        "a.npz": lambda: npz(xyz=nothing),
-        "ascii.pcd": lambda: sweep_files.pcd_ascii(nothing),
-        "binary.pcd": lambda: sweep_files.pcd_binary(nothing),
-        "literal.pcd": lambda: sweep_files.pcd_compressed(nothing),
-    }[name]()
-    assert read_sweep(str(file(name, content))).xyz.shape == (0, 3)
+NOTHING = XYZ[:0]
 
 
-@pytest.mark.parametrize("name", ["ascii.ply", "little.ply"])
-def test_no_points_in_ply(file, name):
-    make = (
-        sweep_files.ply_ascii if name == "ascii.ply" else lambda n: sweep_files.ply_binary("<", n)
-    )
-    assert read_sweep(str(file(name, make(XYZ[:0])))).xyz.shape == (0, 3)
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("a.npy", lambda: npy(NOTHING)),
+        ("a.npz", lambda: npz(xyz=NOTHING)),
+        ("ascii.pcd", lambda: sweep_files.pcd_ascii(NOTHING)),
+        ("binary.pcd", lambda: sweep_files.pcd_binary(NOTHING)),
+        ("literal.pcd", lambda: sweep_files.pcd_compressed(NOTHING)),
+        ("ascii.ply", lambda: sweep_files.ply_ascii(NOTHING)),
+        ("little.ply", lambda: sweep_files.ply_binary("<", NOTHING)),
+    ],
+)
+def test_no_points_are_a_sweep(file, name, make):
+    assert read_sweep(str(file(name, make()))).xyz.shape == (0, 3)
 
 
 def test_value_beyond_float32_is_no_measurement(file):
