@@ -87,6 +87,26 @@ def make_scene():
     return build_scene
 
 
+@pytest.fixture(scope="session")
+def make_street(tmp_path_factory):
+    """Returns the recording of a simulated street, which is made once for each settings."""
+    from mnsf_ros.simulation.recording import write_recording
+    from mnsf_ros.simulation.settings import SimulationSettings
+
+    made = {}
+
+    def make(seed=1, duration_s=0.5, num_beams=16, num_columns=256):
+        settings = SimulationSettings(
+            seed=seed, duration_s=duration_s, num_beams=num_beams, num_columns=num_columns
+        )
+        if settings not in made:
+            made[settings] = tmp_path_factory.mktemp("recordings") / "street"
+            write_recording(settings, made[settings])
+        return made[settings]
+
+    return make
+
+
 @pytest.fixture(params=["cpu", "cuda"])
 def device(request):
     """Where the tensors of a test are."""

@@ -10,16 +10,12 @@ import pytest
 from mnsf_ros.cli import main
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.truth import read_truth
-from mnsf_ros.simulation.recording import write_recording
-from mnsf_ros.simulation.settings import SimulationSettings
 from msg_utils.point_cloud2 import decode_points
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recordings") / "street"
-    write_recording(SimulationSettings(seed=1, duration_s=0.6, num_beams=32, num_columns=512), path)
-    return path
+def street(make_street):
+    return make_street(duration_s=0.6, num_beams=32, num_columns=512)
 
 
 @pytest.fixture(scope="module")

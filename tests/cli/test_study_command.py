@@ -1,5 +1,6 @@
 """`mnsf study` as users run it, on a street that is simulated in a second."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,6 @@ from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.simulation.recording import write_recording
-from mnsf_ros.simulation.settings import SimulationSettings
 
 pytestmark = pytest.mark.usefixtures("without_drawing")
 
@@ -28,11 +27,8 @@ FEW_STEPS = [
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("recordings") / "street"
-    settings = SimulationSettings(seed=1, duration_s=0.5, num_beams=16, num_columns=256)
-    write_recording(settings, path)
-    return path
+def street(make_street: Callable[..., Path]) -> Path:
+    return make_street()
 
 
 def study(name: str, *arguments: object) -> int:
@@ -128,11 +124,8 @@ def test_what_cannot_be_used_is_one_line(
 
 
 @pytest.fixture(scope="module")
-def two_sweeps(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("recordings") / "two"
-    settings = SimulationSettings(seed=1, duration_s=0.2, num_beams=16, num_columns=256)
-    write_recording(settings, path)
-    return path
+def two_sweeps(make_street: Callable[..., Path]) -> Path:
+    return make_street(duration_s=0.2)
 
 
 @pytest.mark.parametrize(("name", "number"), [("landscape", 3), ("stability", 3), ("frames", 5)])

@@ -15,8 +15,6 @@ from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.run_tables import tables_of
-from mnsf_ros.simulation.recording import write_recording
-from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.studies.method_study import METHOD_STUDIES
 from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
@@ -42,11 +40,8 @@ SMALL = {
 
 
 @pytest.fixture(scope="module")
-def street(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recordings") / "street"
-    settings = SimulationSettings(seed=1, duration_s=0.7, num_beams=16, num_columns=256)
-    write_recording(settings, path)
-    return path
+def street(make_street):
+    return make_street(duration_s=0.7)
 
 
 def options_in(folder, street):
