@@ -7,7 +7,6 @@ targets are 5 ms for decode_xyz and 10 ms for encode_with_columns.
 from __future__ import annotations
 
 import argparse
-import array
 import statistics
 import sys
 import time
@@ -21,7 +20,13 @@ import numpy as np
 # So that it also runs from a checkout that is not installed.
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from msg_utils.point_cloud2 import FieldLayout, decode_points, decode_xyz, encode_with_columns
+from msg_utils.point_cloud2 import (
+    EncodedCloud,
+    FieldLayout,
+    decode_points,
+    decode_xyz,
+    encode_with_columns,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,19 +55,6 @@ XYZ64 = (
 
 
 @dataclass(frozen=True)
-class Cloud:
-    """The attributes of sensor_msgs/PointCloud2 that are decoded."""
-
-    height: int
-    width: int
-    fields: tuple[FieldLayout, ...]
-    is_bigendian: bool
-    point_step: int
-    row_step: int
-    data: array.array[int]
-
-
-@dataclass(frozen=True)
 class Case:
     """One layout to measure."""
 
@@ -86,13 +78,15 @@ CASES = (
 )
 
 
-def make_cloud(case: Case, num_points: int, share_invalid: float) -> Cloud:
+def make_cloud(case: Case, num_points: int, share_invalid: float) -> EncodedCloud:
     """Fill a cloud with random positions, of which a share is NaN in x."""
     fields = tuple(FieldLayout(name, offset, code, 1) for name, offset, code in case.fields)
     width = num_points // case.height
     row_step = width * case.point_step + case.row_padding
-    data = array.array("B", bytes(case.height * row_step))
-    cloud = Cloud(case.height, width, fields, case.is_bigendian, case.point_step, row_step, data)
+    data = np.zeros(case.height * row_step, np.uint8)
+    cloud = EncodedCloud(
+        case.height, width, fields, case.is_bigendian, case.point_step, row_step, data
+    )
     points = decode_points(cloud)
     writeable: npt.NDArray[Any] = np.ndarray(
         points.shape, points.dtype, buffer=data, strides=points.strides
