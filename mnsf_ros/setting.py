@@ -106,4 +106,5 @@ def settings_of(group: type, prefix: str = "") -> Iterator[Setting]:
     """Yields what the fields of a dataclass declare, in order; the prefix is put before names."""
     kinds = get_type_hints(group)
     for item in fields(group):
-        yield Setting(f"{prefix}{item.name}", kinds[item.name], item.default, **item.metadata)
+        default = getattr(group, item.name)
+        yield Setting(f"{prefix}{item.name}", kinds[item.name], default, **item.metadata)
