@@ -27,21 +27,37 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-# Places of two lidars on the vehicle, x, y, z in metres from a point 1.73 m above the road, and how
-# far below that point the common frame is.
+# Places of two lidars on the vehicle: x, y, z in metres from a point 1.73 m above the road.
 ROOF_AND_BUMPER: Final = ((0.0, 0.0, 0.0), (2.0, 0.0, -1.0))
 CORNERS: Final = ((1.5, 0.7, -0.8), (-1.5, -0.7, -0.8))
-MOUNTS: Final = {
-    "roof and bumper": (ROOF_AND_BUMPER, 0.0),
-    "roof and bumper, frame on the ground": (ROOF_AND_BUMPER, 1.73),
-    "two corners": (CORNERS, 0.0),
-    "two corners, frame on the ground": (CORNERS, 1.73),
-}
 # Beyond it `online` calls nothing dynamic.
 MAX_RANGE_M: Final = 80.0
 # The first estimates have no past.
 NUM_COLD: Final = 3
 HEADER: Final = ["lidars", "cloud", "precision (%)", "recall (%)", "false (points per sweep)"]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two lidars, and how they are merged.
+
+    Attributes:
+        places: Of both on the vehicle.
+        below_m: How far the common frame is below the point that the places are counted from.
+        is_apart: Whether the second lidar measures half a sweep later than the first.
+    """
+
+    places: tuple[Sequence[float], Sequence[float]]
+    below_m: float = 0.0
+    is_apart: bool = False
+
+
+PAIRS: Final = {
+    "roof and bumper": Pair(ROOF_AND_BUMPER),
+    "frame on the ground": Pair(ROOF_AND_BUMPER, 1.73),
+    "50 ms apart": Pair(ROOF_AND_BUMPER, is_apart=True),
+    "two corners": Pair(CORNERS),
+}
 
 
 @dataclass(frozen=True)
@@ -77,25 +93,31 @@ def main() -> None:
     add_document_option(parser)
     options = parser.parse_args()
     rows = []
-    for name, (places, below_m) in MOUNTS.items():
+    for name, lidars in PAIRS.items():
         alone: dict[int, list[Judged]] = {0: [], 1: []}
-        merged: list[Judged] = []
+        together: list[Judged] = []
         for seed in options.seeds:
             settings = SimulationSettings(
                 seed=seed,
                 duration_s=options.sweeps / 10,
+                rate_hz=20 if lidars.is_apart else 10,
                 num_beams=options.beams,
                 num_columns=options.columns,
                 scenario=options.scenario,
             )
-            taken = [list(sweeps_at(settings, place)) for place in places]
+            taken = [sweeps_at(settings, place) for place in lidars.places]
+            if lidars.is_apart:
+                taken = [sweeps[number::2] for number, sweeps in enumerate(taken)]
             for number, sweeps in enumerate(taken):
                 clouds = [{number: sweep} for sweep in sweeps]
                 alone[number] += judged(clouds, {number: np.eye(4)})
-            poses = {i: pose_of((x, y, z + below_m)) for i, (x, y, z) in enumerate(places)}
-            merged += judged([dict(enumerate(pair)) for pair in zip(*taken, strict=True)], poses)
+            poses = {
+                number: pose_of((x, y, z + lidars.below_m))
+                for number, (x, y, z) in enumerate(lidars.places)
+            }
+            together += judged([dict(enumerate(pair)) for pair in zip(*taken, strict=True)], poses)
         for number in (0, 1):
-            for cloud, found in (("alone", alone[number]), ("merged", merged)):
+            for cloud, found in (("alone", alone[number]), ("merged", together)):
                 rows.append([name, f"lidar {number + 1}, {cloud}", *figures(found, number)])
                 print(*rows[-1], sep=" | ", flush=True)
     table = TextTable(HEADER, rows, f"{options.beams} beams, {options.columns} columns each")
@@ -118,19 +140,24 @@ def sweeps_at(settings: SimulationSettings, place: Sequence[float]) -> list[Simu
     return [simulator.sweep(index) for index in range(settings.num_sweeps)]
 
 
+def merged(cloud: Mapping[int, SimulatedSweep], poses: Mapping[int, NDArray[np.float64]]) -> Sweep:
+    """One sweep of all lidars in the common frame, with the time of each point."""
+    xyz = np.concatenate([apply(poses[number], item.xyz) for number, item in cloud.items()])
+    first, *_ = stamps_ns = [item.stamp_ns for item in cloud.values()]
+    lengths = [len(item.xyz) for item in cloud.values()]
+    times_s = np.repeat((np.array(stamps_ns) - first) / 1e9, lengths).astype(np.float32)
+    is_at_once = len(set(stamps_ns)) == 1
+    return Sweep(
+        xyz.astype(np.float32), first, "base_link", times_s=None if is_at_once else times_s
+    )
+
+
 def judged(
     clouds: Sequence[Mapping[int, SimulatedSweep]], poses: Mapping[int, NDArray[np.float64]]
 ) -> list[Judged]:
     """What `online` calls dynamic in clouds of one or more lidars, but in the first."""
     method, found = make_method("online", preset("online")), []
-    sweeps = [
-        Sweep(
-            np.concatenate([apply(poses[i], item.xyz) for i, item in cloud.items()]).astype("f4"),
-            next(iter(cloud.values())).stamp_ns,
-            "base_link",
-        )
-        for cloud in clouds
-    ]
+    sweeps = [merged(cloud, poses) for cloud in clouds]
     for index in range(1, len(sweeps) - 1):
         known = method.estimate(SweepTriplet(*sweeps[index - 1 : index + 2])).over_ground
         cloud = clouds[index]

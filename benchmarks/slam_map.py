@@ -43,8 +43,8 @@ HEADER: Final = [
 class Map:
     """Voxels of a map: those with a static point, those with moving points alone, pose error."""
 
-    static: set[bytes]
-    ghosts: set[bytes]
+    static: set[int]
+    ghosts: set[int]
     pose_error_m: float
 
 
@@ -115,9 +115,10 @@ def row(made: Map, whole: Map) -> list[str]:
     ]
 
 
-def _voxels(points: NDArray[np.float64]) -> set[bytes]:
-    cells = np.unique(np.floor(points / VOXEL_M).astype(np.int32), axis=0)
-    return {cell.tobytes() for cell in cells}
+def _voxels(points: NDArray[np.float64]) -> set[int]:
+    """One number for each voxel, up to 200 km from the origin."""
+    x, y, z = np.floor(points / VOXEL_M).astype(np.int64).T + (1 << 20)
+    return set(np.unique((x << 42) | (y << 21) | z).tolist())
 
 
 if __name__ == "__main__":

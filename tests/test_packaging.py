@@ -47,20 +47,20 @@ def test_executables_go_where_ros2_run_looks() -> None:
     assert (ROOT / "resource" / "mnsf_ros").exists()
 
 
-def test_recipe_for_ros_installs_every_requirement(metadata: Message) -> None:
+def test_recipe_for_ros_installs_every_requirement(declared: str) -> None:
     """By rosdep from package.xml, or by pip; rosbags brings backports.zstd."""
     (line,) = re.findall(r"^pip install 'numpy<2' (.+)$", (ROOT / "README.md").read_text(), re.M)
     keys = re.findall(
         r"<exec_depend>python3-(\w+)</exec_depend>", (ROOT / "package.xml").read_text()
     )
     installed = {canonicalize_name(name) for name in (*line.split(), *keys)}
-    wanted = {canonicalize_name(wanted.name) for wanted in requirements(metadata)}
+    wanted = {canonicalize_name(wanted.name) for wanted in requirements(declared)}
     assert wanted - installed == {"setuptools", "backports-zstd"}
 
 
-def test_what_is_no_hard_requirement(metadata: Message) -> None:
+def test_what_is_no_hard_requirement(declared: str) -> None:
     """Wheels of ROS would shadow an installed ROS; PyTorch is gigabytes, and `online` has none."""
-    names = {canonicalize_name(wanted.name) for wanted in requirements(metadata)}
+    names = {canonicalize_name(wanted.name) for wanted in requirements(declared)}
     assert {name for name in names if name.startswith(("ros-", "torch"))} == set()
 
 
@@ -106,11 +106,19 @@ def metadata(source_archive: Path) -> Message:
         return email.message_from_binary_file(archive.extractfile(name))
 
 
-def requirements(metadata: Message, extra: str = "") -> list[Requirement]:
+@pytest.fixture(scope="module")
+def declared(source_archive: Path) -> str:
+    """What setup.py requires, as every setuptools writes it: sections `[EXTRA:MARKER]`."""
+    return (source_archive.parent / "mnsf_ros.egg-info" / "requires.txt").read_text()
+
+
+def requirements(declared: str, extra: str = "") -> list[Requirement]:
     """What the package always needs, or what one extra adds."""
-    found = [Requirement(line) for line in metadata.get_all("Requires-Dist")]
-    mark = f'extra == "{extra}"' if extra else "extra"
-    return [wanted for wanted in found if (mark in str(wanted.marker)) == bool(extra)]
+    sections = re.findall(
+        r"^\[(.*?)(?::.*)?\]\n((?:[^[\n].*\n|\n)*)", f"[]\n{declared}", re.MULTILINE
+    )
+    lines = [line for name, text in sections if name == extra for line in text.splitlines()]
+    return [Requirement(line) for line in lines if line]
 
 
 def test_metadata_says_what_the_package_is(metadata: Message) -> None:
@@ -140,11 +148,11 @@ def test_each_library_has_one_pin_for_each_python(version: str) -> None:
 
 
 @pytest.mark.parametrize("version", PYTHON_VERSIONS)
-def test_pins_are_what_setup_py_asks_for(version: str, metadata: Message) -> None:
-    extras = [wanted for name in INSTALLED_EXTRAS for wanted in requirements(metadata, name)]
+def test_pins_are_what_setup_py_asks_for(version: str, declared: str) -> None:
+    extras = [wanted for name in INSTALLED_EXTRAS for wanted in requirements(declared, name)]
     found = pins(version)
     assert len(extras) > len(INSTALLED_EXTRAS)
-    for wanted in [*requirements(metadata), *extras]:
+    for wanted in [*requirements(declared), *extras]:
         if wanted.name != "setuptools":
             (pin,) = found[canonicalize_name(wanted.name)]
             (exact,) = pin.specifier
