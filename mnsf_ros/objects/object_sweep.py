@@ -81,7 +81,7 @@ class ObjectSweep:
     @cached_property
     def sizes(self) -> NDArray[np.float32]:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
-        return _sizes(self.thinned, self.thinned_objects, self.num_objects)
+        return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
 
     def with_parts(self, rows: NDArray[np.int64], may_move: NDArray[np.bool_]) -> ObjectSweep:
         """Returns the same sweep with some thinned points, and what is around them, as new objects.
@@ -133,7 +133,7 @@ def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.floa
 
 
 @compiled("float32[::1](float32[:, ::1], int64[::1], int64)")
-def _sizes(
+def sizes_of(
     points: NDArray[np.float32], objects: NDArray[np.int64], number: int
 ) -> NDArray[np.float32]:
     """What `ObjectSweep.sizes` is, of points (N, 3) of objects (N,) from 0 to `number` - 1."""

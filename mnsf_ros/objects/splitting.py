@@ -1,4 +1,4 @@
-"""What is long is not simply standing: parts of it came lately, or all of it moves."""
+"""What is long is not simply static: parts of it came lately, or all of it moves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.object_sweep import ObjectSweep, sizes_of
+from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target
 
 # Objects of up to so many times the largest size may move as a whole.
@@ -17,14 +18,23 @@ _MAX_SIZE: Final = 2.0
 _MAX_RANGE_M: Final = 30.0
 # If so much of one came lately, it is one thing that moves; if less, something touches it.
 _MIN_SHARE: Final = 0.1
+# Shorter objects, from this length on, move as a whole, and a part of them is another object only
+# if it has the size of a pedestrian and is less of it than this: a front of a bus is larger.
+_SHORT_M: Final = 2.0
+_MIN_SHARE_OF_SHORT: Final = 0.3
+_PEDESTRIAN_M: Final = 1.2
+# Points that came lately, in touching cells of this size, are measured as one part: the front of a
+# bus has gaps.
+_GAP_CELL_M: Final = 0.5
 
 
 def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) -> ObjectSweep:
-    """Returns the sweep with long objects split, where a part of them came lately.
+    """Returns the sweep with objects split, where a part of them came lately.
 
     A part came lately if another sweep saw through its place and nothing was near: a pedestrian
     beside a wall, a scooter in a row of parked cars. If it is much of the object, this is a bus or
-    a lorry, and may move as a whole though it is long.
+    a lorry, and may move as a whole though it is long. What is shorter than `max_size_m` may move
+    anyway: of it only pedestrians are split.
 
     Args:
         current: The sweep.
@@ -32,7 +42,8 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
         max_size_m: Other objects of this length and longer do not move.
     """
     objects, sizes = current.thinned_objects, current.sizes
-    rows = np.flatnonzero((sizes >= max_size_m)[objects])
+    is_long = sizes >= max_size_m
+    rows = np.flatnonzero((is_long | (sizes >= _SHORT_M))[objects])
     points = np.take(current.thinned, rows, axis=0)
     is_near = (points**2).sum(axis=1) < _MAX_RANGE_M**2
     rows, points = rows[is_near], np.compress(is_near, points, axis=0)
@@ -40,7 +51,19 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
     for target in targets:
         has_come |= target.are_new(points)
     num_new = np.bincount(objects[rows[has_come]], minlength=len(sizes))
-    counts = np.bincount(objects, minlength=len(sizes))
-    is_mostly_old: NDArray[np.bool_] = num_new < _MIN_SHARE * counts
-    may_move = (sizes < max_size_m) | ~is_mostly_old & (sizes < _MAX_SIZE * max_size_m)
-    return current.with_parts(rows[has_come & is_mostly_old[objects[rows]]], may_move)
+    shares = num_new / np.maximum(np.bincount(objects, minlength=len(sizes)), 1)
+    is_mostly_old: NDArray[np.bool_] = shares < np.where(is_long, _MIN_SHARE, _MIN_SHARE_OF_SHORT)
+    may_move = ~is_long | ~is_mostly_old & (sizes < _MAX_SIZE * max_size_m)
+    rows = rows[has_come & is_mostly_old[objects[rows]]]
+    is_part = is_long[objects[rows]]
+    is_part |= _part_sizes(np.take(current.thinned, rows, axis=0)) < _PEDESTRIAN_M
+    return current.with_parts(rows[is_part], may_move)
+
+
+def _part_sizes(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (P,) metres, the length of the part that each of the points (P, 3) belongs to."""
+    if len(points) == 0:
+        return np.zeros(0, np.float32)
+    parts = Segmentation(points, _GAP_CELL_M)
+    numbers = parts.objects_of(points)
+    return sizes_of(points, numbers, parts.num_objects)[numbers]

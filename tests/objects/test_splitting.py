@@ -81,11 +81,37 @@ class TestSplit:
         assert split(current, [target(current, current)], MAX_SIZE_M).may_move.all()
 
 
-def test_a_person_who_walks_along_a_hedge_moves_and_the_hedge_does_not():
+CAR = surface((10.8, 3.0, -0.2), size=(1.6, 4.2, 1.4), num_points=3000)
+
+
+class TestShortObjects:
+    def test_a_person_beside_a_parked_car_is_another_object(self):
+        together = np.concatenate([person(1.0), CAR])
+        found = after([CAR], together)
+        own, car = np.split(found.objects()[len(FAR) :], [300])
+        assert np.bincount(own).argmax() == found.num_objects - 1
+        assert (car == found.num_objects - 1).mean() < 0.05
+        assert found.may_move[[own[0], car[-1]]].all()
+
+    def test_the_front_of_a_bus_is_a_part_of_it(self):
+        """Its side and its front are seen; it went 1 m, and the front is 2.5 m wide."""
+
+        def bus(y_m):
+            front = sheet(0.0, 2.5, 1.0)[:, [1, 0, 2]] + (9.0, y_m + 5.0, 0.0)
+            return np.concatenate([sheet(7.75, 10.0, 1.0, y_m), front])
+
+        found = after([bus(-1.0)], bus(0.0))
+        assert found.num_objects == 3
+        assert not found.are_parts.any()
+
+
+@pytest.mark.parametrize("length_m", [16.0, 5.0])
+def test_a_person_who_walks_along_a_hedge_moves_and_the_hedge_does_not(length_m):
+    hedge = sheet(10.4, length_m, 0.5)
     settings = Settings().changed({"ground.remove": False, "ego_motion.source": "odometry"})
     sweeps = [
         Sweep(
-            np.concatenate([person(0.15 * number), HEDGE, FAR]).astype(np.float32),
+            np.concatenate([person(0.15 * number), hedge, FAR]).astype(np.float32),
             number * 100_000_000,
             "lidar",
             odometry=np.eye(4),
