@@ -1,0 +1,215 @@
+"""Told are: no flow though clouds come, dropped triplets, and clouds that nobody has seen."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from mnsf_ros.online import watches
+from mnsf_ros.online.online_statistics import RecentEstimate, StatisticsSnapshot
+from mnsf_ros.online.watches import BusyWatch, FlowWatch, MissedClouds
+
+PATIENCE_S = 2.0
+PERIOD_S = 0.5
+
+
+class Node:
+    """Counters that grow, looked at in a regular period."""
+
+    def __init__(self):
+        self._watch = FlowWatch()
+        self._counts = Counter()
+        self._now_s = 100.0
+
+    def goes_on(self, duration_s, *events):
+        """What was said of a time in which these events happened once a period."""
+        said = []
+        for _ in range(round(duration_s / PERIOD_S)):
+            self._now_s += PERIOD_S
+            self._counts.update(events)
+            said.append(self._watch.complaint(dict(self._counts), self._now_s, PATIENCE_S))
+        return said
+
+
+@pytest.fixture
+def node():
+    return Node()
+
+
+@pytest.mark.parametrize(
+    ("events", "words"),
+    [
+        (("sweeps_received", "sweeps_frame_changed"), "frame_id changes"),
+        (("sweeps_received", "sweeps_duplicate"), "the same stamp"),
+        (("sweeps_received", "sweeps_out_of_order"), "go backwards"),
+        (("sweeps_received", "sweeps_time_went_back"), "jump back"),
+        (("sweeps_received", "sweeps_gap"), "buffer.max_interval_s"),
+        (("clouds_undecodable",), "cannot be decoded"),
+        (("clouds_empty",), "no finite point"),
+        (("sweeps_received", "triplets_formed", "estimates_failed"), "every estimate fails"),
+        (("sweeps_received", "triplets_formed", "triplets_dropped"), "takes too long"),
+    ],
+)
+def test_the_reason_names_the_counter(node, events, words):
+    said = node.goes_on(PATIENCE_S + 2 * PERIOD_S, *events)
+    assert said[:-1] == len(said[:-1]) * [""]
+    assert words in said[-1]
+    assert f"(see {events[-1]})" in said[-1]
+
+
+def test_sweeps_without_any_sign_are_told(node):
+    assert node.goes_on(10, "sweeps_received")[-1] == "clouds come in, but no flow goes out"
+
+
+def test_the_most_frequent_reason_is_told(node):
+    node.goes_on(1, "sweeps_received", "sweeps_gap")
+    said = node.goes_on(10, "sweeps_received", "sweeps_duplicate")
+    assert "sweeps_duplicate" in said[-1]
+
+
+def test_what_happened_before_is_no_reason(node):
+    node.goes_on(60, "sweeps_received", "sweeps_gap", "flows_out")
+    said = node.goes_on(10, "sweeps_received", "sweeps_duplicate")
+    assert "sweeps_duplicate" in said[-1]
+
+
+@pytest.mark.parametrize("well", ["flows_out", "triplets_unwatched"])
+def test_all_is_well_while_flow_comes_or_nobody_watches(node, well):
+    assert set(node.goes_on(60, "sweeps_received", "triplets_formed", well)) == {""}
+
+
+def test_flow_that_comes_back_ends_it(node):
+    assert node.goes_on(10, "sweeps_received", "sweeps_gap")[-1]
+    assert set(node.goes_on(10, "sweeps_received", "flows_out")) == {""}
+
+
+def test_a_lidar_that_is_silent_is_no_fault_of_the_flow(node):
+    node.goes_on(1, "sweeps_received", "flows_out")
+    assert set(node.goes_on(60)) == {""}
+    # Nor are the first sweeps after it.
+    assert set(node.goes_on(1, "sweeps_received")) == {""}
+    assert set(node.goes_on(60, "sweeps_received", "flows_out")) == {""}
+
+
+def test_a_lidar_that_has_stopped_after_a_fault_is_forgotten(node):
+    assert node.goes_on(10, "sweeps_received", "sweeps_gap")[-1]
+    assert node.goes_on(PATIENCE_S + PERIOD_S)[-1] == ""
+
+
+def snapshot(flows=0, dropped=0, estimate_ms=None):
+    recent = ()
+    if estimate_ms is not None:
+        times_ms = {"prepare": estimate_ms - 50.0, "search": 50.0}
+        recent = (RecentEstimate(9.9, 0.0, times_ms, {}, {}, "warm", *[""] * 4),)
+    counts = {"flows_out": flows, "triplets_dropped": dropped}
+    arrivals_s = tuple(index / 10 for index in range(101)) if recent else ()
+    return StatisticsSnapshot(counts, recent, arrivals_s)
+
+
+@pytest.fixture(autouse=True)
+def _load(monkeypatch):
+    monkeypatch.setattr(watches.os, "getloadavg", lambda: (4.26, 1.0, 1.0))
+    monkeypatch.setattr(watches.os, "cpu_count", lambda: 2)
+
+
+def test_nothing_is_said_without_drops():
+    watch = BusyWatch()
+    assert watch.warning(snapshot(), 0.0) == ""
+    assert watch.warning(snapshot(flows=60), 6.0) == ""
+
+
+def test_number_reason_and_remedy():
+    text = BusyWatch().warning(snapshot(18, 42, estimate_ms=170.0), 10.0)
+    assert text == (
+        "CPU busy: 18 of 60 flows (an estimate takes 170 ms, sweeps come every 100 ms, load 4.3 on "
+        "2 cores). Close other programs, or lower crop.max_range_m."
+    )
+
+
+def test_times_that_are_not_known_are_left_out():
+    text = BusyWatch().warning(snapshot(0, 1), 1.0)
+    assert text.startswith("CPU busy: 0 of 1 flows (load 4.3 on 2 cores).")
+
+
+def test_drops_are_told_once():
+    watch = BusyWatch()
+    assert watch.warning(snapshot(5, 5), 1.0)
+    assert watch.warning(snapshot(15, 5), 2.0) == ""
+    assert watch.warning(snapshot(15, 6), 3.0)
+
+
+def test_numbers_are_those_of_the_last_ten_seconds():
+    watch = BusyWatch()
+    for second in range(30):
+        text = watch.warning(snapshot(7 * second, 3 * second), float(second))
+    assert text.startswith("CPU busy: 70 of 100 flows")
+
+
+INTERVAL_NS = 10**8
+
+
+class ByNumber:
+    """The numbers tell; the stamps say nothing."""
+
+    @staticmethod
+    def arguments(index):
+        return index, 0
+
+
+class ByStamp:
+    """The middleware gives no numbers; the lidar is a little irregular."""
+
+    @staticmethod
+    def arguments(index):
+        return None, 10**9 + index * INTERVAL_NS + (index * 7 % 5) * 10**6
+
+
+@pytest.fixture(params=[ByNumber, ByStamp], ids=["by number", "by stamp"])
+def way(request):
+    return request.param
+
+
+def missed(way, indices, num_publishers=1):
+    """How many clouds are missing before each of these."""
+    counter = MissedClouds()
+    return [counter.before(*way.arguments(index), num_publishers) for index in indices]
+
+
+def test_nothing_is_missing_in_a_row(way):
+    assert missed(way, range(50, 100)) == 50 * [0]
+
+
+@pytest.mark.parametrize("gap", [1, 2, 7])
+def test_gaps_are_counted_where_they_are(way, gap):
+    indices = [*range(1, 31), *range(31 + gap, 61), *range(61 + gap, 71)]
+    found = missed(way, indices)
+    assert found[30] == found[30 + 30 - gap] == gap
+    assert sum(found) == 2 * gap
+
+
+def test_a_publisher_that_starts_anew_has_no_gap(way):
+    assert sum(missed(way, [*range(500, 540), *range(1, 30)])) == 0
+
+
+def test_with_two_publishers_there_is_no_telling(way):
+    assert sum(missed(way, range(1, 400, 3), num_publishers=2)) == 0
+
+
+def test_a_publisher_that_takes_over_has_no_gap():
+    counter = MissedClouds()
+    found = [counter.before(number, 0, 1) for number in (5, 6)]
+    found += [counter.before(number, 0, 2) for number in (7, 900)]
+    found += [counter.before(number, 0, 1) for number in (901, 903)]
+    assert found == [0, 0, 0, 0, 0, 1]
+
+
+def test_few_stamps_and_long_pauses_tell_nothing():
+    assert sum(missed(ByStamp, [1, 2, 3, 9, 10])) == 0
+    assert sum(missed(ByStamp, [*range(40), 100_000, 100_001])) == 0
+
+
+def test_stamps_that_stand_still_tell_nothing():
+    counter = MissedClouds()
+    assert sum(counter.before(None, 10**9, 1) for _ in range(60)) == 0
+    assert sum(counter.before(None, 0, 1) for _ in range(60)) == 0
