@@ -1,0 +1,34 @@
+"""Verdicts on differences that scatter."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+
+@pytest.fixture
+def share_row(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    return importlib.import_module("online_cost").share_row
+
+
+@pytest.mark.parametrize(
+    ("part_ms", "whole_ms", "share", "verdict"),
+    [
+        ((5, 6, 4), (20, 21, 19), "0.25", "met"),
+        ((0, 0.4, -0.4), (20, 20.4, 19.6), "0.00", "met"),
+        ((16, 17, 15), (20, 21, 19), "0.80", "MISSED"),
+        ((-5, -20, 25), (20, 21, 19), "-5 of 20 ms", "noise"),
+        ((9, 11, 7), (20, 24, 16), "0.45", "noise"),
+        ((2, 3, 1), (-3, 40, -30), "2 of -3 ms", "noise"),
+    ],
+)
+def test_what_scatters_too_much_is_called_noise(share_row, part_ms, whole_ms, share, verdict):
+    row = share_row("share", np.array(part_ms, float), np.array(whole_ms, float))
+    assert row[2].startswith(share)
+    assert row[3] == verdict
