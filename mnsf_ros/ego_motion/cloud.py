@@ -40,11 +40,10 @@ class Cloud:
         With a motion, points are moved to where they are in one moment.
         """
         stride = max(1, -(-len(sweep) // settings.max_points))
-        points = sweep.xyz[::stride]
+        points = sweep.xyz
         if motion is not None and sweep.times_s is not None:
-            points = motion.moved(points, sweep.times_s[::stride])
-        range_m = np.float32(settings.max_range_m)
-        parted, number = _standing_first(np.require(points, requirements=("C", "W")), range_m)
+            points, stride = motion.moved(points[::stride], sweep.times_s[::stride]), 1
+        parted, number = _standing_first(points, stride, np.float32(settings.max_range_m))
         standing = thinned(parted[:number], settings.thinning_m)
         low = thinned(parted[number:], _LOW_CELLS * settings.thinning_m)
         return cls(np.concatenate([standing, low]), len(standing))
@@ -58,16 +57,16 @@ class Cloud:
         return len(self.points)
 
 
-@compiled("Tuple((float32[:, ::1], int64))(float32[:, ::1], float32)")
+@compiled("Tuple((float32[:, ::1], int64))(float32[:, ::1], int64, float32)")
 def _standing_first(
-    xyz: NDArray[np.float32], max_range_m: np.float32
+    xyz: NDArray[np.float32], stride: int, max_range_m: np.float32
 ) -> tuple[NDArray[np.float32], int]:
-    """The points in range, those near the ground last, and how many are not near it."""
+    """Every n-th point if in range, those near the ground last, and how many are not near it."""
     width = int(2 * max_range_m / _COLUMN_M) + 2
     lowest = np.full(width * width, np.float32(np.inf))
     rows, columns = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.int64)
     number = 0
-    for row in range(len(xyz)):
+    for row in range(0, len(xyz), stride):
         x, y, z = xyz[row, 0], xyz[row, 1], xyz[row, 2]
         if max(abs(x), abs(y), abs(z)) < max_range_m and x * x + y * y < max_range_m * max_range_m:
             column = int((x + max_range_m) / _COLUMN_M) * width + int((y + max_range_m) / _COLUMN_M)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.chosen_points import chosen_points
 from mnsf_ros.geometry.thinning import thinned
 from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.range_view import RangeView
@@ -58,7 +59,7 @@ class ObjectSweep:
             self.clock = SweepClock.of(self.xyz, sweep.times_s)
         # What moves is elsewhere when it is seen again: objects are made of first views.
         self._in_objects = self.kept if self.clock is None else self.kept & ~self.clock.is_again
-        points = self._points = np.compress(self._in_objects, self.xyz, axis=0)
+        points = self._points = chosen_points(self.xyz, self._in_objects)
         if len(points) < _MIN_POINTS:
             raise SweepError(
                 f"sweep {sweep.stamp_ns}: {len(points)} of {len(sweep)} points are left after crop "

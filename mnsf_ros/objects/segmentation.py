@@ -33,7 +33,7 @@ class Segmentation:
         self._low = low_x, low_y
         extent = float(max(high_x - low_x, high_y - low_y))
         self._cell_size_m = np.float32(max(cell_size_m, extent / _MAX_CELLS_PER_AXIS))
-        labels, objects, number = _labelled(points, *self._low, self._cell_size_m)
+        labels, objects, number = _labelled(points, *self._low, high_x, high_y, self._cell_size_m)
         self._labels, self._objects = labels, objects
         self.num_objects = number + 1
 
@@ -57,26 +57,35 @@ def _numbered(roots: NDArray[np.int32], number: int) -> tuple[NDArray[np.int32],
     return numbers, num_roots
 
 
-@compiled("Tuple((int32[:, ::1], int32[::1], int64))(float32[:, ::1], float32, float32, float32)")
+@compiled(
+    "Tuple((int32[:, ::1], int32[::1], int64))"
+    "(float32[:, ::1], float32, float32, float32, float32, float32)"
+)
 def _labelled(
-    points: NDArray[np.float32], low_x: np.float32, low_y: np.float32, cell_size_m: np.float32
+    points: NDArray[np.float32],
+    low_x: np.float32,
+    low_y: np.float32,
+    high_x: np.float32,
+    high_y: np.float32,
+    cell_size_m: np.float32,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
     """Labels of all cells from the lowest one, the object of each label, and how many objects.
 
     Objects are in the order of their rows.
     """
-    cells = np.empty((len(points), 2), np.int32)
-    num_rows, num_columns = 1, 1
+    num_rows = int((high_x - low_x) / cell_size_m) + 1
+    num_columns = int((high_y - low_y) / cell_size_m) + 1
+    rows, columns = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
+    # Of a flat array the compiler knows the steps: it looks at several points at once.
+    values = points.reshape(-1)
     for point in range(len(points)):
-        row = int((points[point, 0] - low_x) / cell_size_m)
-        column = int((points[point, 1] - low_y) / cell_size_m)
-        cells[point, 0], cells[point, 1] = row, column
-        num_rows, num_columns = max(num_rows, row + 1), max(num_columns, column + 1)
+        rows[point] = np.int32((values[3 * point] - low_x) / cell_size_m)
+        columns[point] = np.int32((values[3 * point + 1] - low_y) / cell_size_m)
     labels, number = np.zeros((num_rows, num_columns), np.int32), 0
     # Most cells are empty: of each row only the columns that points reach are looked at.
     starts, ends = np.full(num_rows, num_columns, np.int32), np.zeros(num_rows, np.int32)
     for point in range(len(points)):
-        row, column = cells[point, 0], cells[point, 1]
+        row, column = rows[point], columns[point]
         labels[row, column] = -1
         starts[row], ends[row] = min(starts[row], column), max(ends[row], column + 1)
     # Each cell takes over a label around it, and the labels that meet get the same root.

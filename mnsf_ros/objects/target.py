@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.chosen_points import chosen_points
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
@@ -97,7 +98,7 @@ class Target:
         """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
         places = transformed(points, self.from_current)
         is_new, _ = self.sweep.view.free_and_hidden(places)
-        free = np.compress(is_new, places, axis=0)
+        free = chosen_points(places, is_new)
         is_new[is_new] = self.sweep.grid.nearest(free, _NEAR_M) < 0
         return is_new
 

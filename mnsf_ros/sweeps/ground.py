@@ -27,7 +27,7 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     low_x, low_y, high_x, high_y = map(float, bounds(points))
     extent = max(high_x - low_x, high_y - low_y)
     cell_size_m = max(settings.cell_size_m, extent / _MAX_CELLS_PER_AXIS)
-    cells, lowest = _lowest_of_cells(points, low_x, low_y, cell_size_m)
+    cells, lowest = _lowest_of_cells(points, low_x, low_y, high_x, high_y, cell_size_m)
     rise = settings.max_slope * cell_size_m
     lowest = _without_pits(lowest, rise, settings.margin_m)
     radius = max(1, round(settings.window_m / 2 / cell_size_m))
@@ -38,25 +38,32 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     return mask
 
 
-@compiled("Tuple((int32[::1], float32[:, ::1]))(float32[:, ::1], float64, float64, float64)")
+@compiled(
+    "Tuple((int32[::1], float32[:, ::1]))"
+    "(float32[:, ::1], float64, float64, float64, float64, float64)"
+)
 def _lowest_of_cells(
-    xyz: NDArray[np.float32], low_x: float, low_y: float, cell_size_m: float
+    xyz: NDArray[np.float32],
+    low_x: float,
+    low_y: float,
+    high_x: float,
+    high_y: float,
+    cell_size_m: float,
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """The cell of each point, and the lowest point of each cell (rows, columns)."""
-    cells = np.empty((len(xyz), 2), np.int32)
-    num_rows, num_columns = 0, 0
+    num_rows = int((high_x - low_x) / cell_size_m) + 1
+    num_columns = int((high_y - low_y) / cell_size_m) + 1
+    cells = np.empty(len(xyz), np.int32)
+    # Of a flat array the compiler knows the steps: it looks at several points at once.
+    values = xyz.reshape(-1)
     for point in range(len(xyz)):
-        row = int((np.float64(xyz[point, 0]) - low_x) / cell_size_m)
-        column = int((np.float64(xyz[point, 1]) - low_y) / cell_size_m)
-        cells[point, 0], cells[point, 1] = row, column
-        num_rows, num_columns = max(num_rows, row + 1), max(num_columns, column + 1)
-    lowest = np.full((num_rows, num_columns), np.float32(np.inf))
-    flat_cells = np.empty(len(xyz), np.int32)
+        row = np.int32((np.float64(values[3 * point]) - low_x) / cell_size_m)
+        column = np.int32((np.float64(values[3 * point + 1]) - low_y) / cell_size_m)
+        cells[point] = row * np.int32(num_columns) + column
+    lowest = np.full(num_rows * num_columns, np.float32(np.inf))
     for point in range(len(xyz)):
-        row, column = cells[point, 0], cells[point, 1]
-        lowest[row, column] = min(lowest[row, column], xyz[point, 2])
-        flat_cells[point] = row * num_columns + column
-    return flat_cells, lowest
+        lowest[cells[point]] = min(lowest[cells[point]], xyz[point, 2])
+    return cells, lowest.reshape(num_rows, num_columns)
 
 
 @compiled("boolean[::1](float32[:, ::1], int32[::1], float32[::1])")

@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.geometry.chosen_points import chosen_points
 from mnsf_ros.settings import CropSettings, Settings
 from mnsf_ros.sweeps.ground import ground_mask
 
 
 def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:
     """Says which of the points (N, 3), sensor frame, are kept."""
+    xyz = np.require(xyz, requirements=("C", "W"))
     kept = crop_mask(xyz, settings.crop)
     if settings.ground.remove:
-        # np.compress is several times faster than xyz[kept].
-        kept[kept] = ~ground_mask(np.compress(kept, xyz, axis=0), settings.ground)
+        kept[kept] = ~ground_mask(chosen_points(xyz, kept), settings.ground)
     return kept
 
 
