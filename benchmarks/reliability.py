@@ -16,13 +16,19 @@ from pathlib import Path
 import mutated_bags
 import reliability_ends
 import reliability_live
+import reliability_parameters
 from marked_section import add_document_option, read_section, replace_section
 from promises import Figure, Promise, Rounds
 from rich.console import Console
 from rich.table import Table
 
-# What takes least comes first: `all` gives the time that it leaves to what follows.
-PROMISES = {**reliability_ends.PROMISES, **mutated_bags.PROMISES, **reliability_live.PROMISES}
+# What takes longest comes last: `all` gives the time that a promise leaves to those that follow.
+PROMISES = {
+    **reliability_ends.PROMISES,
+    **mutated_bags.PROMISES,
+    **reliability_parameters.PROMISES,
+    **reliability_live.PROMISES,
+}
 _SECTION = "reliability"
 _HEAD = "| promise | command | measured | when | |\n|---|---|---|---|---|\n"
 

@@ -1,38 +1,45 @@
-"""Promises of the running node for `reliability.py`: soak, overload, clouds, parameters."""
+"""Promises of the running node for `reliability.py`: kills, clouds, overload, soak."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import multiprocessing
+import os
+import signal
+import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 import numpy as np
-import rclpy
 from hostile_clouds import KINDS, hostile
 from online_live import FIRST_NS, LiveNode, live_node, serialized, with_stamp
 from online_recordings import INTERVAL_NS, simulated_sweeps, to_and_fro
-from promises import Figure, Promise, Rounds
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
+from promises import Figure, Promise, Rounds, fates
 
-from mnsf_ros.setting import Setting, SettingValue
-from mnsf_ros.settings import declared_settings
+from mnsf_ros.demo.node_process import node_process
+from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.sweeps.sweep import Sweep
 
-_START_TIMEOUT_S: Final = 120
 _FLOW_TIMEOUT_S: Final = 60
+_SHM: Final = Path("/dev/shm")
+_NODE_START_S: Final = 4.0
+_OLD_S: Final = 61
+# Two segments.
+_MAX_SHARED_MB: Final = 53
 _HUGE: Final = 2_000_000
+_MAX_KEPT_MB: Final = 100
 _PAUSE_S: Final = 0.02
 _SWEEPS_A_MINUTE: Final = 600
 _WARM_UP_MIN: Final = 10
 _MAX_GROWTH_MB: Final = 20
 # Otherwise the machine was not overloaded.
 _MIN_DROPPED: Final = 0.1
-_OFTEN: Final = "node.diagnostics_period_s:=0.2"
+OFTEN: Final = "node.diagnostics_period_s:=0.2"
 
 
 def _clouds(**settings: int) -> Iterator[bytearray]:
@@ -44,7 +51,7 @@ def _clouds(**settings: int) -> Iterator[bytearray]:
 
 def soak(rounds: Rounds) -> Iterator[Figure]:
     """Full sweeps at 10 Hz: memory, descriptors, threads and segments stay what they are."""
-    with live_node(_OFTEN) as node:
+    with live_node(OFTEN) as node:
         clouds, start_s = _clouds(), time.monotonic()
         states: list[dict[str, float]] = []
         for _ in rounds:
@@ -69,7 +76,7 @@ def soak(rounds: Rounds) -> Iterator[Figure]:
 
 def large_clouds(rounds: Rounds) -> Iterator[Figure]:
     """Full sweeps, then five clouds of two million points, then full sweeps again."""
-    with live_node(_OFTEN) as node:
+    with live_node(OFTEN) as node:
         clouds, huge = _clouds(), serialized(_huge_sweep())
         for _ in rounds:
             states = []
@@ -80,7 +87,9 @@ def large_clouds(rounds: Rounds) -> Iterator[Figure]:
                     node.link.spin_for(0.1 if cloud is None else 2.0)
                 node.settle()
                 states.append(node.state()["MB"])
-            yield "memory before, during, after", " -> ".join(f"{mb:.0f}" for mb in states), True
+            text = " -> ".join(f"{mb:.0f}" for mb in states) + " MB"
+            is_back = states[-1] - states[0] <= _MAX_KEPT_MB
+            yield "memory before, with, after them", text, is_back
         yield from node.balance()
 
 
@@ -95,7 +104,7 @@ def _huge_sweep() -> Sweep:
 def overload(rounds: Rounds) -> Iterator[Figure]:
     """20 Hz of full sweeps, more than the machine manages: latency stays bounded."""
     estimates_ms = []
-    with live_node(_OFTEN) as node:
+    with live_node(OFTEN) as node:
         clouds, start_s = _clouds(), time.monotonic()
         for _ in rounds:
             node.link.spin_for(start_s + node.num_published / 20 - time.monotonic())
@@ -118,7 +127,7 @@ def overload(rounds: Rounds) -> Iterator[Figure]:
 def clouds(rounds: Rounds) -> Iterator[Figure]:
     """Hostile clouds of every kind between good sweeps."""
     good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
-    with live_node(_OFTEN, "node.always_estimate:=true") as node:
+    with live_node(OFTEN, "node.always_estimate:=true") as node:
         answered, asked = 0, 0
         log_before = node.log.stat().st_size
         for number, random in rounds:
@@ -130,7 +139,7 @@ def clouds(rounds: Rounds) -> Iterator[Figure]:
             node.link.spin_for(_PAUSE_S)
             if number % 100 == 0:
                 asked += 1
-                answered += _is_answered(node, good)
+                answered += is_answered(node, good)
         node.settle()
         counts = node.link.counts
         yield f"of {len(KINDS)} kinds, good sweeps answered", *_of(answered, asked)
@@ -144,7 +153,7 @@ def _of(number: int, whole: int) -> tuple[str, bool]:
     return f"{number:,} of {whole:,}", number == whole
 
 
-def _is_answered(node: LiveNode, good: bytearray) -> bool:
+def is_answered(node: LiveNode, good: bytearray) -> bool:
     """Whether flow comes for one of some good sweeps in a row."""
     before = len(node.replay.arrived_s)
     deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
@@ -154,104 +163,87 @@ def _is_answered(node: LiveNode, good: bytearray) -> bool:
     return len(node.replay.arrived_s) > before
 
 
-def parameters(rounds: Rounds) -> Iterator[Figure]:
-    """Changes of parameters while sweeps come, valid and not."""
+def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
+    """SIGKILL of the node, by turns while it starts and after it has answered."""
+    prepare_environment()
     good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
-    changeable = [setting for setting in declared_settings() if not setting.fixed]
-    names = [setting.name for setting in changeable]
-    wrong: list[str] = []
-    accepted = 0
-    with live_node(_OFTEN, "compute.device:=cpu") as node, _Parameters() as client:
-        expected = client.get(names)
+    arguments = ["-r", "~/points:=/points"]
+    found: Counter[str] = Counter()
+    before = _shared_mb()
+    arrived: list[int] = []
+    link = ReplayLink("/points", "/scene_flow/flow", lambda f: arrived.append(f.stamp_ns), id)
+    with tempfile.TemporaryDirectory() as folder, link:
+        log = Path(folder, "log")
         for number, random in rounds:
-            node.process.check()
-            setting = changeable[int(random.integers(len(changeable)))]
-            value = _value(setting, random)
-            is_accepted = client.set(setting.name, value)
-            accepted += is_accepted
-            if is_accepted:
-                expected[setting.name] = value
-            for name, found in client.get(names).items():
-                if not _is_as_said(found, expected[name]):
-                    wrong.append(f"{setting.name} = {value}: {name} is {found}")
-                    expected[name] = found
-            if number % 10 == 0:
-                node.publish(good)
-                node.link.spin_for(0.01)
-        for setting in changeable:
-            client.set(setting.name, setting.default)
-        node.link.spin_for(2.0)
-        is_alive = _is_answered(node, good)
-        yield "accepted", f"{accepted:,}", 0 < accepted < rounds.done
-        yield "other values than said", f"{len(wrong)} {'; '.join(wrong[:3])}", not wrong
-        yield "flow after the defaults are set, without a restart", str(is_alive), is_alive
-        node.settle()
-        yield from node.balance()
+            with node_process(arguments, log) as process:
+                end_s = time.monotonic() + random.uniform(0, _NODE_START_S)
+                if number % 2 == 0:
+                    arrived.clear()
+                    deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
+                    while not arrived and time.monotonic() < deadline_s:
+                        process.check()
+                        link.publish(with_stamp(good, time.time_ns()))
+                        link.spin_for(0.1)
+                    found["flow after the next start" if arrived else "wrong: no flow"] += 1
+                    end_s = time.monotonic() + random.uniform(0, 1)
+                while time.monotonic() < end_s:
+                    link.publish(with_stamp(good, time.time_ns()))
+                    link.spin_for(min(0.1, end_s - time.monotonic()))
+                found["killed while it starts"] += number % 2
+                os.kill(process.pid, signal.SIGKILL)
+        # A node that starts removes what is older than a minute.
+        time.sleep(_OLD_S)
+        with node_process(arguments, log):
+            link.spin_for(_NODE_START_S)
+    yield fates("node killed", found)
+    growth_mb = _shared_mb() - before
+    yield "left in /dev/shm", f"{growth_mb:.0f} MB", growth_mb < _MAX_SHARED_MB
 
 
-class _Parameters:
-    """A client of the parameters of the node, in a context of its own."""
-
-    def __enter__(self) -> _Parameters:
-        self._context = Context()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node("changes_parameters", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._client = AsyncParameterClient(self._node, "/scene_flow")
-        self._client.wait_for_services(_START_TIMEOUT_S)
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-    def get(self, names: list[str]) -> dict[str, object]:
-        """Values of parameters."""
-        future = self._client.get_parameters(names)
-        self._executor.spin_until_future_complete(future, _FLOW_TIMEOUT_S)
-        values = map(parameter_value_to_python, future.result().values)
-        return dict(zip(names, values, strict=True))
-
-    def set(self, name: str, value: SettingValue | list[int]) -> bool:
-        """Whether the node accepts a value."""
-        future = self._client.set_parameters([Parameter(name, value=value)])
-        self._executor.spin_until_future_complete(future, _FLOW_TIMEOUT_S)
-        return bool(future.result().results[0].successful)
+def _shared_mb() -> float:
+    return sum(file.stat().st_blocks * 512 for file in _SHM.iterdir()) / 1e6
 
 
-def _is_as_said(after: object, expected: object) -> bool:
-    if isinstance(after, float) and isinstance(expected, (int, float)):
-        return after == float(expected)
-    return after == expected
+def killed_publishers(rounds: Rounds) -> Iterator[Figure]:
+    """Publishers in processes of their own are killed, one after the other; the node goes on."""
+    good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([ReplayLink.__module__, with_stamp.__module__])
+    found: Counter[str] = Counter()
+    with live_node("node.diagnostics_period_s:=0.2", "node.always_estimate:=true") as node:
+        for _, random in rounds:
+            publisher = context.Process(target=_publish_for_ever, args=(good,), daemon=True)
+            publisher.start()
+            before = node.link.counts.get("flows_out", 0)
+            deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
+            is_answered = False
+            while not is_answered and time.monotonic() < deadline_s:
+                node.process.check()
+                node.link.spin_for(0.1)
+                is_answered = node.link.counts.get("flows_out", 0) > before
+            found["flow for the next one" if is_answered else "wrong: no flow"] += 1
+            time.sleep(random.uniform(0, 0.3))
+            publisher.kill()
+            publisher.join()
+        tracebacks = node.log.read_text(errors="replace").count("Traceback")
+    yield fates("publisher killed", found)
+    yield "tracebacks in the log", str(tracebacks), tracebacks == 0
 
 
-def _value(setting: Setting, random: np.random.Generator) -> SettingValue | list[int]:
-    """A value for a setting: near its default, at or beyond its limits, or of another type."""
-    if random.random() < 0.2:
-        others = (True, -7, 1e30, math.nan, "nonsense", "", [1, 2])
-        return others[int(random.integers(len(others)))]
-    if setting.choices:
-        return setting.choices[int(random.integers(len(setting.choices)))]
-    if setting.kind is bool:
-        return bool(random.integers(2))
-    if setting.minimum is None or setting.maximum is None:
-        return ("online", "mnsf", "zero", "auto", "")[int(random.integers(5))]
-    low, high = setting.minimum, setting.maximum
-    # Up to its limits a network could take the memory of the whole machine.
-    usual = float(setting.default) or (low + high) / 2
-    near = min(max(usual * 4 ** random.uniform(-1, 1), low), high, 1e6)
-    values = (near, near, near, low, low - 1, high + 1)
-    value = values[int(random.integers(len(values)))]
-    return int(value) if setting.kind is int else float(value)
+def _publish_for_ever(good: bytearray) -> None:
+    with ReplayLink("/points", "/elsewhere", id, id) as link:
+        while True:
+            link.publish(with_stamp(good, time.time_ns()))
+            link.spin_for(0.1)
 
 
 PROMISES: Final = {
-    "parameters": Promise(
-        "parameters changed while the node runs, valid and not: nothing refused takes effect, "
-        "nothing else changes, nothing needs a restart",
-        *(5_000, "changes", parameters),
+    "publishers": Promise(
+        "SIGKILL of publishers: the node goes on", *(100, "kills", killed_publishers)
+    ),
+    "nodes": Promise(
+        "SIGKILL of the node at any moment: flow after the next start",
+        *(200, "kills", killed_nodes),
     ),
     "clouds": Promise(
         "hostile clouds of every kind between good sweeps: alive, good sweeps answered, "
@@ -259,7 +251,7 @@ PROMISES: Final = {
         *(10_000, "clouds", clouds),
     ),
     "large": Promise(
-        "five clouds of two million points: their memory goes back",
+        "five clouds of two million points: their memory goes back but for 100 MB",
         *(1, "times", large_clouds),
     ),
     "overload": Promise(

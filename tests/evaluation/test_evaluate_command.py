@@ -18,6 +18,7 @@ import small_evaluations as small
 from mnsf_ros.cli import evaluate, main
 from mnsf_ros.cli.arguments import parse_assignments
 from mnsf_ros.cli.evaluation import new_folder
+from mnsf_ros.core import memory_demand
 from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -384,6 +385,20 @@ def test_bag_of_the_same_name_can_be_added(tmp_path):
     assert mnsf(one, other, "--methods", "zero", "--out", out, "--resume") == 0
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
     assert [row["recording"] for row in rows] == ["drive"] * 2 + [str(other)] * 3
+
+
+def test_settings_that_need_more_memory_than_there_is_are_refused(
+    bag, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 8 * 10**9)
+    out = tmp_path / "out"
+    sizes = ("field.num_hidden_layers=64", "field.hidden_width=4096", "compute.device=cpu")
+    settings = [f"--set={size}" for size in sizes]
+    arguments = ["evaluate", str(bag), "--methods", "fnsf", "--out", str(out), *settings]
+    assert main.run(arguments) == main.EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search("need .* GB of memory, this machine has 8.0 GB: reduce field", line)
+    assert not out.exists()
 
 
 def test_same_bag_in_two_spellings_is_refused(bag, tmp_path, monkeypatch):
