@@ -14,6 +14,8 @@ _NUM_AZIMUTHS: Final = 720
 # Points of one direction that were measured later than the first by this share of the sweep were
 # seen again.
 _AGAIN_SHARE: Final = 0.5
+# One lidar sees less than this share of the directions again; several in one cloud see all of them.
+_MAX_AGAIN: Final = 0.5
 # A lidar turns if the points of one direction are measured at about the same time: the mean
 # deviation as a share of the sweep.
 _MAX_SPREAD: Final = 0.05
@@ -37,7 +39,11 @@ class SweepClock:
 
     @classmethod
     def of(cls, xyz: NDArray[np.float32], times_s: NDArray[np.float32]) -> SweepClock | None:
-        """Returns the clock of points (N, 3), metres, with times (N,); None if nothing turns."""
+        """Returns the clock of points (N, 3), metres, with times (N,).
+
+        None if nothing turns, and for the merged cloud of several lidars: their sweeps are no
+        second views of each other.
+        """
         if len(xyz) == 0:
             return None
         cells = _azimuths(xyz)
@@ -49,6 +55,9 @@ class SweepClock:
         counts = np.bincount(own_cells, minlength=_NUM_AZIMUTHS)
         means = np.bincount(own_cells, own_s, _NUM_AZIMUTHS) / np.maximum(counts, 1)
         if np.abs(own_s - means[own_cells]).mean() > _MAX_SPREAD * span_s:
+            return None
+        num_again = np.count_nonzero(np.bincount(cells[is_again], minlength=_NUM_AZIMUTHS))
+        if num_again > _MAX_AGAIN * np.count_nonzero(counts):
             return None
         revolution_s = 0.0
         if is_again.any():

@@ -56,6 +56,16 @@ class TestClock:
         clock = SweepClock.of(xyz, rng.uniform(0, 0.1, number).astype(np.float32))
         assert clock is None or number == 1
 
+    @pytest.mark.parametrize("turns", [True, False])
+    @pytest.mark.parametrize("later_s", [0.02, 0.05, 0.08])
+    def test_there_is_none_of_two_lidars_in_one_cloud(self, turns, later_s):
+        """The second lidar sees nothing again: its points are of objects as those of the first."""
+        xyz, times_s = turning_points(360.0)
+        first_s = times_s if turns else np.zeros_like(times_s)
+        both_s = np.concatenate([first_s, first_s + np.float32(later_s)])
+        clock = SweepClock.of(np.concatenate([xyz, 0.8 * xyz]), both_s)
+        assert clock is None or not clock.is_again.any()
+
 
 class TestSeam:
     @pytest.fixture(scope="class")
