@@ -406,13 +406,6 @@ class OptimizationSettings:
     max_points: int = declared(
         0, "Fit to this many random points of the cropped sweep; 0: all", 0, 10_000_000
     )
-    first_points: int = declared(
-        0,
-        "Fit to this many random points until they have converged, then to all; 0: to all from the "
-        "start. Not with stacked",
-        0,
-        10_000_000,
-    )
     batch_points: int = declared(
         1024, "Random points per iteration; 0: all points in every iteration", 0, 10_000_000
     )

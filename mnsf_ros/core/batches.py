@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import torch
 from torch import nn
@@ -46,18 +45,6 @@ class Batches:
             self._turn.add_(1)
             return self._rows.index_select(0, indices)
         return self._rows[self._next_indices().to(self._rows.device)]
-
-    @contextmanager
-    def few(self, number: int) -> Iterator[None]:
-        """Leaves the table no more than so many of its rows, drawn once, while the block runs."""
-        rows = self._rows
-        if number < len(rows):
-            chosen = torch.randperm(len(rows), generator=self._generator)[:number]
-            self._rows = rows[chosen.to(rows.device)]
-        try:
-            yield
-        finally:
-            self._rows = rows
 
     def _next_indices(self) -> torch.Tensor:
         return torch.randint(len(self._rows), (self._size,), generator=self._generator)

@@ -6,9 +6,6 @@ import copy
 import math
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import torch
@@ -62,8 +59,6 @@ def minimize(
 ) -> OptimizationResult:
     """Optimizes the learner's network in place, on CUDA without waiting for each step.
 
-    With `first_points` of the schedule it does so twice, at first on few rows of the sources.
-
     Args:
         learner: Network and optimizer. Gets the final loss as `last_loss`.
         loss_of: Computes the loss of the network as it is now, a scalar, as a rule in metres.
@@ -79,35 +74,6 @@ def minimize(
     if learner.optimizer is None:
         loss, _ = _parts(loss_of())
         return OptimizationResult(checked_loss(loss.item()), 0, StopReason.CONVERGED)
-    run = partial(
-        _minimized,
-        learner,
-        learner.optimizer,
-        loss_of,
-        schedule,
-        keep_best=keep_best,
-        sources=sources,
-    )
-    num_first = schedule.first_points
-    if not any(source.num_rows > num_first > 0 for source in sources):
-        return run()
-    with ExitStack() as few:
-        for source in sources:
-            few.enter_context(source.few(num_first))
-        first = run()
-    result = run()
-    return replace(result, iterations=first.iterations + result.iterations)
-
-
-def _minimized(
-    learner: Learner,
-    optimizer: torch.optim.Adam,
-    loss_of: LossOf,
-    schedule: Schedule,
-    *,
-    keep_best: bool,
-    sources: Sequence[Batches],
-) -> OptimizationResult:
     if next(learner.network.parameters()).is_cuda:
         (result,) = minimize_on_device(
             learner, loss_of, schedule, keep_best=keep_best, sources=sources
@@ -131,7 +97,7 @@ def _minimized(
             break
         if keep_best:
             best.offer(value)
-        _step(optimizer, loss, schedule.learning_rate_at(iterations))
+        _step(learner.optimizer, loss, schedule.learning_rate_at(iterations))
         iterations += 1
         if stopping.should_stop(value if judged is loss else judged.item()):
             reason = StopReason.CONVERGED

@@ -23,8 +23,6 @@ class Schedule:
         decay: Whether the step size falls to zero along a cosine.
         patience: Steps without improvement before it counts as converged; 0: any number.
         min_delta_m: A smaller fall of the loss is no improvement.
-        first_points: Rows of each table that are fitted to first, as long as these steps say;
-            then it is all of them. 0: all from the start.
         deadline: `time.monotonic()` value after which no further step starts.
         cancelled: Asked before each step; True abandons the estimate.
         records_steps: Whether CUDA may record a step and replay it.
@@ -35,7 +33,6 @@ class Schedule:
     decay: bool = False
     patience: int = 0
     min_delta_m: float = 0.0
-    first_points: int = 0
     deadline: float = math.inf
     cancelled: Callable[[], bool] = lambda: False
     records_steps: bool = True
@@ -109,7 +106,6 @@ class Schedules:
             decay=optimization.decay,
             patience=patience,
             min_delta_m=self.settings.early_stopping.min_delta_m,
-            first_points=optimization.first_points,
             deadline=self.started_s + done * (budget_ms / 1e3 or math.inf),
             cancelled=self.cancelled,
             records_steps=self.settings.compute.cuda_graphs,

@@ -19,8 +19,8 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
     """NSFP (Li 2021), by minimizing Chamfer(p + g(p), S3) + Chamfer(p', S2); (N, 3) metres.
 
     p' = q + h(q) with q = p + g(p) is where the inverse field h takes the moved points back to.
-    Both directions of the distance need all moved points, so there are no random batches and no
-    `optimization.first_points`. A linear field is one on a Kronecker product of encodings.
+    Both directions of the distance need all moved points, so there are no random batches. A linear
+    field is one on a Kronecker product of encodings.
     """
     points = bench.rows_to_fit
     check_memory(bench.settings, len(points))
@@ -41,7 +41,6 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
         learning_rate=settings.learning_rate,
         patience=settings.patience,
         min_delta_m=settings.min_delta_m2,
-        first_points=0,
     )
     schedule = schedule_for(there, schedule, bench)
     bench.fit("forward", both, loss_of, schedule, keep_best=True)

@@ -51,31 +51,6 @@ def test_draws_differ_but_the_same_seed_gives_the_same_ones(device):
         assert torch.equal(draw, again.draw())
 
 
-def test_few_rows_while_the_block_runs(device, generator):
-    rows = table(20, device)
-    batches = Batches(rows, 0, generator)
-    with batches.few(5):
-        first = batches.draw()
-        assert batches.num_rows == 5
-        assert len(set(first[:, 0].tolist())) == 5
-        assert torch.equal(first[:, 1], 10 * first[:, 0])
-        assert torch.equal(batches.draw(), first)
-    assert torch.equal(batches.draw(), rows)
-    with pytest.raises(ZeroDivisionError), batches.few(5):
-        raise ZeroDivisionError
-    assert batches.num_rows == 20
-
-
-@pytest.mark.parametrize("number", [20, 21])
-def test_few_may_be_all(number, generator):
-    rows, before = table(20), generator.get_state()
-    batches = Batches(rows, 0, generator)
-    with batches.few(number):
-        assert torch.equal(batches.draw(), rows)
-    # Nothing was drawn: what follows is what it would be without.
-    assert torch.equal(generator.get_state(), before)
-
-
 @pytest.mark.parametrize("num_rows", [0, 1, 16_384, 16_385, 40_000])
 def test_pieces_give_the_same_as_the_whole(num_rows, device, generator):
     network = Perceptron(2, 1, 4, generator).to(device)

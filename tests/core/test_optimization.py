@@ -8,7 +8,6 @@ import pytest
 import torch
 from torch import nn
 
-from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.optimization import Learner, StopReason, minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import CancelledError, MnsfError, OptimizationError
@@ -186,40 +185,3 @@ def test_network_without_weights_and_a_loss_that_is_not_finite():
 
 def test_fresh_learner_has_no_loss():
     assert learner_at().last_loss is None
-
-
-def fitted_to_rows(rows, schedule):
-    """A vector that is to be the mean of the rows: how many rows each step saw, and how it went."""
-    learner, generator = learner_at(), torch.Generator().manual_seed(0)
-    batches, seen = Batches(rows, 0, generator), []
-
-    def loss_of():
-        drawn = batches.draw()
-        seen.append(len(drawn))
-        return (drawn - learner.network.weights).square().sum(dim=1).mean()
-
-    result = minimize(learner, loss_of, schedule, keep_best=True, sources=[batches])
-    return seen, result, weights_of(learner)
-
-
-def test_few_rows_first_then_all_of_them(generator):
-    rows = torch.randn(100, 3, generator=generator) + 5
-    schedule = Schedule(2000, 0.1, patience=10, min_delta_m=1e-4, first_points=10)
-    seen, result, mean = fitted_to_rows(rows, schedule)
-    assert sorted(seen) == seen
-    assert set(seen) == {10, 100}
-    assert result.iterations == len(seen)
-    assert result.stop_reason is StopReason.CONVERGED
-    torch.testing.assert_close(mean, rows.mean(dim=0), atol=0.05, rtol=0)
-    without = Schedule(2000, 0.1, patience=10, min_delta_m=1e-4)
-    assert seen.count(100) < len(fitted_to_rows(rows, without)[0])
-
-
-@pytest.mark.parametrize("first_points", [0, 100, 1000])
-def test_no_fewer_rows_than_there_are(generator, first_points):
-    rows = torch.randn(100, 3, generator=generator)
-    results = [
-        fitted_to_rows(rows, Schedule(30, 0.1, first_points=number)) for number in (0, first_points)
-    ]
-    assert results[0][:2] == results[1][:2]
-    assert torch.equal(results[0][2], results[1][2])
