@@ -41,7 +41,7 @@ def _means_of_cells(
     size = 16
     while 2 * size < 3 * len(xyz):
         size *= 2
-    keys, cells = np.full(size, -1, np.int64), np.empty(size, np.int32)
+    cells = np.full(size, -1, np.int32)
     # Of x, y, z and 1.
     sums, own_keys = np.empty((len(xyz), 4)), np.empty(len(xyz), np.int64)
     number = 0
@@ -51,10 +51,10 @@ def _means_of_cells(
         up = _index(z, cells_per_m)
         key = across | along << 21 | up << 42
         place = (across * _ACROSS ^ along * _ALONG ^ up * _UP) & size - 1
-        while keys[place] != key and keys[place] != -1:
+        while cells[place] != -1 and own_keys[cells[place]] != key:
             place = place + 1 & size - 1
-        if keys[place] == -1:
-            keys[place], cells[place], own_keys[number] = key, number, key
+        if cells[place] == -1:
+            cells[place], own_keys[number] = number, key
             for axis in range(4):
                 sums[number, axis] = 0.0
             number += 1
