@@ -1,6 +1,6 @@
 """What is called dynamic in the merged cloud of two lidars, and in that of each one.
 
-    python benchmarks/several_lidars.py [--seeds 0 1] [--sweeps 16] [--document FILE]
+    python benchmarks/several_lidars.py [--seeds 0 1] [--sweeps 16]
 
 Two lidars on one robot take the same simulated street from different places and heights. Each
 cloud is judged by itself, then both as one, as the node merges them.
@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from marked_section import add_document_option, replace_section
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import apply, planar_pose
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.simulation.routes import EgoMotion
 from mnsf_ros.simulation.scene import build_scene
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -34,7 +32,7 @@ CORNERS: Final = ((1.5, 0.7, -0.8), (-1.5, -0.7, -0.8))
 MAX_RANGE_M: Final = 80.0
 # The first estimates have no past.
 NUM_COLD: Final = 3
-HEADER: Final = ["lidars", "cloud", "precision (%)", "recall (%)", "false (points per sweep)"]
+HEADER: Final = ("lidars", "cloud", "precision (%)", "recall (%)", "false (points per sweep)")
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class Judged:
 
 
 def main() -> None:
-    """Prints the table, and writes it into a document."""
+    """Prints the table."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -90,9 +88,8 @@ def main() -> None:
     parser.add_argument("--beams", type=int, default=32)
     parser.add_argument("--columns", type=int, default=1024)
     parser.add_argument("--scenario", default="street")
-    add_document_option(parser)
     options = parser.parse_args()
-    rows = []
+    print(*HEADER, sep=" | ")
     for name, lidars in PAIRS.items():
         alone: dict[int, list[Judged]] = {0: [], 1: []}
         together: list[Judged] = []
@@ -118,11 +115,8 @@ def main() -> None:
             together += judged([dict(enumerate(pair)) for pair in zip(*taken, strict=True)], poses)
         for number in (0, 1):
             for cloud, found in (("alone", alone[number]), ("merged", together)):
-                rows.append([name, f"lidar {number + 1}, {cloud}", *figures(found, number)])
-                print(*rows[-1], sep=" | ", flush=True)
-    table = TextTable(HEADER, rows, f"{options.beams} beams, {options.columns} columns each")
-    if options.document:
-        replace_section(options.document, "several-lidars", table.markdown())
+                row = (name, f"lidar {number + 1}, {cloud}", *figures(found, number))
+                print(*row, sep=" | ", flush=True)
 
 
 def pose_of(place: Sequence[float]) -> NDArray[np.float64]:
