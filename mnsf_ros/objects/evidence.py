@@ -11,14 +11,20 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.visibility import Visibility
 
+# Not fitted: the number of places where something may match by chance grows with the square of the
+# motion, unless a track expected it. Simulated streets have fewer such places than real ones.
+_PER_LOG_LENGTH: Final = -2.0
 # Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
 # track, and with what score of that, logarithm of the number of points and of the thickness, how
 # much it is a reflection; with older sweeps: gain in metres there if the motion is slow, gain where
-# the object would be visible, logarithm of the share that the motion leaves.
+# the object would be visible, logarithm of the share that the motion leaves; without them:
+# logarithm of the metres from one on if no track expected the motion.
 _WITH_PAST: Final = (-2.34, -1.31, 0.79, 0.09, 1.54, 0.45, -0.04, 1.49, -4.5, 19.4, 6.40, -0.43)
-_WITHOUT_PAST: Final = (-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95)
+_WITHOUT_PAST: Final = (
+    *(-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95, _PER_LOG_LENGTH),
+)
 # What the sweeps before say of an object does not count for more than this.
 _MAX_SCORE: Final = 6.0
 # Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
@@ -76,6 +82,8 @@ def evidence(
             (gains * seen.visible_past).mean(axis=1),
             _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1), _PAST_NOISE_M),
         ]
+    else:
+        columns.append(np.where(is_same, 0.0, np.log(np.maximum(lengths / _LONG_M, 1.0))))
     return np.stack(columns, axis=1).astype(np.float64)
 
 

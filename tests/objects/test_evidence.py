@@ -56,6 +56,12 @@ class TestSlowWalker:
         assert score(size, (0.06, 0, 0), self.STANDING, self.MOVING) < 0
 
 
+def test_without_older_sweeps_chance_matches_grow_with_the_square_of_the_motion():
+    standing, moving = ((0.2, 0.2), ()), ((0.06, 0.06), ())
+    near, far = (score(PERSON, (each, 0, 0), standing, moving, visible=()) for each in (1, 3))
+    assert far - near == pytest.approx(-2 * np.log(3))
+
+
 def test_part_of_a_wall_that_came_into_view_does_not_move():
     """It fits a long motion in all sweeps, but nobody saw through its place."""
     standing, moving = ((0.01, 0.35), (0.4, 0.4)), ((0.01, 0.02), (0.02, 0.02))
