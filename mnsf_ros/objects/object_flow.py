@@ -136,7 +136,9 @@ class ObjectFlowEstimator:
             seen = Visibility.of(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
             scores = moving_scores(evidence(fitted, moving, seen, are_parts))
-            may_move, is_moving = moves(fitted.standing, moving, scores, settings)
+            may_move, is_moving = moves(
+                fitted.standing, moving, scores, scene.usual_interval_s, settings
+            )
         return Decision(
             suspects, searched, start, fitted, moving, seen, scores, may_move, is_moving
         )

@@ -14,8 +14,11 @@ from mnsf_ros.settings import ObjectSettings
 _MIN_MOTION_M: Final = 0.02
 # if it explains the object well,
 _MAX_COST_M: Final = 0.25
-# and if it is nearly horizontal.
+# if it is nearly horizontal,
 _MAX_CLIMB_M: Final = 0.25
+# and if it is not faster than the fastest objects by more than its own error: fits go on from where
+# the search ends.
+_MAX_OVER: Final = 1.2
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
 
@@ -24,6 +27,7 @@ def moves(
     standing: JudgedMotions,
     moving: JudgedMotions,
     scores: NDArray[np.float64],
+    interval_s: float,
     settings: ObjectSettings,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Returns (K,) whether objects may move, and whether they are said to.
@@ -32,11 +36,13 @@ def moves(
         standing: How well K objects are explained as static.
         moving: How well their motions explain them.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+        interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
     may_move = moving.total < settings.max_unexplained * standing.total
     may_move &= (lengths > _MIN_MOTION_M) & (moving.cost < _MAX_COST_M)
+    may_move &= lengths < _MAX_OVER * settings.max_speed_m_s * interval_s
     may_move &= np.abs(moving.motions[:, 2]) < _MAX_CLIMB_M
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = may_move & (scores > np.log(odds))

@@ -243,11 +243,10 @@ class TestManyMovers:
 
     def test_faster_than_the_fastest_object_none_is_found(self):
         each = self.triplet()
-        result = estimate(each, **{"objects.max_speed_m_s": 1.0, "objects.max_iterations": 1})
-        known = result.over_ground
-        speeds = np.linalg.norm(known.motion, axis=1)
-        # One step of the fit from where nothing was found to move by more than a cell.
-        assert speeds.max() < 0.6
+        result = estimate(each, **{"objects.max_speed_m_s": 1.0})
+        # The cars move by 0.6 m, which fits reach from where the search ends.
+        assert np.linalg.norm(result.over_ground.motion, axis=1).max() < 0.15
+        assert not result.over_ground.dynamic.any()
 
 
 class TestChangedSettings:

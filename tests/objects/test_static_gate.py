@@ -21,7 +21,7 @@ def gate(standing, moving, probability=0.9, **changes):
     """Whether it may move, and does."""
     settings = SETTINGS.changed({f"objects.{name}": value for name, value in changes.items()})
     scores = np.log([probability / (1 - probability)])
-    may_move, is_moving = moves(standing, moving, scores, settings.objects)
+    may_move, is_moving = moves(standing, moving, scores, 0.1, settings.objects)
     return bool(may_move[0]), bool(is_moving[0])
 
 
@@ -75,7 +75,12 @@ class TestMoves:
     def test_must_stay_on_the_road(self, climb_m, is_moving):
         assert gate(self.STANDING, judged((0, 0), (0.5, 0, climb_m)))[1] is is_moving
 
+    @pytest.mark.parametrize(("speed_m_s", "is_moving"), [(43.0, True), (43.5, False)])
+    def test_must_not_be_faster_than_the_fastest_object(self, speed_m_s, is_moving):
+        # 36 m/s, and what fits may be off.
+        assert gate(self.STANDING, judged((0, 0), (0.1 * speed_m_s, 0, 0)))[1] is is_moving
+
     def test_none_at_all(self):
         nothing = JudgedMotions(rows(), np.zeros((0, 2)), np.zeros((0, 0)), np.zeros(0))
-        for mask in moves(nothing, nothing, np.zeros(0), SETTINGS.objects):
+        for mask in moves(nothing, nothing, np.zeros(0), 0.1, SETTINGS.objects):
             assert mask.shape == (0,)
