@@ -36,6 +36,7 @@ complete: $(COMPLETE)
 
 $(READY): setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+	@echo "installing 0.8 GB into $(VENV), which takes some minutes"
 	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
 	$(INSTALL) '.[$(EXTRAS)]'
 	@echo "compiling loops for this computer, about a second each"

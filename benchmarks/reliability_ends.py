@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 from promises import Figure, Promise, Rounds, fates
-from small_runs import Evaluations, descendants, left_of, small_evaluations
+from runs_that_are_ended import Evaluations, descendants, left_of, small_evaluations
 
 _SHM: Final = Path("/dev/shm")
 _MAX_END_S: Final = 1.0

@@ -18,7 +18,7 @@ from mnsf_ros.cli.console import Console
 
 EXIT_INCOMPLETE = 3
 EXIT_UNWRITTEN = 4
-DEFAULT_METHODS = "online,mnsf"
+DEFAULT_METHODS = ("online", "mnsf")
 
 _EPILOG = """\
 Examples:
@@ -74,7 +74,7 @@ def _add_method_arguments(group: Arguments) -> None:
         "--methods NAME,...",
         "methods to compare, see docs/evaluation.md; file:DIR scores flow from files, "
         "command:LINE runs another program (the rest of the text is its command line); may be "
-        f"repeated (default: {DEFAULT_METHODS})",
+        f"repeated (default: {','.join(DEFAULT_METHODS)}; without PyTorch {DEFAULT_METHODS[0]})",
         action="append",
     )
     group.settings()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
+from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
@@ -48,7 +49,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
-    names = _split(options.methods or [DEFAULT_METHODS])
+    names = _split(options.methods) if options.methods else _default_methods(console)
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
@@ -132,6 +133,15 @@ def new_folder(paths: Sequence[Path]) -> Path:
     folder = f"{name}{more}-{datetime.now():%Y%m%d-%H%M%S}"
     names = chain([folder], (f"{folder}-{number}" for number in count(2)))
     return next(path for path in map(Path, names) if not path.exists())
+
+
+def _default_methods(console: Console) -> list[str]:
+    """What robots run and, where its library is, the method of the paper."""
+    if find_spec("torch") is not None:
+        return [*DEFAULT_METHODS]
+    ours, papers = DEFAULT_METHODS
+    console.warn(f"{papers} needs PyTorch, which is not installed: only {ours} is evaluated")
+    return [ours]
 
 
 def _split(texts: Sequence[str]) -> list[str]:

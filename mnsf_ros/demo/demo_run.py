@@ -108,6 +108,7 @@ def _run_demo(
     console.print(figures_table(log))
     if hint := drop_hint(log):
         console.print(hint, style="yellow", markup=False, highlight=False)
+    console.print("scoring and drawing the flow")
     errors = _score_and_draw(recording, flow_bag, settings, picture)
     if errors is not None:
         console.print(errors)

@@ -91,7 +91,8 @@ class RunFolder:
         whole, self._num_pictured = record, record.options.num_pictured
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
-        self.path.mkdir(parents=True, exist_ok=True)
+        with _writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
         self._session.enter_context(self.locked())
         self._check_unchanged()
         self._session.callback(self._remove_if_unused)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import chain
+from itertools import chain, product
 from typing import Final
 
 from mnsf_ros.evaluation.findings import Event
@@ -124,6 +124,7 @@ def _time_text(options: EvaluationOptions, summaries: Sequence[MethodSummary]) -
 class NoteKind(Enum):
     """What a note is about."""
 
+    UNFINISHED = "unfinished"
     DAMAGE = "damage"
     NO_EXAMPLE = "no example"
     NO_FLOW = "no flow"
@@ -137,7 +138,12 @@ class NoteKind(Enum):
     @property
     def is_incomplete(self) -> bool:
         """Whether a recording was not evaluated as a whole."""
-        return self in (NoteKind.DAMAGE, NoteKind.NO_EXAMPLE, NoteKind.NO_FLOW)
+        return self in (
+            NoteKind.UNFINISHED,
+            NoteKind.DAMAGE,
+            NoteKind.NO_EXAMPLE,
+            NoteKind.NO_FLOW,
+        )
 
 
 @dataclass(frozen=True)
@@ -166,6 +172,7 @@ def notes_of(
     unchecked = [one.name for one in recordings if not one.has_checksums]
     without_truth = [one.name for one in recordings if one.truth is None]
     notes = {
+        NoteKind.UNFINISHED: _unfinished(run, finished, rows),
         NoteKind.DAMAGE: (f"Damage: {damage}" for damage in chain.from_iterable(found)),
         NoteKind.NO_EXAMPLE: _without_example(run, finished),
         NoteKind.NO_FLOW: _without_flow(rows),
@@ -185,6 +192,21 @@ def notes_of(
         NoteKind.MIXED_SESSIONS: _mixed_sessions(run.sessions),
     }
     return [Note(kind, text) for kind, texts in notes.items() for text in dict.fromkeys(texts)]
+
+
+def _unfinished(
+    run: RunRecord, finished: Sequence[FinishedTask], rows: Iterable[ResultRow]
+) -> Iterator[str]:
+    """Methods that have not seen all of a recording: the run was interrupted, or gave up."""
+    ended = {(one.recording, one.method) for one in finished}
+    count = Counter((row.recording, row.method) for row in rows)
+    for key in product((one.name for one in run.recordings), run.method_names):
+        if key not in ended:
+            recording, method = key
+            yield (
+                f"Unfinished: {method} on {recording}, examples so far: {count[key]:,}; "
+                "--resume goes on."
+            )
 
 
 def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterator[str]:

@@ -73,6 +73,18 @@ def test_bag_in_table_out(bag, tmp_path, capsys):
     assert json.loads((out / "results.json").read_text())["methods"][1]["method"] == "ego"
 
 
+def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    out = tmp_path / "out"
+    assert mnsf(bag, "--out", out) == 0
+    assert "mnsf needs PyTorch" in capsys.readouterr().out
+    assert json.loads((out / "run.json").read_text())["methods"][0]["name"] == "online"
+    assert "\nmnsf," not in (out / "results.csv").read_text()
+    # Whoever names it is told what to install, and nothing is run.
+    with pytest.raises(SettingsError, match="torch"):
+        mnsf(bag, "--methods", "mnsf", "--out", tmp_path / "other")
+
+
 def test_several_recordings_at_once(bag, tmp_path):
     other = small.write_recording(tmp_path / "other", 4)
     # As the command parses it, recordings may stand anywhere.
@@ -202,8 +214,16 @@ def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, 
     monkeypatch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
     with pytest.raises(KeyboardInterrupt):
         mnsf(bag, "--methods", "zero,ego", "--out", tmp_path / "out")
-    assert "ego" in capsys.readouterr().out
-    assert "over 1 to 4 examples" in (tmp_path / "out" / "results.md").read_text()
+    assert "Unfinished: ego on drive, examples so far: 1;" in capsys.readouterr().out
+    page = (tmp_path / "out" / "results.md").read_text()
+    assert "over 1 to 4 examples" in page
+    assert "Unfinished: ego on drive" in page
+    assert "Unfinished: zero" not in page
+
+
+def test_folder_that_cannot_be_made_is_one_line(bag, capsys):
+    assert mnsf(bag, "--methods", "zero", "--out", "/proc/results") == evaluate.EXIT_UNWRITTEN
+    assert capsys.readouterr().err.startswith("mnsf: /proc/results: cannot be written: ")
 
 
 def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, capsys):
