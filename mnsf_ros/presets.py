@@ -5,6 +5,7 @@ And for comparison `paper`, the published method, and `authors`, what their code
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 from mnsf_ros.errors import SettingsError
@@ -82,6 +83,25 @@ def preset(name: str) -> Settings:
     if name not in _PRESETS:
         raise SettingsError(f"unknown preset {name!r}, expected one of {', '.join(_PRESETS)}")
     return replace(Settings().changed(_PRESETS[name]), explicit=frozenset())
+
+
+def nearest_preset(
+    settings: Settings, ignored: Collection[str], named: Collection[str] = ()
+) -> tuple[str, dict[str, SettingValue]]:
+    """Returns the name of the preset with fewest differences, and the settings that differ.
+
+    Args:
+        settings: What to compare.
+        ignored: Names of settings that are not compared.
+        named: Names of those that count as different whatever their value.
+    """
+    values = {k: value for k, value in settings.to_mapping().items() if k not in ignored}
+    changes = {}
+    for name in PRESET_NAMES:
+        usual = preset(name).to_mapping()
+        changes[name] = {k: v for k, v in values.items() if usual[k] != v or k in named}
+    nearest = min(changes, key=lambda name: len(changes[name]))
+    return nearest, changes[nearest]
 
 
 def settings_for(method: str, settings: Settings) -> Settings:

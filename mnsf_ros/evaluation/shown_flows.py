@@ -83,17 +83,26 @@ class ShownFlowChooser:
         """Looks at the flow (M, 3) of all points of an example, and at what it was scored."""
         if self._number == 0:
             return
-        if not math.isnan(row.badness_m):
-            heapq.heappush(self._largest_m, row.badness_m)
-            is_full = len(self._largest_m) > self._number
-            if not is_full or heapq.heappop(self._largest_m) < row.badness_m:
-                self._new.append(_shown(row, example, flow))
+        is_worst = self._is_among_the_worst(row.badness_m)
+        if not is_worst and not row.missed_movers:
+            return
+        shown = _shown(row, example, flow)
+        if is_worst:
+            self._new.append(shown)
         for item in row.missed_movers:
             most, known = self._missed.get(item.object_id, (0, None))
             num_sweeps = 1 if known is None else known.rank + 1
             if known is None or item.num_points > most:
-                most, known = item.num_points, _around(item, _shown(row, example, flow))
+                most, known = item.num_points, _around(item, shown)
             self._missed[item.object_id] = most, replace(known, rank=num_sweeps)
+
+    def _is_among_the_worst(self, badness_m: float) -> bool:
+        """Whether an error is one of the largest so far; it is remembered."""
+        if math.isnan(badness_m):
+            return False
+        heapq.heappush(self._largest_m, badness_m)
+        is_full = len(self._largest_m) > self._number
+        return not is_full or heapq.heappop(self._largest_m) < badness_m
 
     def new(self) -> list[ShownFlow]:
         """Gives out the sweeps that are among the worst so far, since the last time."""

@@ -9,12 +9,12 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.presets import nearest_preset
 from mnsf_ros.settings import Settings
 
 if TYPE_CHECKING:
@@ -55,10 +55,7 @@ def log_to_ros(logger: Logger) -> None:
 
 def greeting(settings: Settings) -> str:
     """Returns one line: the nearest preset and what differs, device, threads, ego motion."""
-    changed, name = min(
-        ((_changed(settings, preset(name)), name) for name in PRESET_NAMES),
-        key=lambda found: len(found[0]),
-    )
+    name, changed = nearest_preset(settings, ("compute.num_threads",))
     threads = settings.compute.num_threads
     return (
         f"preset {name}{_but(changed)}, method {settings.method.name}, "
@@ -67,16 +64,7 @@ def greeting(settings: Settings) -> str:
     )
 
 
-def _changed(settings: Settings, base: Settings) -> list[str]:
-    values = base.to_mapping()
-    return [
-        name
-        for name, value in settings.to_mapping().items()
-        if value != values[name] and name != "compute.num_threads"
-    ]
-
-
-def _but(changed: list[str]) -> str:
+def _but(changed: Collection[str]) -> str:
     if not changed:
         return ""
     if len(changed) > _MOST_NAMES:

@@ -13,7 +13,7 @@ from mnsf_ros.objects.visibility import Visibility
 
 # Not fitted: the number of places where something may match by chance grows with the square of the
 # motion, unless a track expected it. Simulated streets have fewer such places than real ones.
-_PER_LOG_LENGTH: Final = -2.0
+_PER_LOG: Final = -2.0
 # Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
@@ -22,9 +22,7 @@ _PER_LOG_LENGTH: Final = -2.0
 # the object would be visible, logarithm of the share that the motion leaves; without them:
 # logarithm of the metres from one on if no track expected the motion.
 _WITH_PAST: Final = (-2.34, -1.31, 0.79, 0.09, 1.54, 0.45, -0.04, 1.49, -4.5, 19.4, 6.40, -0.43)
-_WITHOUT_PAST: Final = (
-    *(-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95, _PER_LOG_LENGTH),
-)
+_WITHOUT_PAST: Final = (-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95, _PER_LOG)
 # What the sweeps before say of an object does not count for more than this.
 _MAX_SCORE: Final = 6.0
 # Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.chosen_points import chosen_points
 from mnsf_ros.objects.object_sweep import ObjectSweep, sizes_of
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target
@@ -46,7 +47,7 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
     rows = np.flatnonzero((is_long | (sizes >= _SHORT_M))[objects])
     points = np.take(current.thinned, rows, axis=0)
     is_near = (points**2).sum(axis=1) < _MAX_RANGE_M**2
-    rows, points = rows[is_near], np.compress(is_near, points, axis=0)
+    rows, points = rows[is_near], chosen_points(points, is_near)
     has_come = np.zeros(len(rows), dtype=bool)
     for target in targets:
         has_come |= target.are_new(points)

@@ -9,12 +9,13 @@ from enum import Enum
 from itertools import chain, product
 from typing import Final
 
+from mnsf_ros import presets
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.presets import PRESET_NAMES, preset, settings_for
+from mnsf_ros.presets import settings_for
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 
@@ -38,15 +39,7 @@ def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[st
 
 def nearest_preset(settings: Settings) -> tuple[str, dict[str, SettingValue]]:
     """Returns the name of a preset, and the settings of a run that differ or were set by hand."""
-    values = {k: value for k, value in settings.to_mapping().items() if k not in _OWN}
-    changes = {}
-    for name in PRESET_NAMES:
-        usual = preset(name).to_mapping()
-        changes[name] = {
-            k: value for k, value in values.items() if usual[k] != value or k in settings.explicit
-        }
-    nearest = min(changes, key=lambda name: len(changes[name]))
-    return nearest, changes[nearest]
+    return presets.nearest_preset(settings, _OWN, settings.explicit)
 
 
 def _means_text(num_recordings: int, summaries: Sequence[MethodSummary], every: int) -> str:
@@ -163,6 +156,26 @@ class Note:
         return self.text
 
 
+def unfinished_notes(
+    run: RunRecord, finished: Iterable[FinishedTask], rows: Iterable[ResultRow]
+) -> list[Note]:
+    """Returns one note for each method that has not seen all of a recording.
+
+    The run was interrupted, or gave up.
+    """
+    ended = {(one.recording, one.method) for one in finished}
+    count = Counter((row.recording, row.method) for row in rows)
+    return [
+        Note(
+            NoteKind.UNFINISHED,
+            f"Unfinished: {method} on {recording}, examples so far: {count[recording, method]:,}; "
+            "--resume goes on.",
+        )
+        for recording, method in product((one.name for one in run.recordings), run.method_names)
+        if (recording, method) not in ended
+    ]
+
+
 def notes_of(
     run: RunRecord, finished: Iterable[FinishedTask], rows: Iterable[ResultRow] = ()
 ) -> list[Note]:
@@ -172,7 +185,6 @@ def notes_of(
     unchecked = [one.name for one in recordings if not one.has_checksums]
     without_truth = [one.name for one in recordings if one.truth is None]
     notes = {
-        NoteKind.UNFINISHED: _unfinished(run, finished, rows),
         NoteKind.DAMAGE: (f"Damage: {damage}" for damage in chain.from_iterable(found)),
         NoteKind.NO_EXAMPLE: _without_example(run, finished),
         NoteKind.NO_FLOW: _without_flow(rows),
@@ -192,21 +204,6 @@ def notes_of(
         NoteKind.MIXED_SESSIONS: _mixed_sessions(run.sessions),
     }
     return [Note(kind, text) for kind, texts in notes.items() for text in dict.fromkeys(texts)]
-
-
-def _unfinished(
-    run: RunRecord, finished: Sequence[FinishedTask], rows: Iterable[ResultRow]
-) -> Iterator[str]:
-    """Methods that have not seen all of a recording: the run was interrupted, or gave up."""
-    ended = {(one.recording, one.method) for one in finished}
-    count = Counter((row.recording, row.method) for row in rows)
-    for key in product((one.name for one in run.recordings), run.method_names):
-        if key not in ended:
-            recording, method = key
-            yield (
-                f"Unfinished: {method} on {recording}, examples so far: {count[key]:,}; "
-                "--resume goes on."
-            )
 
 
 def _without_example(run: RunRecord, finished: Iterable[FinishedTask]) -> Iterator[str]:

@@ -24,7 +24,7 @@ from mnsf_ros.evaluation.paired import (
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.report.notes import Note, notes_of, protocol_text
+from mnsf_ros.report.notes import Note, notes_of, protocol_text, unfinished_notes
 
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _REST: Final = "other"
@@ -133,6 +133,7 @@ def results_of(
     Raises:
         EvaluationError: The run has no such method.
     """
+    finished = list(finished)
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
     summaries = summarize(rows, record.method_names)
     rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in record.recordings}
@@ -147,7 +148,7 @@ def results_of(
         by_recording={name: summarize(own, record.method_names) for name, own in rows_of.items()},
         sweeps={one.method: _sweep_figures(rows, one.method) for one in summaries},
         protocol=protocol_text(record, summaries),
-        notes=notes_of(record, finished, rows),
+        notes=[*unfinished_notes(record, finished, rows), *notes_of(record, finished, rows)],
         focus=focus,
         worst=_worst_first(own),
         missed=_missed_movers(own),
