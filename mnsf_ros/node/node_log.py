@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 PERIOD_S: Final = 600.0
 _PACKAGE: Final = __name__.partition(".")[0]
 _MOST_NAMES: Final = 6
+_MOST_TOPICS: Final = 20
 
 # rclpy's logger, whose type moves about.
 Logger: TypeAlias = Any
@@ -136,7 +137,8 @@ class FaultLog:
 class SilenceLog:
     """Logs one warning when no sweep comes for long, and one line when sweeps come.
 
-    The warning is repeated after ten minutes at the earliest, as those of `FaultLog`.
+    The warning is repeated after ten minutes at the earliest, as those of `FaultLog`, and once a
+    topic appears that it has not named: discovery takes seconds, a driver may start later.
     """
 
     def __init__(
@@ -149,6 +151,7 @@ class SilenceLog:
         self._logger, self._find_topics, self._clock = logger, find_topics, clock
         self._start_s = clock()
         self._repeated = _Repeated()
+        self._named: set[str] = set()
         self._is_waiting = True
 
     def look(self, arrivals_s: Sequence[float], state: InputState, stale_after_s: float) -> None:
@@ -160,21 +163,28 @@ class SilenceLog:
             return
         last_s = max(self._start_s, arrivals_s[-1]) if arrivals_s else self._start_s
         if now_s - last_s > stale_after_s:
-            if self._repeated.is_due(now_s):
-                self._logger.warning(self._warning(state, now_s - last_s))
+            topics = self._find_topics()
+            if self._has_unnamed(topics) or self._repeated.is_due(now_s):
+                self._repeated.said_s = now_s
+                self._named.update(topics)
+                self._logger.warning(_silence(state, now_s - last_s, topics))
                 self._is_waiting = True
         elif self._is_waiting and last_s > self._start_s:
             self._logger.info(f"sweeps come on {state.topic}")
             self._is_waiting = False
 
-    def _warning(self, state: InputState, silence_s: float) -> str:
-        topics = ", ".join(self._find_topics())
-        advice = (
-            f"PointCloud2 topics that are published: {topics}"
-            if topics
-            else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
-        )
-        return (
-            f"no sweep on {state.topic} for {silence_s:.0f} s; {advice} "
-            f"(at most every {PERIOD_S / 60:.0f} min)"
-        )
+    def _has_unnamed(self, topics: Sequence[str]) -> bool:
+        # Bounded, so that topics that come and go do not fill the log.
+        return len(self._named) < _MOST_TOPICS and not self._named.issuperset(topics)
+
+
+def _silence(state: InputState, silence_s: float, topics: Sequence[str]) -> str:
+    advice = (
+        f"PointCloud2 topics that are published: {', '.join(topics)}"
+        if topics
+        else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
+    )
+    return (
+        f"no sweep on {state.topic} for {silence_s:.0f} s; {advice} "
+        f"(at most every {PERIOD_S / 60:.0f} min)"
+    )
