@@ -58,7 +58,7 @@ def start(*arguments: str) -> subprocess.Popen[str]:
 
 def ended(play: subprocess.Popen[str]) -> tuple[int, str]:
     with play:
-        _, stderr = play.communicate(timeout=60)
+        _, stderr = play.communicate(timeout=300)
     return play.returncode, stderr
 
 
@@ -69,7 +69,7 @@ def heard_of(*arguments: str, until=lambda heard: False) -> tuple[dict[str, list
         for topic, msgtype in HEARD.items():
             ros.subscribe(topic, msgtype, heard[topic].append, depth=1000)
         play = start(*arguments)
-        give_up_s = time.monotonic() + 60
+        give_up_s = time.monotonic() + 300
         while play.poll() is None and not until(heard):
             assert time.monotonic() < give_up_s
             ros.spin_for(0.05)

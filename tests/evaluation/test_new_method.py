@@ -54,7 +54,7 @@ def test_runs_in_the_pipeline_of_the_node(registered):
     )
     for index in range(3):
         pipeline.add_sweep(small.sweep(index), time.monotonic_ns())
-    give_up = time.monotonic() + 60
+    give_up = time.monotonic() + 300
     while not (estimates or failures) and time.monotonic() < give_up:
         time.sleep(0.01)
     assert pipeline.close(60.0)

@@ -107,6 +107,16 @@ class SceneFlowPeer:
                 lambda before=before: self.num_clouds > before, "the cloud to be counted"
             )
 
+    def send_until(self, messages, condition, what):
+        """Publishes clouds, as a lidar does, until the condition is true after one."""
+        clouds = iter(messages)
+
+        def is_true_after_a_cloud():
+            self.send(next(clouds))
+            return condition()
+
+        self.spin_until(is_true_after_a_cloud, what)
+
     def flow_of(self, message):
         """The flow of a cloud, once it has come."""
         stamp_ns = stamp_of(message)
@@ -116,6 +126,15 @@ class SceneFlowPeer:
     def num_subscribers(self):
         """Subscriptions that the publisher of this peer knows of."""
         return self._publisher.get_subscription_count()
+
+    def names_and_types(self, names_of):
+        """What the node has, by a function of rclpy.node.Node, as far as it is known here yet."""
+        namespace, _, name = self._node_name.rpartition("/")
+        known = (name, namespace or "/")
+        self.spin_until(
+            lambda: known in self.node.get_node_names_and_namespaces(), "the name of the node"
+        )
+        return getattr(self.node, names_of)(*known)
 
     # Diagnostics
 
@@ -207,12 +226,23 @@ class SceneFlowPeer:
         policy = self._publisher.qos_profile.reliability
         offered = "reliable" if policy == ReliabilityPolicy.RELIABLE else "best_effort"
         expected = {"publishers": "1", "reliability": reliability or offered}
+        self.spin_until(
+            lambda: expected.items() <= self.values("input").items(), f"a subscription {expected}"
+        )
+        self.wait_for_subscription(expected["reliability"])
 
-        def is_heard():
-            # The node sees the publisher, and the publisher sees the node.
-            return expected.items() <= self.values("input").items() and (self.num_subscribers == 1)
+    def wait_for_subscription(self, reliability):
+        """Waits until the publisher of this peer sees the subscription of the node, and no other.
 
-        self.spin_until(is_heard, f"a subscription {expected}")
+        One that the node has just replaced is still seen for a moment.
+        """
+
+        def is_seen():
+            seen = self.node.get_subscriptions_info_by_topic(self.points_topic)
+            names = [info.qos_profile.reliability.name.lower() for info in seen]
+            return names == [reliability] and self.num_subscribers == 1
+
+        self.spin_until(is_seen, f"a {reliability} subscription")
 
     def wait_until_settled(self):
         """Waits until the node has done all it can with what it has got."""

@@ -30,6 +30,8 @@ QUICK = {
     "compute.device": "cpu",
     "node.diagnostics_period_s": 0.05,
     "node.always_estimate": "true",
+    # However long a slow machine makes the pauses between two sweeps.
+    "node.stale_after_s": 60.0,
 }
 
 RESTING = QUICK | {"node.always_estimate": "false"}

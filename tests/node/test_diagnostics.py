@@ -365,7 +365,8 @@ class TestAliveButMute:
         peer, numbers = impatient, itertools.count()
 
         def is_told():
-            peer.send(_MUTE_STREAMS[counter](drive, next(numbers)))
+            # Not `send`: on a slow machine sweeps would come too far apart to be missed.
+            peer.publish(_MUTE_STREAMS[counter](drive, next(numbers)))
             return peer.status("flow").level == ERROR
 
         peer.spin_until(is_told, "an error")

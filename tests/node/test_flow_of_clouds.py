@@ -67,6 +67,7 @@ def test_each_sweep_between_others_gets_its_flow(peer, drive):
         assert_shows_the_motion(flow_columns(peer.flow_of(current)))
     assert stamp_of(sweeps[0]) not in peer.flows
     assert stamp_of(sweeps[-1]) not in peer.flows
+    peer.wait_until_settled()
     assert peer.values("flow")["start"] == "warm"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
@@ -75,11 +77,6 @@ class Heard:
             message_type, topic, self.messages.append, qos
         )
 
-    def wait_for_publisher(self):
-        self._peer.spin_until(
-            lambda: self._peer.node.count_publishers(self._topic) == 1, f"{self._topic}"
-        )
-
     def of(self, cloud):
         """The message with the stamp of a cloud."""
 
@@ -108,13 +105,16 @@ def street_peer(process, make_peer):
 
 
 @pytest.fixture
-def hear(street_peer):
-    """Subscribes to a topic of the node for a test."""
+def hear(street_peer, numbers):
+    """Subscribes to a topic of the node for a test; the node knows it, however late it found it."""
     heard = []
 
     def start(message_type, name, **options):
         heard.append(Heard(street_peer, message_type, f"/street/{name}", **options))
-        heard[-1].wait_for_publisher()
+        number = next(numbers)
+        clouds = (street_message(index, number) for index in itertools.count())
+        street_peer.send_until(clouds, lambda: heard[-1].messages, name)
+        street_peer.wait_until_settled()
         return heard[-1]
 
     yield start
@@ -131,7 +131,6 @@ def numbers():
 def test_moving_and_standing_points_are_the_two_parts_of_the_flow(street_peer, hear, numbers):
     moving, standing = (hear(PointCloud2, f"flow/{name}") for name in ("moving", "standing"))
     number = next(numbers)
-    # A subscriber that is just being found may miss the first.
     clouds = [street_message(index, number) for index in range(6)]
     street_peer.send(*clouds)
     flow = street_peer.flow_of(clouds[4])
@@ -247,18 +246,22 @@ class TestOdometry:
 
     @pytest.fixture
     def publish_odometry(self, street_peer):
-        """Publishes odometry once the node has heard some, of the kind that is only counted."""
+        """Publishes odometry once the node hears it."""
         publisher = street_peer.node.create_publisher(Odometry, "/street/odometry", 100)
-        before, bad = street_peer.count(BAD_ODOMETRY), odometry_message(0, orientation=4 * (0.0,))
-
-        def is_heard():
-            publisher.publish(bad)
-            return street_peer.count(BAD_ODOMETRY) > before
-
-        street_peer.spin_until(is_heard, "odometry to be heard")
+        self.wait_until_heard(street_peer, publisher.publish)
         street_peer.wait_for_diagnostics()
         yield publisher.publish
         street_peer.node.destroy_publisher(publisher)
+
+    def wait_until_heard(self, peer, publish):
+        """The node has all that was published before: then comes some that is only counted."""
+        before, bad = peer.count(BAD_ODOMETRY), odometry_message(0, orientation=4 * (0.0,))
+
+        def is_heard():
+            publish(bad)
+            return peer.count(BAD_ODOMETRY) > before
+
+        peer.spin_until(is_heard, "odometry to be heard")
 
     def send(self, peer, publish, index, number, *, with_odometry=True):
         """A sweep, and before it the odometry of its time, as a robot sends it."""
@@ -266,7 +269,7 @@ class TestOdometry:
             for step in (0.4, 0.2, 0.0):
                 publish(odometry_message(index - step, number))
             # Two topics have no order between each other.
-            peer.wait_for_diagnostics()
+            self.wait_until_heard(peer, publish)
         cloud = street_message(index, number)
         peer.send(cloud)
         return cloud

@@ -137,7 +137,7 @@ def test_settings_that_cannot_be_used_fail_the_configuration(managed, process):
     assert not managed.change(Transition.TRANSITION_CONFIGURE)
     assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
     assert "cannot configure" in process.log
-    assert not managed.has_topic("flow")
+    managed.peer.spin_until(lambda: not managed.has_topic("flow"), "no topic")
     managed.peer.set({"method.name": "online"})
     assert managed.change(Transition.TRANSITION_CONFIGURE)
 

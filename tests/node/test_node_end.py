@@ -23,7 +23,7 @@ _ENDS = {
 
 @pytest.fixture(scope="module")
 def busy_nodes(start_node, make_peer):
-    """A node for each test, started and set to work all together."""
+    """A node for each test, started all together, their peers, and what sends all a sweep."""
     remapping = ("-r", f"~/points:={_POINTS}")
     processes = {
         name: start_node(settings, *remapping, "-r", f"__node:={name}")
@@ -39,19 +39,21 @@ def busy_nodes(start_node, make_peer):
         peer.spin_until(
             lambda peer=peer: peer.values("input").get("reliability") == "reliable", "all nodes"
         )
-    for sweep in Drive().sweeps(*range(4)):
-        lidar.publish(sweep)
-        for peer in peers.values():
-            received = peer.count("sweeps_received")
-            peer.spin_until(lambda peer=peer, n=received: peer.count("sweeps_received") > n, "all")
-    return processes, peers
+    sweeps = map(Drive().sweep, itertools.count())
+    return processes, peers, lambda: lidar.publish(next(sweeps))
 
 
 @pytest.mark.parametrize("name", _ENDS)
 def test_a_signal_in_the_middle_of_an_estimate(busy_nodes, name):
-    process, peer = busy_nodes[0][name], busy_nodes[1][name]
+    processes, peers, send_sweep = busy_nodes
+    process, peer = processes[name], peers[name]
     _, numbers, pause_s = _ENDS[name]
-    peer.spin_until(lambda: peer.values("flow")["busy"] == "True", "an estimate")
+
+    def is_busy():
+        send_sweep()
+        return peer.values("flow")["busy"] == "True"
+
+    peer.spin_until(is_busy, "an estimate")
     for number in numbers:
         process.send_signal(number)
         time.sleep(pause_s)

@@ -158,7 +158,7 @@ def lidar(ros, other_domain):
 
 
 def test_the_node_names_the_topic_of_the_lidar(lidar, start_node):
-    process = start_node(QUICK, "-r", "~/points:=/nothing")
+    process = start_node(QUICK | {"node.stale_after_s": 2.0}, "-r", "~/points:=/nothing")
     give_up_s = time.monotonic() + PATIENCE_S
     named = "topics that are published: /lidar/points (at most"
     while named not in process.log and time.monotonic() < give_up_s:

@@ -122,8 +122,9 @@ class TestRenamedNodeWithParameterFile:
         assert peer.get("crop.min_range_m") == 1
 
     def test_warns_of_parameters_that_it_does_not_have(self, peer, process):
-        warnings = [line for line in process.log.splitlines() if "[WARN]" in line]
+        warnings = [line for line in process.log.splitlines() if "unknown parameter" in line]
         assert len(warnings) == 2
+        assert all("[WARN]" in line for line in warnings)
         assert "parameter 'crop.max_rang_m'" in warnings[0]
         assert "parameter 'typo'" in warnings[1]
 

@@ -59,6 +59,7 @@ def test_a_burst_gives_the_flow_of_its_last_triplet(peer, drive):
 
 
 def test_flow_of_every_triplet_is_accounted_for(peer, drive):
+    peer.wait_until_settled()
     before = len(peer.flows), peer.count("flows_out")
     peer.send(*drive.sweeps(*range(30)))
     peer.wait_until_settled()

@@ -46,7 +46,7 @@ def test_among_publishers_of_both_kinds_all_are_heard(peer, make_peer, quick_nod
     sweeps = drive.sweeps(0, 1, 2)
     other.spin_until(lambda: other.diagnostics, "diagnostics")
     for sender, sweep in zip((peer, other, peer), sweeps, strict=True):
-        sender.spin_until(lambda sender=sender: sender.num_subscribers == 1, "the subscription")
+        sender.wait_for_subscription("best_effort")
         sender.send(sweep)
         peer.wait_for_diagnostics()
     peer.flow_of(sweeps[1])

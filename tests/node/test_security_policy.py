@@ -35,14 +35,16 @@ def allowed(rule):
     ],
 )
 def test_it_is_what_the_node_has(peer, rule, names_of):
-    found = {name for name, _ in getattr(peer.node, names_of)("quick", "/")}
-    found = {name.replace("/quick/", "~/", 1) for name in found}
-    assert allowed(rule) - OPTIONAL[rule] <= found
-    assert found <= allowed(rule)
+    def found():
+        names = {name for name, _ in peer.names_and_types(names_of)}
+        return {name.replace("/quick/", "~/", 1) for name in names}
+
+    peer.spin_until(lambda: allowed(rule) - OPTIONAL[rule] <= found(), "all that is allowed")
+    assert found() <= allowed(rule)
 
 
 def test_the_node_calls_no_service_of_others(peer):
-    assert peer.node.get_client_names_and_types_by_node("quick", "/") == []
+    assert peer.names_and_types("get_client_names_and_types_by_node") == []
 
 
 def test_nothing_is_allowed_by_a_pattern_or_to_others():

@@ -29,7 +29,7 @@ def process(start_node):
     # It would subscribe anew once it sees the publishers, and miss clouds until then.
     parameters["node.input_reliability"] = "reliable"
     # However slow the machine is.
-    parameters["node.stale_after_s"] = 3600.0
+    parameters["lidars.max_wait_s"] = 1.0
     for number, mount in enumerate(MOUNTS, start=1):
         parameters |= {f"lidar_{number}.{name}": value for name, value in vars(mount).items()}
     process = start_node(parameters, "-r", "__node:=two")

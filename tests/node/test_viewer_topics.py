@@ -20,8 +20,13 @@ TYPES = {
 @pytest.fixture
 def types_of(peer):
     """Topics of the node as the files name them, with their types."""
-    found = peer.node.get_publisher_names_and_types_by_node("quick", "/")
-    return {name.replace("/quick/", "/scene_flow/"): types for name, types in found}
+
+    def found():
+        return dict(peer.names_and_types("get_publisher_names_and_types_by_node"))
+
+    # The publisher that the node makes last.
+    peer.spin_until(lambda: "/diagnostics" in found(), "the topics of the node")
+    return {name.replace("/quick/", "/scene_flow/"): types for name, types in found().items()}
 
 
 def test_displays_of_rviz(types_of):

@@ -5,37 +5,35 @@ from __future__ import annotations
 import itertools
 
 
-def send_until(peer, drive, condition, what):
-    """Goes on with the drive, as a lidar does, until the condition is true."""
-    indices = itertools.count(100)
-
-    def is_true_after_a_sweep():
-        peer.send(drive.sweep(next(indices)))
-        return condition()
-
-    peer.spin_until(is_true_after_a_sweep, what)
+def send_until_it_rests(peer, drive):
+    """Goes on with the drive until the node knows that nobody subscribes."""
+    before = peer.count("triplets_unwatched")
+    sweeps = map(drive.sweep, itertools.count(100))
+    peer.send_until(sweeps, lambda: peer.count("triplets_unwatched") > before, "rest")
+    peer.wait_until_settled()
 
 
 def test_without_a_subscriber_nothing_is_estimated(resting_peer, drive):
-    start = len(resting_peer.diagnostics)
+    send_until_it_rests(resting_peer, drive)
     before, flows_out = resting_peer.count("triplets_unwatched"), resting_peer.count("flows_out")
     resting_peer.send(*drive.sweeps(*range(5)))
     assert resting_peer.count("triplets_unwatched") == before + 3
     assert resting_peer.count("flows_out") == flows_out
     assert resting_peer.values("flow")["busy"] == "False"
-    messages = {item["flow"].message for item in resting_peer.diagnostics[start:]}
-    assert "resting: nobody subscribes to the flow" in messages
+    # The diagnostics after one of the sweeps say so; not each of them is received.
+    said = "resting: nobody subscribes to the flow"
+    sweeps = map(drive.sweep, itertools.count(5))
+    resting_peer.send_until(
+        sweeps, lambda: resting_peer.status("flow").message == said, "the reason"
+    )
 
 
 def test_work_begins_with_a_subscriber_and_ends_with_it(resting_peer, drive):
     resting_peer.watch()
-    send_until(resting_peer, drive, lambda: resting_peer.flows, "the first flow")
+    sweeps = map(drive.sweep, itertools.count(50))
+    resting_peer.send_until(sweeps, lambda: resting_peer.flows, "the first flow")
     resting_peer.stop_watching()
-    before = resting_peer.count("triplets_unwatched")
-    send_until(
-        resting_peer, drive, lambda: resting_peer.count("triplets_unwatched") > before, "rest"
-    )
-    resting_peer.wait_until_settled()
+    send_until_it_rests(resting_peer, drive)
     flows_out = resting_peer.count("flows_out")
     resting_peer.send(*drive.sweeps(*range(5)))
     assert resting_peer.count("flows_out") == flows_out

@@ -62,7 +62,7 @@ def serving(*arguments: str) -> Iterator[str]:
 def refused(*arguments: str) -> str:
     """The one line that the command ends with."""
     done = subprocess.run(
-        command(*arguments), capture_output=True, text=True, timeout=60, check=False
+        command(*arguments), capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
@@ -125,7 +125,7 @@ def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) 
         | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 2
