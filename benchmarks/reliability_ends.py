@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -18,7 +19,7 @@ from typing import Final
 
 import numpy as np
 from promises import Figure, Promise, Rounds, fates
-from runs_that_are_ended import Evaluations, descendants, left_of, small_evaluations
+from runs_that_are_ended import Evaluations, cpu_s, descendants, left_of, small_evaluations
 
 _SHM: Final = Path("/dev/shm")
 _MAX_END_S: Final = 1.0
@@ -32,16 +33,23 @@ Random = np.random.Generator
 def killed_evaluations(rounds: Rounds) -> Iterator[Figure]:
     """SIGKILL of `mnsf evaluate --workers 2`, and by turns of a process that it has started."""
     found: dict[str, Counter[str]] = {"driver": Counter(), "worker": Counter()}
+    lasts_s: dict[str, list[float]] = {"driver": [], "worker": []}
     with small_evaluations() as evaluations:
         for number, random in rounds:
             victim = ("driver", "worker")[number % 2]
-            found[victim][_killed_evaluation(evaluations, victim == "driver", random)] += 1
+            fate, last_s = _killed_evaluation(evaluations, victim == "driver", random)
+            found[victim][fate] += 1
+            lasts_s[victim].append(last_s)
     for victim, counts in found.items():
         yield fates(f"{victim} killed", counts)
+    last_s = max(lasts_s["driver"], default=0.0)
+    yield "processes of a killed driver end within", f"{last_s:.1f} s", True
 
 
-def _killed_evaluation(evaluations: Evaluations, is_driver: bool, random: Random) -> str:
-    """What became of the results."""
+def _killed_evaluation(
+    evaluations: Evaluations, is_driver: bool, random: Random
+) -> tuple[str, float]:
+    """What became of the results, and how long a process was left after the run."""
     shutil.rmtree(evaluations.out, ignore_errors=True)
     driver = evaluations.start()
     time.sleep(random.uniform(0, evaluations.duration_s))
@@ -51,8 +59,11 @@ def _killed_evaluation(evaluations: Evaluations, is_driver: bool, random: Random
         with suppress(ProcessLookupError):
             os.kill(victim, signal.SIGKILL)
     status, said = evaluations.end(driver)
-    if left := left_of(family):
-        return left
+    left, last_s = left_of(family)
+    return left or _fate(evaluations, status, said), last_s
+
+
+def _fate(evaluations: Evaluations, status: int | None, said: str) -> str:
     if "Traceback" in said:
         return f"wrong: {said[-200:]}"
     if status == 0:
@@ -64,20 +75,24 @@ def _killed_evaluation(evaluations: Evaluations, is_driver: bool, random: Random
 
 
 def signals(rounds: Rounds) -> Iterator[Figure]:
-    """SIGINT and SIGTERM at any moment from exec on, to the node and two commands."""
+    """SIGINT and SIGTERM at any moment from exec on, to the node and two commands.
+
+    What Python does before it runs any program is seen beside them, in one that does nothing.
+    """
     shared = set(_SHM.iterdir())
     with small_evaluations() as evaluations:
         simulated = evaluations.folder / "simulated"
         program = [sys.executable, "-m", "mnsf_ros.cli"]
         simulate = ["simulate", "--duration-s", "2", "--num-beams", "16", str(simulated)]
         commands: dict[str, tuple[list[str], tuple[int, ...]]] = {
+            "python -c pass": ([sys.executable, "-c", "pass"], (0,)),
             "node": ([sys.executable, "-m", "mnsf_ros.node"], (0,)),
             "mnsf evaluate": ([*program, *evaluations.arguments()], (0, _EXIT_INTERRUPTED)),
             "mnsf simulate": ([*program, *simulate], (0, _EXIT_INTERRUPTED)),
         }
         longest_s = {name: _duration_s(command) for name, (command, _) in commands.items()}
         found: dict[str, Counter[str]] = {name: Counter() for name in commands}
-        ends_s: dict[str, list[float]] = {name: [] for name in commands}
+        ends: dict[str, list[tuple[float, float]]] = {name: [] for name in commands}
         for number, random in rounds:
             name = list(commands)[number % len(commands)]
             for left in (evaluations.out, simulated):
@@ -85,13 +100,15 @@ def signals(rounds: Rounds) -> Iterator[Figure]:
             one = (signal.SIGINT, signal.SIGTERM)[number // len(commands) % 2]
             command, statuses = commands[name]
             delay_s = random.uniform(0, longest_s[name])
-            fate, end_s = _signalled(command, one, delay_s, statuses)
+            fate, *end = _signalled(command, one, delay_s, statuses)
             found[name][fate] += 1
-            ends_s[name].append(end_s)
+            ends[name].append((end[0], end[1]))
     for name, counts in found.items():
-        yield fates(name, counts)
-        text = f"{max(ends_s[name]):.2f} s at most, median {np.median(ends_s[name]):.2f} s"
-        yield f"{name} ends in", text, max(ends_s[name]) <= _MAX_END_S
+        yield fates(f"{name} ({longest_s[name]:.1f} s)", counts)
+        if ends[name]:
+            (longest, cpu), median_s = max(ends[name]), np.median([end for end, _ in ends[name]])
+            text = f"{longest:.2f} s at most ({cpu:.2f} s of CPU), median {median_s:.2f} s"
+            yield "ends in", text, longest <= _MAX_END_S
     left = len(set(_SHM.iterdir()) - shared)
     yield "left in /dev/shm", str(left), left == 0
 
@@ -106,14 +123,15 @@ def _duration_s(command: Sequence[str]) -> float:
 
 def _signalled(
     command: Sequence[str], number: int, delay_s: float, statuses: Sequence[int]
-) -> tuple[str, float]:
-    """What became of a command, and how long it took to end."""
+) -> tuple[str, float, float]:
+    """What became of a command, and how long it took to end: seconds, and of CPU time."""
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
         )
         time.sleep(delay_s)
         family = descendants(process.pid)
+        before_s = _ended_cpu_s() + cpu_s(process.pid)
         start_s = time.monotonic()
         process.send_signal(number)
         try:
@@ -121,19 +139,25 @@ def _signalled(
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            return f"wrong: not within 10 s, {delay_s:.2f} s after the start", 10.0
-        end_s = time.monotonic() - start_s
+            return f"wrong: not within 10 s, {delay_s:.2f} s after the start", 10.0, 0.0
+        end = time.monotonic() - start_s, _ended_cpu_s() - before_s
         said.seek(0)
         text = said.read().decode(errors="replace")
-    if left := left_of(family):
-        return left, end_s
+    if left := left_of(family)[0]:
+        return left, *end
     if status == -number and not text:
-        return "before the program began", end_s
+        return "before the program began", *end
     if "KeyboardInterrupt" in text and "mnsf_ros/" not in text:
-        return "wrong: Python's own start", end_s
+        return "in Python's own code", *end
     if status not in statuses or "Traceback" in text:
-        return f"wrong: status {status}, {delay_s:.2f} s after the start: {text[-200:]}", end_s
-    return f"status {status}", end_s
+        return f"wrong: status {status}, {delay_s:.2f} s after the start: {text[-200:]}", *end
+    return f"status {status}", *end
+
+
+def _ended_cpu_s() -> float:
+    """CPU time of all processes that this one has started and that have ended."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def disk(rounds: Rounds) -> Iterator[Figure]:
@@ -201,7 +225,8 @@ PROMISES: Final = {
     ),
     "signals": Promise(
         "SIGINT and SIGTERM at any moment: status, silence, under a second, nothing left in "
-        "/dev/shm",
+        "/dev/shm; what Python itself does with them is counted, with a program that does nothing "
+        "beside",
         *(200, "signals", signals),
     ),
 }

@@ -10,7 +10,7 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +21,7 @@ from online_recordings import INTERVAL_NS, simulated_sweeps, to_and_fro
 from promises import Figure, Promise, Rounds, fates
 
 from mnsf_ros.demo.node_process import node_process
+from mnsf_ros.demo.replay import ReplayLog
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.sweeps.sweep import Sweep
@@ -103,25 +104,39 @@ def _huge_sweep() -> Sweep:
 
 def overload(rounds: Rounds) -> Iterator[Figure]:
     """20 Hz of full sweeps, more than the machine manages: latency stays bounded."""
-    estimates_ms = []
     with live_node(OFTEN) as node:
         clouds, start_s = _clouds(), time.monotonic()
         for _ in rounds:
             node.link.spin_for(start_s + node.num_published / 20 - time.monotonic())
             node.process.check()
             node.publish(next(clouds), INTERVAL_NS // 2)
-            estimates_ms.append(float(node.link.flow_values.get("estimate median [ms]", math.nan)))
         node.settle()
         latencies_ms, num_sweeps = node.replay.latencies_ms, len(node.replay.published_s)
         dropped = num_sweeps - len(latencies_ms)
         flows = f"{len(latencies_ms):,}, without {dropped:,}"
         yield "flows", flows, bool(latencies_ms) and dropped > _MIN_DROPPED * num_sweeps
-        for percentile in (50, 95, 99):
-            latency_ms = float(np.percentile(latencies_ms, percentile))
-            estimate_ms = float(np.nanpercentile(estimates_ms, percentile))
-            text = f"{latency_ms:.0f} ms, an estimate takes {estimate_ms:.0f} ms"
-            yield f"latency, {percentile}th percentile", text, latency_ms <= 2 * estimate_ms
+        yield "latency", f"{_percentiles(latencies_ms, '.0f')} ms", True
+        ratios = list(_over_two_estimates(node.replay))
+        is_bounded = bool(ratios) and float(np.percentile(ratios, 99)) <= 1
+        yield "over the time of two estimates", _percentiles(ratios, ".2f"), is_bounded
         yield from node.balance()
+
+
+def _over_two_estimates(replay: ReplayLog) -> Iterator[float]:
+    """Latency of each flow over the time since the flow two before it arrived.
+
+    That is what two estimates take, as long as there is always a triplet that waits; on a machine
+    that others use, too, both are longer.
+    """
+    following = dict(itertools.pairwise(replay.published_s))
+    arrivals = list(replay.arrived_s.items())
+    for (_, before_s), (stamp, arrived_s) in zip(arrivals, arrivals[2:], strict=False):
+        yield (arrived_s - replay.published_s[following[stamp]]) / (arrived_s - before_s)
+
+
+def _percentiles(values: Sequence[float], layout: str) -> str:
+    median, high, highest = np.percentile(values, (50, 95, 99)) if values else 3 * [math.nan]
+    return f"{median:{layout}}, {high:{layout}}, {highest:{layout}} (50th, 95th, 99th percentile)"
 
 
 def clouds(rounds: Rounds) -> Iterator[Figure]:
@@ -255,8 +270,8 @@ PROMISES: Final = {
         *(1, "times", large_clouds),
     ),
     "overload": Promise(
-        "1 h at 20 Hz, more than the machine manages: latency at most that of two estimates, "
-        "every triplet out or counted",
+        "1 h at 20 Hz, more than the machine manages: 99 % of latencies at most the time of two "
+        "estimates, every triplet out or counted",
         *(72_000, "sweeps", overload),
     ),
     "soak": Promise(

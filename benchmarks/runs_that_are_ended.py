@@ -120,12 +120,26 @@ def descendants(pid: int) -> list[int]:
     return found[1:]
 
 
-def left_of(pids: Sequence[int]) -> str:
-    """What still runs of some processes after a while; empty if they are gone."""
-    deadline_s = time.monotonic() + _LEFT_S
+def left_of(pids: Sequence[int]) -> tuple[str, float]:
+    """What still runs of some processes after a while, empty if they are gone, and how long."""
+    start_s = time.monotonic()
     while left := [pid for pid in pids if Path("/proc", str(pid), "exe").exists()]:
-        if time.monotonic() > deadline_s:
-            command = Path("/proc", str(left[0]), "cmdline").read_text(errors="replace")
-            return f"wrong: left after {_LEFT_S} s: {command[-80:]}"
+        if time.monotonic() - start_s > _LEFT_S:
+            with suppress(OSError):
+                return f"wrong: left after {_LEFT_S} s: {_described(left[0])}", float(_LEFT_S)
         time.sleep(0.05)
-    return ""
+    return "", time.monotonic() - start_s
+
+
+def _described(pid: int) -> str:
+    """Command line, CPU time so far, and what a process waits for."""
+    proc = Path("/proc", str(pid))
+    command = (proc / "cmdline").read_text(errors="replace").replace("\0", " ")
+    where = (proc / "wchan").read_text()
+    return f"{command[-80:]}, {cpu_s(pid):.1f} s of CPU, in {where}"
+
+
+def cpu_s(pid: int) -> float:
+    """CPU time of a process so far, and of its children that have ended."""
+    times = Path("/proc", str(pid), "stat").read_text().rpartition(")")[2].split()[11:15]
+    return sum(map(int, times)) / os.sysconf("SC_CLK_TCK")

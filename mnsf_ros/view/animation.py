@@ -19,9 +19,7 @@ from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep
 
 _WAY_SWEEPS: Final = 12
-_QUALITY: Final = 45
-# Of 0 to 6: 6 takes 12 times as long for 6 % less.
-_EFFORT: Final = 4
+_QUALITY: Final = 60
 _USUAL_INTERVAL_S: Final = 0.1
 
 
@@ -49,7 +47,7 @@ def save_animation(sweeps: Iterable[EstimatedSweep], path: Path) -> int:
         duration=max(1, round(1e3 * interval_s)),
         loop=0,
         quality=_QUALITY,
-        method=_EFFORT,
+        method=6,
     )
     return len(frames)
 
