@@ -60,7 +60,7 @@ view: $(READY) $(if $(BAG),,$(STREET))
 $(STREET) $(STREET_OF_README): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed $(patsubst demo/street_seed%_6s,%,$@) $@
 
-# The animation in the README; two minutes.
+# The animation in the README; half a minute of CPU.
 animation: $(READY) $(STREET_OF_README)
 	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
 

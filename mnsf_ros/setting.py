@@ -35,6 +35,11 @@ class Setting:
     tuned: tuple[float, float] | None  # where `mnsf tune` searches, numbers only
 
     @property
+    def group(self) -> str:
+        """First part of the name."""
+        return self.name.partition(".")[0]
+
+    @property
     def unit(self) -> str:
         """Unit of the value, which the name ends with; empty where it has none."""
         return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")

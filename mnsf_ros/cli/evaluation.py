@@ -71,6 +71,8 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
         session = SessionRecord.now(sys.argv)
         tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
         console.say(f"Results folder: {path_text(folder.path)}")
+        for key in sorted(folder.anew):
+            console.say(f"{task_title(key)}: cannot go on in the middle, starts again")
         given_up: list[str] = []
         try:
             with EvaluationProgress(console, tasks, evaluation.every) as progress:

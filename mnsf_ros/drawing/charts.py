@@ -57,16 +57,19 @@ def band_chart(
 
 
 @mpl.rc_context(CHART_STYLE)
-def curve_chart(title: str, across: str, curves: Mapping[str, Sequence[float]]) -> str:
+def curve_chart(
+    title: str, across: str, places: Sequence[int], curves: Mapping[str, Sequence[float]]
+) -> str:
     """Returns errors of N sweeps in order as inline SVG, one curve for each series.
 
-    Each series has N values in metres, at least 0, NaN where there is none.
+    `across` says what the N places are. Each series has N values in metres, at least 0, NaN where
+    there is none.
     """
     figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, curves)
     for number, (name, values) in enumerate(curves.items()):
         # A sweep between two without a flow is a point, which a line alone would not show.
         look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
-        axes.plot(range(1, len(values) + 1), values, label=shortened(name), **look)
+        axes.plot(places, values, label=shortened(name), **look)
     _set_scale(axes, [value for series in curves.values() for value in series])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel(across)

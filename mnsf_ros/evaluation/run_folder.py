@@ -51,6 +51,7 @@ class RunFolder:
         path: The folder.
         before: The record of the run that was there when the folder was opened; None if none.
         flows: The flows that a report shows.
+        anew: Tasks of a resumed run that start again, because they cannot go on in the middle.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,6 +59,7 @@ class RunFolder:
         self.path = path
         self.before: RunRecord | None = None
         self.flows = ShownFlows(path)
+        self.anew: frozenset[TaskKey] = frozenset()
         self._rows, self._tasks = path / "rows.jsonl", path / "tasks.jsonl"
         self._session = ExitStack()
         self._num_pictured = 0
@@ -113,10 +115,12 @@ class RunFolder:
             task.key for task in left if options.is_indivisible(task.method)
         )
         self.flows.drop(self._indivisible)
-        if anew := self._indivisible & numbers.keys():
-            self.drop(anew)
+        self.anew = self._indivisible & numbers.keys()
+        if self.anew:
+            self.drop(self.anew)
         self._done = {
-            task.key: set() if task.key in anew else numbers.get(task.key, set()) for task in left
+            task.key: set() if task.key in self.anew else numbers.get(task.key, set())
+            for task in left
         }
         return [replace(task, skipped=frozenset(self._done[task.key])) for task in left]
 

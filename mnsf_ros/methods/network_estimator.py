@@ -30,6 +30,10 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # A point that is faster over ground is dynamic: 0.05 m within a sweep at 10 Hz.
 _DYNAMIC_SPEED_M_S: Final = 0.5
+_SETTINGS_GROUPS: Final = (
+    *("distance", "nsfp", "mnsf_cycle", "linear", "field"),
+    *("optimization", "early_stopping", "fusion", "warm_start"),
+)
 
 FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
 
@@ -78,7 +82,11 @@ class NetworkEstimator:
         self._needs_previous = needs_previous
         self.settings = settings = settings.changed(self._fixed)
         is_warm = starts_warm and settings.warm_start.enabled
-        self.traits = MethodTraits(num_sweeps, carries_state=is_warm or settings.ego_motion.removed)
+        self.traits = MethodTraits(
+            num_sweeps,
+            carries_state=is_warm or settings.ego_motion.removed,
+            settings_groups=_SETTINGS_GROUPS,
+        )
         self._device = compute_device(settings.compute)
         check_memory(settings)
         self._preparation = SweepPreparation(settings)

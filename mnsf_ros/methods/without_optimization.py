@@ -19,7 +19,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 class _Reference:
     """Returns a flow that is known without fitting anything to the sweeps."""
 
-    traits = MethodTraits(is_reference=True)
+    traits = MethodTraits(is_reference=True, settings_groups=())
     _stage: str
 
     def __init__(self, settings: Settings) -> None:
@@ -58,7 +58,7 @@ class ZeroEstimator(_Reference):
 class EgoMotionEstimator(_Reference):
     """Returns the flow of a static world, by the ego motion that the triplet has."""
 
-    traits = MethodTraits(needs_poses=True, is_reference=True)
+    traits = MethodTraits(needs_poses=True, is_reference=True, settings_groups=())
     _stage = "rigid"
 
     def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
@@ -76,7 +76,7 @@ class EstimatedEgoMotionEstimator(_Reference):
     The motion of `ego` is that of the recording, which is mostly that of its ground truth, too.
     """
 
-    traits = MethodTraits(carries_state=True, is_reference=True)
+    traits = MethodTraits(carries_state=True, is_reference=True, settings_groups=())
     _stage = "ego motion"
 
     def __init__(self, settings: Settings) -> None:

@@ -50,7 +50,9 @@ class ObjectFlowEstimator:
         traits: It uses three sweeps, or two where there is no previous one.
     """
 
-    traits = MethodTraits(num_sweeps=3, carries_state=True)
+    traits = MethodTraits(
+        num_sweeps=3, carries_state=True, settings_groups=("objects", "warm_start")
+    )
 
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet.
@@ -128,7 +130,7 @@ class ObjectFlowEstimator:
             expected = self._memory.expected(scene.current, objects, scene.interval_s)
             suspects = Suspects.among(objects, targets, expected)
             searched = suspects.only(suspects.objects.are_nearest(settings.max_suspects))
-        with clock.stage("search"):
+        with clock.stage("first guess"):
             start, is_worth = first_guesses(searched, targets, scene.usual_interval_s, settings)
             fitted = searched.only(is_worth)
         moving = self._moved(fitted, scene, start[is_worth], clock)
@@ -166,16 +168,16 @@ class ObjectFlowEstimator:
         others = [start]
         if suspects.expected.is_known.any():
             others.append(suspects.expected.motions)
-        with clock.stage("forward"):
+        with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
-            with clock.stage("fusion"):
+            with clock.stage("best motion"):
                 others.append(beyond(start, forward.flows))
                 return best_of(objects, targets, judge(objects, targets, forward.flows), others)
-        with clock.stage("backward"):
+        with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward.flows / np.float32(previous[0].steps)
-        with clock.stage("fusion"):
+        with clock.stage("best motion"):
             return fuse_motions(objects, targets, forward, backward, inverted, start, others)
 
 

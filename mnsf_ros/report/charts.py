@@ -89,8 +89,12 @@ def _curves(results: RunResults, shown: Sequence[MethodSummary]) -> dict[str, Ma
     title = "Error of each sweep"
     curves = {name: [known.get(key, math.nan) for key in sweeps] for name, known in errors.items()}
     num_recordings = len({recording for recording, _ in sweeps})
-    across = "sweep" if num_recordings == 1 else f"sweep, {num_recordings} recordings in a row"
-    return {title: Markup(curve_chart(title, across, curves))}
+    if num_recordings == 1:
+        places, across = [number for _, number in sweeps], "number of the sweep, as in the tables"
+    else:
+        places = list(range(1, len(sweeps) + 1))
+        across = f"scored sweeps, counted from 1, {num_recordings} recordings in a row"
+    return {title: Markup(curve_chart(title, across, places, curves))}
 
 
 def _shares(results: RunResults, shown: Sequence[MethodSummary]) -> dict[str, Markup]:

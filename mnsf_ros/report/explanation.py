@@ -25,7 +25,17 @@ _SAME_STAMP_NS: Final = 1_000_000
 _PAST_S: Final = 3.0
 _RADIUS_M: Final = 0.5
 _FARTHEST_M: Final = 2.0
-# What a user can change about it.
+# The step at which each verdict falls, as in docs/method.md; what a user can change about it.
+_STEPS: Final = {
+    Verdict.NO_OBJECT: "ground",
+    Verdict.TOO_FEW_POINTS: "objects",
+    Verdict.TOO_LARGE: "objects",
+    Verdict.NOT_SUSPECTED: "suspects",
+    Verdict.LEFT_OUT: "suspects",
+    Verdict.NO_BETTER_MOTION: "first guess",
+    Verdict.REFUSED: "gate",
+    Verdict.DYNAMIC: "gate",
+}
 _SETTINGS: Final = {
     Verdict.NO_OBJECT: "see the parameters crop.* and ground.*",
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
@@ -69,6 +79,7 @@ def explain(
         f"({middle}) m",
         f"Called dynamic: {num_called} of {len(rows)} points",
         f"Reason: {verdict}{f' ({hint})' if hint else ''}",
+        f"Decided by the step: {_STEPS[reason.verdict]}",
     ]
     return [*lines, *_object_lines(example, reason), *_truth_lines(example, reason, rows)]
 

@@ -23,6 +23,8 @@ from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_percent
 from mnsf_ros.settings import declared_settings
 
 REPORT_FILE: Final = "report.html"
+# Groups of settings that say which points there are, and where; every method has them.
+_COMMON_GROUPS: Final = ("method", "time", "crop", "ground", "buffer", "ego_motion", "compute")
 _TEMPLATES: Final = jinja2.Environment(
     loader=jinja2.PackageLoader("mnsf_ros.report"),
     autoescape=True,
@@ -46,8 +48,6 @@ def write_report(
         WritingError: Writing fails.
     """
     summaries, record = results.summaries, results.record
-    units = {setting.name: setting.unit for setting in declared_settings()}
-    settings = settings_for(results.focus, record.options.settings).to_mapping()
     worst = worst_cards(results, folder.flows, num_pictured)
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
@@ -62,11 +62,24 @@ def write_report(
         worst_cards=worst,
         missed_cards=missed_cards(results, folder.flows, num_pictured),
         why_not=_why_not(min(num_pictured, len(results.worst)), len(worst)),
-        settings=[(k, f"{value} {units.get(k, '')}".strip()) for k, value in settings.items()],
+        settings=_settings_used(results),
     )
     path = folder.path / REPORT_FILE
     replace_file(path, [f"{page}\n"])
     return path
+
+
+def _settings_used(results: RunResults) -> list[tuple[str, str]]:
+    """The settings that the method under test reads, each with value and unit."""
+    record = results.record
+    settings = settings_for(results.focus, record.options.settings)
+    traits = (one.traits for one in record.methods if one.name == results.focus)
+    own = next((one.settings_groups for one in traits), None)
+    return [
+        (item.name, f"{settings.value_of(item.name)} {item.unit}".strip())
+        for item in declared_settings()
+        if own is None or item.group in (*_COMMON_GROUPS, *own)
+    ]
 
 
 def _why_not(num_wanted: int, num_found: int) -> str:

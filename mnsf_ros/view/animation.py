@@ -19,7 +19,9 @@ from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep
 
 _WAY_SWEEPS: Final = 12
-_QUALITY: Final = 60
+_QUALITY: Final = 45
+# Of 0 to 6: 6 takes 12 times as long for 6 % less.
+_EFFORT: Final = 4
 _USUAL_INTERVAL_S: Final = 0.1
 
 
@@ -47,7 +49,7 @@ def save_animation(sweeps: Iterable[EstimatedSweep], path: Path) -> int:
         duration=max(1, round(1e3 * interval_s)),
         loop=0,
         quality=_QUALITY,
-        method=6,
+        method=_EFFORT,
     )
     return len(frames)
 

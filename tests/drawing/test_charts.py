@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mnsf_ros.drawing.charts import band_chart, stage_bars, stage_names, time_text
+from mnsf_ros.drawing.charts import band_chart, curve_chart, stage_bars, stage_names, time_text
 from mnsf_ros.drawing.example_pictures import (
     ExamplePainter,
     PicturedExample,
@@ -151,3 +151,12 @@ def test_pictures_are_png_and_the_same_each_time():
         assert picture.startswith(b"\x89PNG")
         assert draw(ExamplePainter(example)) == picture
     assert ExamplePainter(replace(example, truth=None)).truth() is None
+
+
+def test_curves_stand_over_the_numbers_of_their_sweeps():
+    curves = {"a": [0.1, 0.2, 0.1]}
+    said = texts(curve_chart("errors", "number of the sweep", [105, 115, 125], curves))
+    assert "number of the sweep" in said
+    numbers = [int(text) for text in said if text.isdecimal()]
+    assert min(numbers) >= 105
+    assert max(numbers) <= 130

@@ -221,6 +221,24 @@ def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, 
     assert "Unfinished: zero" not in page
 
 
+def test_resume_says_what_starts_again(bag, tmp_path, capsys, monkeypatch):
+    def run_until_interrupted(runs, options):
+        events = run_serially(runs, options)
+        yield next(events)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            mnsf(bag, "--methods", "zero", "--write-flow", "--out", tmp_path / "out")
+    assert "starts again" not in capsys.readouterr().out
+    arguments = [bag, "--methods", "zero,ego", "--write-flow", "--out", tmp_path / "out"]
+    assert mnsf(*arguments, "--resume") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("starts again") == 1
+    assert "zero on drive: cannot go on in the middle, starts again" in said
+
+
 def test_folder_that_cannot_be_made_is_one_line(bag, capsys):
     assert mnsf(bag, "--methods", "zero", "--out", "/proc/results") == evaluate.EXIT_UNWRITTEN
     assert capsys.readouterr().err.startswith("mnsf: /proc/results: cannot be written: ")

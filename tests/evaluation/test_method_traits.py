@@ -92,6 +92,7 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
         small.run(out, recordings, methods, options, watch=stop_after_three)
     *_, folder = small.run(out, recordings, methods, options, resume=True, execute=noted)
     assert [task.skipped for task in begun] == [frozenset() if carries_state else {1, 2, 3}]
+    assert folder.anew == ({("drive", "toy")} if carries_state else set())
     assert plain(folder.rows) == whole
 
 

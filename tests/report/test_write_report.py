@@ -10,7 +10,10 @@ import pytest
 from small_runs import METHODS, kept, row, rows, rows_without_truth, run_record, write_run_report
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
+from mnsf_ros.evaluation.options import EvaluatedMethod
 from mnsf_ros.evaluation.results import Failure, FailureKind
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
 from mnsf_ros.report.run_results import results_of
 
 without_drawing = pytest.mark.usefixtures("without_drawing")
@@ -57,6 +60,17 @@ def test_what_was_run_is_there(tmp_path):
     for fact in ("mnsf evaluate street", "abc123", "torch 2.0", "box, fast, 2 cores", "Seed 7"):
         assert fact in text
     assert "distance.cell_size_m" in text
+
+
+@without_drawing
+def test_settings_that_the_method_does_not_use_are_left_out(tmp_path):
+    traits = make_method("online", preset("online")).traits
+    run = dataclasses.replace(run_record(["online"]), methods=[EvaluatedMethod("online", traits)])
+    text = report(tmp_path, [row(1, "online", 0.1)], run).text
+    for name in ("objects.max_suspects", "crop.max_range_m", "ego_motion.source"):
+        assert name in text
+    for name in ("field.hidden_width", "fusion.kind", "node.odom_frame", "lidar_2.x_m"):
+        assert name not in text
 
 
 @without_drawing
