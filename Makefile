@@ -1,6 +1,6 @@
 # `make demo` shows the node at work, `make test` runs the tests. Each sets up
 # what it needs in .venv, once.
-#   make demo BAG=path/to/recording TOPIC=/points
+#   make demo BAG=path/to/recording POINTS=/points
 # With a sourced ROS 2 its rclpy is used; without one, the wheels from PyPI.
 PYTHON ?= python3
 VENV := .venv
@@ -24,6 +24,9 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
+
+# What POINTS was called before.
+POINTS ?= $(TOPIC)
 
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
@@ -51,11 +54,11 @@ $(COMPLETE): $(READY)
 	touch $@
 
 demo: $(READY)
-	$(BIN)/mnsf demo $(if $(BAG),--bag '$(BAG)') $(if $(TOPIC),--topic '$(TOPIC)') $(DEMO_OPTIONS)
+	$(BIN)/mnsf demo $(if $(BAG),--bag '$(BAG)') $(if $(POINTS),--points '$(POINTS)') $(DEMO_OPTIONS)
 
 # The demo's street, or BAG, live in a browser.
 view: $(READY) $(if $(BAG),,$(STREET))
-	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(TOPIC),--topic '$(TOPIC)') --loop $(VIEW_OPTIONS)
+	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') --loop $(VIEW_OPTIONS)
 
 $(STREET) $(STREET_OF_README): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed $(patsubst demo/street_seed%_6s,%,$@) $@

@@ -86,6 +86,11 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
+    def old_name(self, name: str, now: str) -> None:
+        """Accepts an option by the name that it had before; the help does not show it."""
+        hidden = argparse.SUPPRESS
+        self._container.add_argument(name, dest=now, default=hidden, help=hidden)
+
     def settings(self, default: str = "paper") -> None:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(

@@ -16,7 +16,8 @@ def add_to(subparsers: Subparsers) -> None:
     summary = "replay a recording to the live node and show the flow"
     arguments = add_subcommand(subparsers, "demo", summary, _run)
     arguments.value("--bag", "recording; without it, a street is simulated", Path)
-    arguments.value("--topic", "its PointCloud2 topic; needed only if the recording has several")
+    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
+    arguments.old_name("--topic", "points")
     arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
     arguments.value("--duration S", "length of the simulated recording", default=6.0)
     arguments.value("--seed", "seed of the simulated recording", default=0)
@@ -29,4 +30,4 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.simulation.settings import SimulationSettings
 
     street = SimulationSettings(seed=options.seed, duration_s=options.duration)
-    run_demo(options.bag or street, options.topic, preset(options.preset), options.out, Console())
+    run_demo(options.bag or street, options.points, preset(options.preset), options.out, Console())

@@ -30,7 +30,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value(
         "bag", "recording; without it, the topics of the node are shown", Path, nargs="?"
     )
-    arguments.value("--topic", "its PointCloud2 topic; needed only if the recording has several")
+    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
+    arguments.old_name("--topic", "points")
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
     arguments.value("--rate", "speed over that of the recording", rate, 1.0)
     arguments.flag("--loop", "start again at the end of the recording")
@@ -70,7 +71,7 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
 
     settings = preset(options.preset)
     with BagReader(options.bag) as reader:
-        topic = used_topics(options.bag, reader.topics, options.topic).points
+        topic = used_topics(options.bag, reader.topics, options.points).points
         with ViewServer(options.host, options.port) as server, console.status("") as status:
             _say_where(console, server.url, server.app_url)
             view = RecordingView(server)
@@ -92,7 +93,7 @@ def _animate(options: argparse.Namespace, console: Console) -> None:
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
 
     with BagReader(options.bag) as reader, console.status("estimating"):
-        topic = used_topics(options.bag, reader.topics, options.topic).points
+        topic = used_topics(options.bag, reader.topics, options.points).points
         sweeps = estimated_sweeps(reader, topic, preset(options.preset))
         number = save_animation(sweeps, options.animation)
     console.say(f"animation {options.animation} ({number} pictures)", soft_wrap=True)

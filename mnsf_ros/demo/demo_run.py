@@ -246,7 +246,7 @@ def drop_hint(log: ReplayLog) -> str | None:
     """Returns what to do about dropped sweeps; None if there are none."""
     if not log.num_dropped:
         return None
-    text = busy_text(len(log.arrived_s), log.num_dropped, log.estimate_ms, log.interval_ms)
+    text = busy_text(len(log.arrived_s), log.num_possible, log.estimate_ms, log.interval_ms)
     return f"{text} See docs/tuning.md#faster."
 
 

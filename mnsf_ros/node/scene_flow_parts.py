@@ -50,6 +50,7 @@ class SceneFlowParts:
         self._faults = FaultLog(node.get_logger())
         self._memory = MemoryOfLargeSweeps()
         self._has_told_renamed = False
+        self._has_told_namesake = False
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
@@ -203,6 +204,21 @@ class SceneFlowParts:
         load = self._pipeline.load
         message.status = self._diagnostics.statuses(snapshot, state, load, settings)
         self._diagnostics_publisher.publish(message)
+        if not self._has_told_namesake:
+            self._look_for_namesake()
+
+    def _look_for_namesake(self) -> None:
+        """Warns once of another node of the same name, whose topics are the same."""
+        own = self._node.get_fully_qualified_name()
+        nodes = self._node.get_node_names_and_namespaces()
+        names = [f"{namespace.rstrip('/')}/{name}" for name, namespace in nodes]
+        if names.count(own) > 1:
+            self._has_told_namesake = True
+            self._node.get_logger().warning(
+                f"another node is called {own}, too (or one was killed a moment ago): its topics "
+                "and parameters are mixed with those of this one; give one of them another name "
+                "(name:=NAME in the launch file, -r __node:=NAME) or namespace"
+            )
 
     def _change_settings(self, settings: Settings) -> None:
         # Both may refuse.

@@ -108,13 +108,12 @@ class BusyWatch:
         _, flows_before, dropped_before = self._asked[0]
         rate_hz = snapshot.input_rate_hz(now_s)
         interval_ms = 1e3 / rate_hz if rate_hz > 0 else math.nan
-        return busy_text(
-            flows - flows_before, dropped - dropped_before, snapshot.estimate_ms, interval_ms
-        )
+        flows, dropped = flows - flows_before, dropped - dropped_before
+        return busy_text(flows, flows + dropped, snapshot.estimate_ms, interval_ms)
 
 
-def busy_text(num_flows: int, num_dropped: int, estimate_ms: float, interval_ms: float) -> str:
-    """Says how many sweeps were dropped, why, and what to do. Times that are NaN are left out."""
+def busy_text(num_flows: int, num_possible: int, estimate_ms: float, interval_ms: float) -> str:
+    """Says how many flows are missing, why, and what to do. Times that are NaN are left out."""
     cores = os.cpu_count() or 1
     reasons = [
         f"an estimate takes {estimate_ms:.0f} ms" if math.isfinite(estimate_ms) else "",
@@ -122,7 +121,7 @@ def busy_text(num_flows: int, num_dropped: int, estimate_ms: float, interval_ms:
         f"load {os.getloadavg()[0]:.1f} on {cores} core{'' if cores == 1 else 's'}",
     ]
     return (
-        f"CPU busy: {num_flows} of {num_flows + num_dropped} flows "
+        f"CPU busy: {num_flows} of {num_possible} flows "
         f"({', '.join(reason for reason in reasons if reason)}). "
         "Close other programs, or lower crop.max_range_m."
     )

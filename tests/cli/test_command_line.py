@@ -75,10 +75,11 @@ def other_bag(path: Path) -> Path:
         (lambda path: path / "nowhere", [], "nowhere"),
         (lambda path: path, [], "no recording"),
         (other_bag_in := (lambda path: other_bag(path / "bag")), [], "/talk"),
-        (other_bag_in, ["--topic", "/points"], "/talk"),
+        (other_bag_in, ["--points", "/points"], "/talk"),
+        (other_bag_in, ["--points", "/talk"], "std_msgs/msg/Empty"),
         (other_bag_in, ["--topic", "/talk"], "std_msgs/msg/Empty"),
     ],
-    ids=["missing", "empty folder", "no clouds", "unknown topic", "other type"],
+    ids=["missing", "empty folder", "no clouds", "unknown topic", "other type", "old name"],
 )
 def test_demo_names_what_is_wrong_with_a_bag(
     prepare: object,

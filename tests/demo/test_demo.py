@@ -80,7 +80,7 @@ def test_two_demos_at_once_do_not_mix(street: Path, tmp_path: Path) -> None:
     folders = [tmp_path / "a", tmp_path / "b"]
     for folder in folders:
         folder.mkdir()
-    demos = [start_demo(folder, "--bag", str(street), "--topic", "/points") for folder in folders]
+    demos = [start_demo(folder, "--bag", str(street), "--points", "/points") for folder in folders]
     ends = [end_of(demo) for demo in demos]
     assert [end.returncode for end in ends] == [0, 0], ends[0].stderr + ends[1].stderr
     places = [re.search(r"live on ROS domain (\S+), (\S+)", end.stdout) for end in ends]

@@ -122,6 +122,9 @@ def test_drops_are_explained():
     assert hint.startswith(
         "CPU busy: 18 of 60 flows (an estimate takes 170 ms, sweeps come every 100 ms, load "
     )
+    assert verdict(log).startswith("18 of 60 flows")
+    lost = ReplayLog(published_s, arrived_s, {"triplets_dropped": 41}, estimate_ms=170.0)
+    assert drop_hint(lost).startswith("CPU busy: 18 of 60 flows")
     assert drop_hint(ReplayLog(arrived_s=arrived_s)) is None
 
 

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.qos import ReliabilityPolicy
 from scene_flow_process import QUICK
@@ -82,3 +83,14 @@ def test_takes_qualities_of_service_of_the_user(named_peer, process):
     (unknown,) = (line for line in process.log.splitlines() if "unknown parameter" in line)
     assert "points.subscription.reliability" in unknown
     assert "set node.input_reliability" in unknown
+
+
+def test_says_once_that_another_node_has_its_name(named_peer, process):
+    text = f"another node is called {NAME}, too"
+    assert text not in process.log
+    namesake = rclpy.create_node("street", namespace="/front")
+    named_peer.spin_until(lambda: text in process.log, "the warning")
+    num_statuses = len(named_peer.diagnostics)
+    named_peer.spin_until(lambda: len(named_peer.diagnostics) > num_statuses + 3, "diagnostics")
+    namesake.destroy_node()
+    assert process.log.count(text) == 1

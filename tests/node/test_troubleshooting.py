@@ -67,7 +67,7 @@ def test_each_reason_for_no_flow_has_a_row(counter, reason):
 
 
 def test_a_busy_computer_is_in_the_table():
-    start = busy_text(18, 42, math.nan, math.nan).partition(" (")[0]
+    start = busy_text(18, 60, math.nan, math.nan).partition(" (")[0]
     assert any(level == "WARN" and start in shown for level, shown in ROWS)
 
 
