@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
+from online_recordings import INTERVAL_NS, real_sweeps, simulated_drive, to_and_fro
 from promises import Figure
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
@@ -54,12 +54,14 @@ class _Played:
     """What became of the sweeps after the first seconds.
 
     Attributes:
+        num_points: Of a sweep, on average.
         latencies_ms: From publication of t+1 to arrival of the flow of t.
         dropped: Sweeps without flow.
         estimate_ms: Median of what an estimate took, as the node says.
         memory_mb: Most memory of its process.
     """
 
+    num_points: float
     latencies_ms: Sequence[float]
     dropped: int
     estimate_ms: float
@@ -74,41 +76,42 @@ def live_tables(*, quick: bool) -> Iterator[TextTable]:
     """Two tables: a row for each kind of lidar at 10 Hz, and how much room there is."""
     prepare_environment()
     duration_s = _DURATION_S // (6 if quick else 1)
-    street = [item.sweep for item in simulated_sweeps(0, 24)]
-    kinds = {
-        "64 beams, KITTI 0005": ([item.sweep for item in real_sweeps("kitti_0005")[:24]], 100),
-        "64 beams, simulated street": (street, 100),
+    kitti = to_and_fro(item.sweep for item in real_sweeps("kitti_0005")[:24])
+    kinds: dict[str, tuple[Iterable[Sweep], int]] = {
+        **({"64 beams, KITTI 0005": (kitti, 100)} if kitti else {}),
+        "64 beams, simulated street": (_street(duration_s), 100),
         "128 beams, simulated street": (
-            [s.sweep for s in simulated_sweeps(0, 16, num_beams=128, num_columns=1760)],
+            _street(duration_s, num_beams=128, num_columns=1760),
             200,
         ),
     }
-    rows, played = [], []
-    for name, (sweeps, limit_ms) in kinds.items():
-        if sweeps:
-            played.append(_play(sweeps, duration_s))
-            rows.append(_row(name, sweeps, limit_ms, played[-1]))
+    played = {name: _play(sweeps, duration_s) for name, (sweeps, _) in kinds.items()}
     header = ["10 Hz", "points", "p95 target (ms)"]
     header += ["p50", "p95", "max", "flows", "dropped", "MB", ""]
     title = (
         f"Live node, {os.cpu_count()} cores, {duration_s} s, the first {_WARM_UP_S} left out: from "
         "publication of t+1 to arrival of the flow of t"
     )
-    yield TextTable(header, rows, title)
-    with _busy_cores((os.cpu_count() or 1) // 2):
-        beside_load = _play(street, duration_s)
-    at_20_hz = _play(street, duration_s, rate_hz=20)
-    rows = list(_room(*played[-2:], beside_load, at_20_hz))
+    yield TextTable(header, [_row(name, kinds[name][1], played[name]) for name in played], title)
+    beside_load = _play(_street(duration_s), duration_s, num_busy=(os.cpu_count() or 1) // 2)
+    at_20_hz = _play(_street(duration_s, rate_hz=20), duration_s, rate_hz=20)
+    rows = list(_room(*list(played.values())[-2:], beside_load, at_20_hz))
     yield TextTable(["target", "at most", "measured", ""], rows, "Live node: room to spare")
 
 
-def _row(name: str, sweeps: Sequence[Sweep], limit_ms: int, played: _Played) -> list[str]:
+def _street(duration_s: int, rate_hz: int = 10, **settings: int) -> Iterator[Sweep]:
+    """Sweeps of one drive that is as long as it is played: see `to_and_fro`."""
+    drive = simulated_drive(0, duration_s * rate_hz, rate_hz=rate_hz, **settings)
+    return (item.sweep for item in drive)
+
+
+def _row(name: str, limit_ms: int, played: _Played) -> list[str]:
     p95_ms = played.percentile_ms(95)
     # 128 beams may be too many for the machine: then it drops, but it never queues.
     is_met = p95_ms <= limit_ms and (played.dropped == 0 or limit_ms > _NEVER_DROPS_MS)
     return [
         name,
-        f"{np.mean([len(sweep) for sweep in sweeps]):,.0f}",
+        f"{played.num_points:,.0f}",
         str(limit_ms),
         f"{played.percentile_ms(50):.0f}",
         f"{p95_ms:.0f}",
@@ -154,10 +157,15 @@ def _busy_cores(number: int) -> Iterator[None]:
             process.wait()
 
 
-def _play(sweeps: Sequence[Sweep], duration_s: int, rate_hz: int = 10) -> _Played:
-    """Publishes sweeps to and fro to a node of its own."""
-    clouds = to_and_fro(map(serialized, sweeps))
-    with live_node() as node:
+def _play(
+    sweeps: Iterable[Sweep], duration_s: int, rate_hz: int = 10, num_busy: int = 0
+) -> _Played:
+    """Publishes sweeps to a node of its own, beside so many cores that something else keeps busy.
+
+    They are played from the first to the last and, where they are too few, again from the first.
+    """
+    clouds, counts = zip(*((serialized(sweep), len(sweep)) for sweep in sweeps), strict=True)
+    with live_node() as node, _busy_cores(num_busy):
         start_s = time.monotonic()
         for index in range(duration_s * rate_hz):
             node.link.spin_for(start_s + index / rate_hz - time.monotonic())
@@ -166,7 +174,7 @@ def _play(sweeps: Sequence[Sweep], duration_s: int, rate_hz: int = 10) -> _Playe
         estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
         replay = node.replay
         fates = _fates(replay.published_s, replay.arrived_s)
-        return _Played(*fates, estimate_ms, node.process.memory_mb)
+        return _Played(float(np.mean(counts)), *fates, estimate_ms, node.process.memory_mb)
 
 
 def _fates(published_s: dict[int, float], arrived_s: dict[int, float]) -> tuple[list[float], int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -91,9 +91,15 @@ def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
 
 def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[TrueSweep]:
     """Sweeps of a simulated street."""
-    simulation = SimulationSettings(seed=seed, duration_s=number / 10, **settings)
-    return [
-        TrueSweep(
+    return list(simulated_drive(seed, number, **settings))
+
+
+def simulated_drive(seed: int, number: int, **settings: int | str) -> Iterator[TrueSweep]:
+    """Sweeps of a simulated street one by one: all of a long drive would not fit into memory."""
+    rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
+    simulation = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
+    for item in simulate_sweeps(simulation):
+        yield TrueSweep(
             Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
             item.world_from_sensor,
             item.flow,
@@ -103,8 +109,6 @@ def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[True
             item.body,
             item.class_id,
         )
-        for item in simulate_sweeps(simulation)
-    ]
 
 
 def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
@@ -112,6 +116,11 @@ def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
 
 
 def to_and_fro(items: Iterable[Item]) -> list[Item]:
-    """Items forward and backward again, for a stream without a jump: a robot drives as it came."""
+    """Items forward and backward again, to play few sweeps for long.
+
+    Only for drives whose registration finds the way after the turn, as that of KITTI 0005: on a
+    simulated street, where rows of equal things stand, it goes wrong for about ten sweeps after
+    each turn at 8 m/s, and everything seems to move. No robot turns round within an interval.
+    """
     forward = list(items)
     return [*forward, *forward[-2:0:-1]]

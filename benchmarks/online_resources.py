@@ -7,13 +7,21 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and_fro
+from online_recordings import (
+    INTERVAL_NS,
+    real_sweeps,
+    simulated_drive,
+    simulated_sweeps,
+    to_and_fro,
+)
 
+from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.report.text_table import TextTable
@@ -24,6 +32,13 @@ _NUM_FULL: Final = 300
 _MAX_MEMORY_GB: Final = 1.5
 # Growth between the first and the last tenth that counts as flat.
 _MAX_GROWTH_MB: Final = 20
+# A drive this long, and how many of its last sweeps a fresh estimator sees, too. Its first ones do
+# not count: tracks and older sweeps are not known yet.
+_NUM_OF_DRIVE: Final = 400
+_NUM_FRESH: Final = 60
+_NUM_OF_START: Final = 20
+# Above 1 by more than this is no noise.
+_MAX_COST_OF_AGE: Final = 1.1
 # Beams, columns: from 8,000 to 400,000 points.
 _SIZES: Final = ((16, 520), (32, 1000), (64, 1000), (64, 1900), (128, 1900), (128, 3300))
 
@@ -32,7 +47,18 @@ def resource_tables(*, quick: bool) -> Iterator[TextTable]:
     """Tables of memory and reproducibility, and of cost against size."""
     full = [item.sweep for item in real_sweeps("kitti_0005")[:24]]
     full = full or [item.sweep for item in simulated_sweeps(0, 24)]
-    rows = [_same_output_row(), *_memory_rows(full, quick)]
+    number = _NUM_OF_DRIVE // (4 if quick else 1)
+    turns = to_and_fro(full)
+    back_and_forth = (
+        replace(turns[index % len(turns)], stamp_ns=10**18 + index * INTERVAL_NS, times_s=None)
+        for index in range(number)
+    )
+    rows = [
+        _same_output_row(),
+        *_memory_rows(full, quick),
+        _age_row("simulated street", (item.sweep for item in simulated_drive(0, number)), number),
+        _age_row("KITTI 0005 to and fro", back_and_forth, number),
+    ]
     header = ["target", "limit", "measured", ""]
     yield TextTable(header, rows, "Memory and reproducibility")
     yield _size_table()
@@ -66,6 +92,31 @@ def _memory_mb(sweeps: Sequence[Sweep], number: int) -> list[float]:
             estimator.estimate(SweepTriplet(*recent))
             memory_mb.append(_resident_mb())
     return memory_mb
+
+
+def _age_row(name: str, sweeps: Iterable[Sweep], number: int) -> list[str]:
+    """CPU of estimates at the end of a long drive over a fresh estimator's, in turns."""
+    old, fresh = (make_method("online", preset("online")) for _ in range(2))
+    recent: list[Sweep] = []
+    shares = []
+    for index, sweep in enumerate(sweeps):
+        recent = [*recent[-2:], sweep]
+        if len(recent) < 3:
+            continue
+        triplet = SweepTriplet(*recent)
+        own_ms = _cpu_ms(old, triplet)
+        if index >= number - _NUM_FRESH:
+            shares.append(own_ms / _cpu_ms(fresh, triplet))
+    share = float(np.median(shares[_NUM_OF_START:]))
+    verdict = "met" if share <= _MAX_COST_OF_AGE else "MISSED"
+    name = f"CPU of an estimate after {number} sweeps, {name}, over that of a fresh estimator"
+    return [name, f"{_MAX_COST_OF_AGE}", f"{share:.2f}", verdict]
+
+
+def _cpu_ms(estimator: SceneFlowEstimator, triplet: SweepTriplet) -> float:
+    start_s = time.process_time()
+    estimator.estimate(triplet)
+    return 1e3 * (time.process_time() - start_s)
 
 
 def _resident_mb() -> float:
