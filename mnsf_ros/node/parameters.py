@@ -11,7 +11,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -63,13 +62,10 @@ def _declared(node: Node) -> Settings:
     overrides = _overrides(node)
     for setting in declared_settings():
         override = overrides.get(setting.name)
-        value = setting.default if override is None else _in_type_of(setting, override.value)
-        try:
-            parameter = node.declare_parameter(
-                setting.name, value, _descriptor(setting), ignore_override=True
-            )
-        except ParameterException as error:
-            raise SettingsError(f"parameter {setting.name}: {error}") from None
+        value = setting.default if override is None else setting.checked(override.value)
+        parameter = node.declare_parameter(
+            setting.name, value, _descriptor(setting), ignore_override=True
+        )
         given[setting.name] = parameter.value
     node.add_pre_set_parameters_callback(_in_declared_types)
     return Settings().changed(given)

@@ -18,7 +18,10 @@ from mnsf_ros.settings import Settings
 
 # What the user gives, and what the one line of answer must have in it.
 _UNUSABLE = {
-    "a value out of range": (["-p", "crop.max_range_m:=-5.0"], "crop.max_range_m out of range"),
+    "a value out of range": (
+        ["-p", "crop.max_range_m:=-5.0"],
+        "]: crop.max_range_m: got -5.0, expected a number from 1 to 1000",
+    ),
     "a word for a number": (["-p", "crop.max_range_m:=far"], "crop.max_range_m: got 'far'"),
     "a contradiction": (["-p", "crop.min_range_m:=90"], "expected less than crop.max_range_m"),
     "a wrong sim time": (["-p", "use_sim_time:=maybe"], "use_sim_time"),
