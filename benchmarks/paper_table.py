@@ -42,7 +42,8 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder, read_json, replace_file
+from mnsf_ros.evaluation.run_files import read_json, replace_file
+from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
@@ -105,7 +106,7 @@ def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Con
         replace_file(file, [to_json(PaperRecord(sessions, settings), indent=2), "\n"])
     for number, job in enumerate(todo, start=1):
         row = measured(job, read_example(job.scale, job.moment))
-        folder.append(row)
+        folder.add_row(row)
         result = (
             str(row.failure or "")
             or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"

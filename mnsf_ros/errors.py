@@ -13,6 +13,10 @@ class SettingsError(MnsfError, ValueError):
     """A setting is unknown, of the wrong type or out of its range."""
 
 
+class LibraryError(SettingsError):
+    """A method needs a Python library that is not installed, or cannot be imported."""
+
+
 class SweepError(MnsfError, ValueError):
     """A sweep cannot be used, for example because too few of its points are left."""
 

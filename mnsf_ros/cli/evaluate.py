@@ -135,7 +135,7 @@ def _add_run_arguments(group: Arguments) -> None:
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate
     from mnsf_ros.evaluation.recordings import path_text
-    from mnsf_ros.evaluation.run_folder import WritingError
+    from mnsf_ros.evaluation.run_files import WritingError
 
     try:
         is_complete = evaluate(options, Console())

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
-from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
@@ -17,10 +16,11 @@ from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
-from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.errors import LibraryError, MnsfError, SettingsError
 from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
 from mnsf_ros.evaluation.options import (
     MAX_SWEEPS,
+    EvaluatedMethod,
     EvaluationOptions,
     evaluated_methods,
 )
@@ -49,7 +49,6 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     Raises:
         MnsfError: Something that was given cannot be used, or results cannot be written.
     """
-    names = _split(options.methods) if options.methods else _default_methods(console)
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
@@ -58,7 +57,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     execute = _executor(options, evaluation)
     folder = RunFolder(options.out)
     with folder.opened(resume=options.resume):
-        methods = evaluated_methods(names, evaluation, is_remote=options.ray is not None)
+        methods = _methods(options, evaluation, console)
         recordings, unreadable = inspected_recordings(
             options.bags,
             folder.before.recordings if folder.before is not None else (),
@@ -137,13 +136,20 @@ def new_folder(paths: Sequence[Path]) -> Path:
     return next(path for path in map(Path, names) if not path.exists())
 
 
-def _default_methods(console: Console) -> list[str]:
-    """What robots run and, where its library is, the method of the paper."""
-    if find_spec("torch") is not None:
-        return [*DEFAULT_METHODS]
-    ours, papers = DEFAULT_METHODS
-    console.warn(f"{papers} needs PyTorch, which is not installed: only {ours} is evaluated")
-    return [ours]
+def _methods(
+    options: argparse.Namespace, evaluation: EvaluationOptions, console: Console
+) -> list[EvaluatedMethod]:
+    """The methods that are named; else those of the default whose libraries are installed."""
+    ask = partial(evaluated_methods, options=evaluation, is_remote=options.ray is not None)
+    if options.methods:
+        return ask(_split(options.methods))
+    found: list[EvaluatedMethod] = []
+    for name in DEFAULT_METHODS:
+        try:
+            found += ask([name])
+        except LibraryError as error:
+            console.warn(f"{name} is not evaluated: {error}")
+    return found
 
 
 def _split(texts: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import LibraryError, SettingsError
 from mnsf_ros.settings import ComputeSettings
 
 if TYPE_CHECKING:
@@ -24,12 +24,13 @@ def compute_device(settings: ComputeSettings) -> torch.device:
     """Returns the device that the settings ask for.
 
     Raises:
-        SettingsError: If CUDA is asked for and torch finds none, or there is no torch.
+        SettingsError: If CUDA is asked for and torch finds none.
+        LibraryError: If there is no torch.
     """
     try:
         import torch
     except ImportError as error:
-        raise SettingsError(
+        raise LibraryError(
             f"this method needs PyTorch (torch), which cannot be used: {error}"
         ) from error
     if settings.device == "cuda" and not torch.cuda.is_available():

@@ -9,7 +9,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from mnsf_ros.settings import FieldSettings
+from mnsf_ros.settings import FieldSettings, FusionSettings
 
 
 class Perceptron(nn.Module):
@@ -25,31 +25,27 @@ class Perceptron(nn.Module):
 
     def __init__(
         self,
-        num_inputs: int,
-        num_hidden_layers: int,
-        hidden_width: int,
+        settings: FieldSettings | FusionSettings,
         generator: torch.Generator,
-        *,
-        zero_start: bool = False,
+        num_inputs: int = 3,
         precision: torch.dtype = torch.float32,
     ) -> None:
         """Makes a fresh network.
 
         Args:
-            num_inputs: Columns of the input.
-            num_hidden_layers: Linear layers before the output layer.
-            hidden_width: Neurons of each of them.
+            settings: Number and width of the hidden layers, and whether the output is zero at
+                first, whatever the input.
             generator: Source of the start weights, on the CPU.
-            zero_start: Whether its output is zero at first, whatever its input.
+            num_inputs: Columns of the input.
             precision: Of the products between hidden layers.
         """
         super().__init__()
-        widths = [num_inputs, *[hidden_width] * num_hidden_layers, 3]
+        widths = [num_inputs, *[settings.hidden_width] * settings.num_hidden_layers, 3]
         self._layers = nn.ModuleList(
             _linear(before, after, generator) for before, after in pairwise(widths)
         )
         self.precision = precision
-        if zero_start:
+        if settings.zero_start:
             nn.init.zeros_(self.linear_layers[-1].weight)
 
     @property
@@ -75,22 +71,6 @@ class FlowField(Perceptron):
 
     With one more input, the time in sweep intervals, it is the flow at any position and time.
     """
-
-    def __init__(
-        self,
-        settings: FieldSettings,
-        generator: torch.Generator,
-        num_inputs: int = 3,
-        precision: torch.dtype = torch.float32,
-    ) -> None:
-        super().__init__(
-            num_inputs,
-            settings.num_hidden_layers,
-            settings.hidden_width,
-            generator,
-            zero_start=settings.zero_start,
-            precision=precision,
-        )
 
 
 class StackedFields(nn.Module):

@@ -31,14 +31,7 @@ class MlpFusion(nn.Module):
         super().__init__()
         self._takes_sum = settings.input == "sum"
         num_inputs = 3 if self._takes_sum else 3 * num_flows
-        self._layers = Perceptron(
-            num_inputs,
-            settings.num_hidden_layers,
-            settings.hidden_width,
-            generator,
-            zero_start=settings.zero_start,
-            precision=precision,
-        )
+        self._layers = Perceptron(settings, generator, num_inputs, precision)
 
     def forward(self, flows: torch.Tensor) -> torch.Tensor:
         """(M, 3 K) metres, the K flows side by side, to (M, 3) metres."""

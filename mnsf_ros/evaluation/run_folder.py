@@ -1,18 +1,14 @@
-r"""The folder of a run: what is run, its rows, and what was noticed, written as it comes.
+"""The folder of a run: what is run, its rows, and what was noticed, written as it comes.
 
 `run.json` says what is run, `rows.jsonl` has one row per line, in the order in which they got
 ready, `tasks.jsonl` one line per finished task. The last two only ever grow while a run lasts, so
 that an interruption costs nothing but the line being written.
-
-All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
-written as `\udcff`, which is read back from JSON as it was.
 """
 
 from __future__ import annotations
 
 import fcntl
-import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import product
@@ -25,20 +21,24 @@ from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
+from mnsf_ros.evaluation.run_files import (
+    DRAFT,
+    append_line,
+    cut_off_unfinished_line,
+    read_json,
+    read_lines,
+    replace_file,
+    writing,
+)
+from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
 from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
 
 RUN_FILE: Final = "run.json"
 _LOCK_FILE: Final = ".lock"
-_DRAFT: Final = ".{}.new"
 # By a run that was killed before it was written down.
-_LEFT_BY_A_START: Final = {_LOCK_FILE, _DRAFT.format(RUN_FILE)}
-
-
-class WritingError(EvaluationError):
-    """A file of a run cannot be written, as on a full disk; what was there before still is."""
+_LEFT_BY_A_START: Final = {_LOCK_FILE, DRAFT.format(RUN_FILE)}
 
 
 class RunFolder:
@@ -93,7 +93,7 @@ class RunFolder:
         whole, self._num_pictured = record, record.options.num_pictured
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
-        with _writing(self.path):
+        with writing(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
         self._session.enter_context(self.locked())
         self._check_unchanged()
@@ -130,15 +130,15 @@ class RunFolder:
         if isinstance(event, ResultRow):
             # A second attempt may give a row again that the first one got ready before it was lost.
             if event.number not in done:
-                self.append(event)
+                self.add_row(event)
                 done.add(event.number)
         elif isinstance(event, ShownFlow):
-            with _writing(self.path / PICTURES_FOLDER):
+            with writing(self.path / PICTURES_FOLDER):
                 self.flows.add(event, self._num_pictured)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]
-            _append(self._tasks, FinishedTask(*task.key, len(done), counts, damages))
+            append_line(self._tasks, FinishedTask(*task.key, len(done), counts, damages))
         elif isinstance(event, TaskRestarted) and task.key in self._indivisible:
             self.flows.drop({task.key})
             if done:
@@ -148,7 +148,7 @@ class RunFolder:
     @property
     def rows(self) -> Iterator[ResultRow]:
         """All rows, in the order in which they got ready."""
-        return _parsed(self._rows, ResultRow)
+        return read_lines(self._rows, ResultRow)
 
     @property
     def has_results(self) -> bool:
@@ -164,7 +164,7 @@ class RunFolder:
 
     def finished(self) -> dict[TaskKey, FinishedTask]:
         """Returns recording and method of each finished task, and what was noticed."""
-        tasks = _parsed(self._tasks, FinishedTask)
+        tasks = read_lines(self._tasks, FinishedTask)
         return {(task.recording, task.method): task for task in tasks}
 
     def read_record(self) -> RunRecord:
@@ -173,9 +173,9 @@ class RunFolder:
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
         return read_json(self.path / RUN_FILE, RunRecord)
 
-    def append(self, row: ResultRow) -> None:
+    def add_row(self, row: ResultRow) -> None:
         """Adds a row."""
-        _append(self._rows, row)
+        append_line(self._rows, row)
 
     def drop(self, keys: Collection[TaskKey]) -> None:
         """Takes the rows of some tasks away."""
@@ -185,7 +185,7 @@ class RunFolder:
     def cut_off_unfinished_lines(self) -> None:
         """Takes away what was being written when a run was killed."""
         for file in (self._rows, self._tasks):
-            replace_file(file, (f"{line}\n" for line in _lines(file)))
+            cut_off_unfinished_line(file)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -231,76 +231,3 @@ def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
     """Whether the recording of a task's flow is there, or nobody wants it."""
     path = flow_path(options.flow_folder, *task.key)
     return path is None or path.exists()
-
-
-def read_json(file: Path, kind: type[Kind]) -> Kind:
-    """Returns the typed object that a file holds.
-
-    Raises:
-        EvaluationError: It cannot be read, or holds something else.
-    """
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise EvaluationError(f"{file}: cannot be read: {error}") from error
-    try:
-        return from_json(text, kind)
-    except EvaluationError as error:
-        raise EvaluationError(f"{file}: {error}") from error
-
-
-def replace_file(file: Path, parts: Iterable[str]) -> None:
-    """Writes a file so that it is there as a whole, the old or the new one, at any time.
-
-    Raises:
-        WritingError: That fails; the old file is still there.
-    """
-    draft = file.with_name(_DRAFT.format(file.name))
-    with _writing(file):
-        try:
-            with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:
-                stream.writelines(parts)
-                stream.flush()
-                os.fsync(stream.fileno())
-            draft.replace(file)
-        finally:
-            draft.unlink(missing_ok=True)
-
-
-def _append(file: Path, value: object) -> None:
-    line = to_json(value)
-    with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
-        stream.write(f"{line}\n")
-
-
-@contextmanager
-def _writing(file: Path) -> Iterator[None]:
-    """Makes a WritingError of what goes wrong while a file is written."""
-    try:
-        yield
-    except OSError as error:
-        raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
-
-
-def _parsed(file: Path, kind: type[Kind]) -> Iterator[Kind]:
-    number = 0
-    try:
-        for line in _lines(file):
-            number += 1
-            yield from_json(line, kind)
-    except EvaluationError as error:
-        raise EvaluationError(f"{file}, line {number}: {error}") from error
-
-
-def _lines(file: Path) -> Iterator[str]:
-    """The complete lines of a file; a last one without an end was being written and is lost."""
-    try:
-        # One at a time: the rows of many recordings are too much for the memory.
-        with file.open(encoding="utf-8", newline="\n") as stream:
-            for line in stream:
-                if line.endswith("\n"):
-                    yield line[:-1]
-    except FileNotFoundError:
-        return
-    except (OSError, ValueError) as error:
-        raise EvaluationError(f"{file}: cannot be read: {error}") from error

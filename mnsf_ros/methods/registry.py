@@ -19,7 +19,7 @@ from pkgutil import resolve_name
 from typing import Any, Final
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
-from mnsf_ros.errors import SettingsError, library_missing
+from mnsf_ros.errors import LibraryError, SettingsError, library_missing
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -142,13 +142,14 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
     Raises:
         SettingsError: If there is no such method, it cannot be made, or the settings ask for a
             device that is not there.
+        LibraryError: If it needs a library that is not installed.
     """
     try:
         return _maker(name)(settings_for(name, settings))
     except ModuleNotFoundError as error:
-        raise SettingsError(f"method {name!r}: {library_missing(error)}") from error
+        raise LibraryError(f"method {name!r}: {library_missing(error)}") from error
     except ImportError as error:
-        raise SettingsError(f"method {name!r} cannot be imported: {error}") from error
+        raise LibraryError(f"method {name!r} cannot be imported: {error}") from error
 
 
 def _maker(name: str) -> MethodMaker:

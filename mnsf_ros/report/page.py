@@ -13,7 +13,8 @@ from mnsf_ros import __version__
 from mnsf_ros.drawing.charts import time_text
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import MethodSummary
-from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
+from mnsf_ros.evaluation.run_files import replace_file
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import settings_for
 from mnsf_ros.report.cards import missed_cards, worst_cards
 from mnsf_ros.report.charts import charts_of

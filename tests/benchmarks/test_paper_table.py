@@ -51,7 +51,7 @@ def rows_of(method, *epes_m, **more):
 
 def test_line_that_was_being_written_is_cut_off_before_a_run_goes_on(load, tmp_path):
     folder = RunFolder(tmp_path)
-    folder.append(row("mnsf", 0, 5, 0.1))
+    folder.add_row(row("mnsf", 0, 5, 0.1))
     file = tmp_path / "rows.jsonl"
     whole = file.read_text()
     file.write_text(f"{whole}half a li")

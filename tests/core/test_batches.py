@@ -7,6 +7,7 @@ import torch
 
 from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_field import Perceptron
+from mnsf_ros.settings import FieldSettings
 
 
 def table(num_rows, device="cpu"):
@@ -53,7 +54,7 @@ def test_draws_differ_but_the_same_seed_gives_the_same_ones(device):
 
 @pytest.mark.parametrize("num_rows", [0, 1, 16_384, 16_385, 40_000])
 def test_pieces_give_the_same_as_the_whole(num_rows, device, generator):
-    network = Perceptron(2, 1, 4, generator).to(device)
+    network = Perceptron(FieldSettings(1, 4), generator, 2).to(device)
     rows = torch.rand(num_rows, 2, device=device)
     flow = evaluate(network, rows)
     assert not flow.requires_grad

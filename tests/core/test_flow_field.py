@@ -24,14 +24,14 @@ def weights(network):
 
 @pytest.mark.parametrize("num_hidden_layers", [1, 3, 8])
 def test_depth_counts_hidden_layers(num_hidden_layers):
-    layers = Perceptron(3, num_hidden_layers, 16, seeded(0)).linear_layers
+    layers = Perceptron(FieldSettings(num_hidden_layers, 16), seeded(0)).linear_layers
     inputs = [3] + [16] * num_hidden_layers
     assert [layer.in_features for layer in layers] == inputs
     assert [layer.out_features for layer in layers] == [*inputs[1:], 3]
 
 
 def test_hidden_layers_have_a_relu_and_the_output_layer_has_none(generator):
-    network = Perceptron(3, 2, 16, generator)
+    network = Perceptron(FieldSettings(2, 16), generator)
     points = torch.randn(50, 3, generator=generator)
     first, second, last = network.linear_layers
     expected = last(second(first(points).relu()).relu())
@@ -54,18 +54,18 @@ def test_same_seed_same_weights():
 
 def test_weights_do_not_depend_on_global_randomness():
     torch.manual_seed(1)
-    first = weights(Perceptron(3, 2, 8, seeded(0)))
+    first = weights(Perceptron(FieldSettings(2, 8), seeded(0)))
     torch.manual_seed(2)
-    assert torch.equal(first, weights(Perceptron(3, 2, 8, seeded(0))))
+    assert torch.equal(first, weights(Perceptron(FieldSettings(2, 8), seeded(0))))
 
 
 def test_layers_of_one_network_differ(generator):
-    network = Perceptron(3, 4, 16, generator)
+    network = Perceptron(FieldSettings(4, 16), generator)
     assert not torch.equal(network.linear_layers[1].weight, network.linear_layers[2].weight)
 
 
 def test_weights_start_after_xavier_and_biases_at_zero(generator):
-    for layer in Perceptron(3, 2, 64, generator).linear_layers:
+    for layer in Perceptron(FieldSettings(2, 64), generator).linear_layers:
         bound = math.sqrt(6 / (layer.in_features + layer.out_features))
         assert 0.8 * bound < layer.weight.abs().max() <= bound
         assert not layer.bias.any()
@@ -112,7 +112,7 @@ def test_field_that_starts_at_zero(generator):
 def precise_pair(num_hidden_layers):
     """A network of float32, and the same one of bfloat16."""
     return [
-        Perceptron(3, num_hidden_layers, 64, seeded(0), precision=precision)
+        Perceptron(FieldSettings(num_hidden_layers, 64), seeded(0), precision=precision)
         for precision in (torch.float32, torch.bfloat16)
     ]
 

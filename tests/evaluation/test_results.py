@@ -24,7 +24,8 @@ from mnsf_ros.evaluation.results import (
     mean,
     summarize,
 )
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
+from mnsf_ros.evaluation.run_files import WritingError
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import git_commit
 from mnsf_ros.presets import preset
 from mnsf_ros.report.notes import NoteKind, nearest_preset, notes_of, protocol_text

@@ -14,7 +14,8 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, check_folder, replace_file
+from mnsf_ros.evaluation.run_files import WritingError, replace_file
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.notes import NoteKind
@@ -91,24 +92,24 @@ def folder(tmp_path):
 
 def test_rows_are_there_as_soon_as_they_are_written(folder):
     for number in range(3):
-        folder.append(full_row(number))
+        folder.add_row(full_row(number))
         assert [row.number for row in folder.rows] == list(range(number + 1))
 
 
 def test_line_that_was_being_written_is_lost_but_no_other(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
     for number in range(3):
-        folder.append(full_row(number))
+        folder.add_row(full_row(number))
     file = folder.path / "rows.jsonl"
     file.write_text(file.read_text()[:-40])
     assert [row.number for row in folder.rows] == [0, 1]
     folder = start(folder.path, recording, resume=True)
-    folder.append(full_row(2))
+    folder.add_row(full_row(2))
     assert [row.number for row in folder.rows] == [0, 1, 2]
 
 
 def test_damaged_line_is_named(folder):
-    folder.append(full_row())
+    folder.add_row(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("rubbish\n")
     with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
@@ -118,7 +119,7 @@ def test_damaged_line_is_named(folder):
 def test_rows_of_a_task_can_be_dropped(folder):
     for method in ("mnsf", "fnsf"):
         for number in range(2):
-            folder.append(full_row(number, method))
+            folder.add_row(full_row(number, method))
     folder.drop([("drive", "mnsf"), ("other", "fnsf")])
     assert [(row.method, row.number) for row in folder.rows] == [("fnsf", 0), ("fnsf", 1)]
 
@@ -156,7 +157,7 @@ def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
     assert not (tmp_path / "out").exists()
     with RunFolder(tmp_path / "out").opened(resume=False) as folder:
         folder.begin(record_of(recording))
-        folder.append(full_row())
+        folder.add_row(full_row())
     assert len(list(folder.rows)) == 1
 
 
@@ -190,7 +191,7 @@ def test_run_that_another_process_made_meanwhile_is_left_alone(tmp_path, recordi
 
 def test_run_of_another_process_is_not_resumed(tmp_path, recording):
     folder = start(tmp_path / "out", recording)
-    folder.append(full_row())
+    folder.add_row(full_row())
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("half a li")
     before = {file: file.read_bytes() for file in folder.path.iterdir()}
