@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import NamedTuple
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import SettingValue
@@ -102,6 +103,24 @@ def nearest_preset(
         changes[name] = {k: v for k, v in values.items() if usual[k] != v or k in named}
     nearest = min(changes, key=lambda name: len(changes[name]))
     return nearest, changes[nearest]
+
+
+class UsedSettings(NamedTuple):
+    """The settings that a method got, the nearest preset, and what is not as it has it."""
+
+    settings: Settings
+    preset: str
+    changes: dict[str, SettingValue]
+
+
+def used_settings(method: str, settings: Settings, ignored: Collection[str]) -> UsedSettings:
+    """Returns what a method that is asked for by name gets; see `settings_for`.
+
+    Settings count as changed if they were set explicitly, whatever their value, and not if they are
+    `ignored`.
+    """
+    own = settings_for(method, settings)
+    return UsedSettings(own, *nearest_preset(own, ignored, own.explicit))
 
 
 def settings_for(method: str, settings: Settings) -> Settings:

@@ -34,7 +34,6 @@ from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 from mnsf_ros.report.run_tables import RunTables, tables_of
-from mnsf_ros.report.tables import work_table
 
 _PAIR: Final = 2
 
@@ -118,7 +117,7 @@ def _print_results(
         for text in ("No results.", *map(str, results.notes)):
             console.warn(text)
         return
-    for table in (*tables.main, *tables.comparison, work_table(results.summaries)):
+    for table in (*tables.main, *tables.consistency, *tables.comparison, *tables.work):
         console.print(table)
     for text in results.protocol:
         console.say(text)

@@ -61,6 +61,10 @@ class FlowErrors:
     num_points: int
 
 
+# Of no points.
+NO_ERRORS: Final = FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+
+
 def flow_errors(
     estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None = None
 ) -> FlowErrors:
@@ -73,7 +77,7 @@ def flow_errors(
     """
     estimate, truth = _selected(estimate, truth, valid)
     if len(estimate) == 0:
-        return FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+        return NO_ERRORS
     errors_m = end_point_errors(estimate, truth)
     relative = relative_errors(estimate, truth)
     return FlowErrors(
@@ -144,7 +148,7 @@ def mean_of(examples: Iterable[FlowErrors]) -> FlowErrors:
     """
     scored = [errors for errors in examples if errors.num_points > 0]
     if not scored:
-        return FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+        return NO_ERRORS
     count = len(scored)
     return FlowErrors(
         epe_m=math.fsum(errors.epe_m for errors in scored) / count,
@@ -163,6 +167,18 @@ def means_by_group(examples: Iterable[Mapping[str, FlowErrors]]) -> dict[str, Fl
         for name, errors in example.items():
             groups.setdefault(name, []).append(errors)
     return {name: mean_of(errors) for name, errors in groups.items()}
+
+
+def means_by_limit(examples: Iterable[Mapping[str, FlowErrors]]) -> dict[str, FlowErrors]:
+    """Returns the same of bands, by their upper limits in ascending order."""
+    means = means_by_group(examples)
+    return {limit: means[limit] for limit in sorted(means, key=float)}
+
+
+def means_by_name(examples: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Returns the mean of each value over the examples that have it."""
+    names = dict.fromkeys(name for example in examples for name in example)
+    return {name: mean([one[name] for one in examples if name in one]) for name in names}
 
 
 def mean(values: Sequence[float]) -> float:

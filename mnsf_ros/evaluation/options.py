@@ -21,6 +21,9 @@ TaskKey = tuple[str, str]
 # Options that rows do not depend on: a resumed run may keep flow or not, as it likes.
 UNRECORDED: Final = ("flow_folder", "num_pictured")
 
+# Settings that follow from the options.
+SET_BY_EVALUATOR: Final = ("compute.seed", "compute.num_threads")
+
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
 

@@ -9,7 +9,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from mnsf_ros.evaluation.argoverse_metrics import over_all_points
-from mnsf_ros.evaluation.metrics import FlowErrors, mean, means_by_group
+from mnsf_ros.evaluation.metrics import (
+    FlowErrors,
+    mean,
+    means_by_group,
+    means_by_limit,
+    means_by_name,
+)
 from mnsf_ros.evaluation.mover_summary import MoverSummary, summarize_movers
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 
@@ -205,6 +211,16 @@ def summarize(rows: Iterable[ResultRow], methods: Sequence[str] = ()) -> list[Me
     return [_summary(method, by_method[method]) for method in order]
 
 
+def summarize_each(
+    rows: Sequence[ResultRow], recordings: Iterable[str], methods: Sequence[str]
+) -> dict[str, list[MethodSummary]]:
+    """Returns the summaries of each recording alone; those named come first, as of methods."""
+    found: dict[str, list[ResultRow]] = {name: [] for name in recordings}
+    for row in rows:
+        found.setdefault(row.recording, []).append(row)
+    return {name: summarize(own, methods) for name, own in found.items()}
+
+
 def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
     good = [row for row in rows if row.failure is None]
     num_dropped = sum(row.is_dropped for row in rows)
@@ -215,14 +231,14 @@ def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
         num_failed=len(rows) - len(good) - num_dropped,
         num_dropped=num_dropped,
         errors=means_by_group(row.errors for row in good),
-        by_range=_by_limit(means_by_group(row.by_range for row in good)),
-        by_speed=_by_limit(means_by_group(row.by_speed for row in good)),
+        by_range=means_by_limit(row.by_range for row in good),
+        by_speed=means_by_limit(row.by_speed for row in good),
         three_way_epe_m=three_way_epe_m,
         bucketed=bucketed,
-        consistency=_means([row.consistency for row in good]),
+        consistency=means_by_name([row.consistency for row in good]),
         time_ms=mean([row.time_ms for row in good]),
         latency_ms=mean([row.latency_ms for row in good]),
-        iterations=_means([row.iterations for row in good]),
+        iterations=means_by_name([row.iterations for row in good]),
         starts=dict(Counter(row.start for row in good if row.start)),
         stop_reasons=dict(Counter(word for row in good for word in row.stop_reasons.values())),
         devices=tuple(sorted({row.device for row in good if row.device})),
@@ -230,12 +246,3 @@ def _summary(method: str, rows: list[ResultRow]) -> MethodSummary:
             (row.recording, row.stamp_ns, row.movers) for row in good if row.movers is not None
         ),
     )
-
-
-def _by_limit(errors: dict[str, FlowErrors]) -> dict[str, FlowErrors]:
-    return {name: errors[name] for name in sorted(errors, key=float)}
-
-
-def _means(parts: Sequence[dict[str, float]] | Sequence[dict[str, int]]) -> dict[str, float]:
-    names = dict.fromkeys(name for part in parts for name in part)
-    return {name: mean([part[name] for part in parts if name in part]) for name in names}

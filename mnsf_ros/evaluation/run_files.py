@@ -6,6 +6,7 @@ written as `\udcff`, which is read back from JSON as it was.
 
 from __future__ import annotations
 
+import fcntl
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -16,10 +17,29 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
 
 DRAFT: Final = ".{}.new"
+LOCK_FILE: Final = ".lock"
 
 
 class WritingError(EvaluationError):
     """A file of a run cannot be written, as on a full disk; what was there before still is."""
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Makes a folder if there is none, and keeps other processes from writing to it.
+
+    Raises:
+        EvaluationError: Another process is at it.
+        WritingError: It cannot be made.
+    """
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK_FILE).open("a", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise EvaluationError(f"{folder}: another process is writing to it") from error
+        yield
 
 
 def read_json(file: Path, kind: type[Kind]) -> Kind:

@@ -7,7 +7,6 @@ that an interruption costs nothing but the line being written.
 
 from __future__ import annotations
 
-import fcntl
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -23,8 +22,10 @@ from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_files import (
     DRAFT,
+    LOCK_FILE,
     append_line,
     cut_off_unfinished_line,
+    locked,
     read_json,
     read_lines,
     replace_file,
@@ -36,9 +37,8 @@ from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlo
 from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
 
 RUN_FILE: Final = "run.json"
-_LOCK_FILE: Final = ".lock"
 # By a run that was killed before it was written down.
-_LEFT_BY_A_START: Final = {_LOCK_FILE, DRAFT.format(RUN_FILE)}
+_LEFT_BY_A_START: Final = {LOCK_FILE, DRAFT.format(RUN_FILE)}
 
 
 class RunFolder:
@@ -93,10 +93,9 @@ class RunFolder:
         whole, self._num_pictured = record, record.options.num_pictured
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
-        with writing(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
-        self._session.enter_context(self.locked())
-        self._check_unchanged()
+        self._session.enter_context(locked(self.path))
+        if self.before != (self.read_record() if _holds_something(self.path) else None):
+            raise EvaluationError(f"{self.path}: another process has just written to it")
         self._session.callback(self._remove_if_unused)
         if self.before is not None:
             self.cut_off_unfinished_lines()
@@ -186,21 +185,6 @@ class RunFolder:
         """Takes away what was being written when a run was killed."""
         for file in (self._rows, self._tasks):
             cut_off_unfinished_line(file)
-
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keeps other processes from writing to the folder; an EvaluationError if one does."""
-        with (self.path / _LOCK_FILE).open("a", encoding="utf-8") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise EvaluationError(f"{self.path}: another process is writing to it") from error
-            yield
-
-    def _check_unchanged(self) -> None:
-        now = self.read_record() if _holds_something(self.path) else None
-        if now != self.before:
-            raise EvaluationError(f"{self.path}: another process has just written to it")
 
     def _remove_if_unused(self) -> None:
         """Takes the folder away if it holds nothing but the start of a run."""

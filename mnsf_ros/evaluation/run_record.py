@@ -16,8 +16,9 @@ from typing import Final
 
 from mnsf_ros import __version__
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
+from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
+from mnsf_ros.presets import UsedSettings, used_settings
 
 # Layout of the files of a run; those of another layout can be read, but not resumed.
 FORMAT: Final = 3
@@ -147,6 +148,10 @@ class RunRecord:
     def references(self) -> frozenset[str]:
         """Names of the methods that are rows to compare with, no rivals of the others."""
         return frozenset(method.name for method in self.methods if method.traits.is_reference)
+
+    def used_settings(self, method: str) -> UsedSettings:
+        """Returns what a method got; what the evaluator sets itself is no change of a preset."""
+        return used_settings(method, self.options.settings, SET_BY_EVALUATOR)
 
     def resuming(self, before: RunRecord, folder: Path) -> RunRecord:
         """Returns the record of a run that goes on in its folder, maybe with more to do.

@@ -12,7 +12,7 @@ from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, P
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.report.run_results import MissedMover, RunResults
-from mnsf_ros.report.text_table import NO_VALUE, format_number, format_percent
+from mnsf_ros.report.text_table import format_number, format_percent
 
 _NANOSECONDS: Final = 1e9
 
@@ -34,16 +34,38 @@ class Card(NamedTuple):
     pictures: list[Picture]
 
 
-def worst_cards(results: RunResults, flows: ShownFlows, number: int) -> list[Card]:
-    """Returns the worst sweeps in pictures, as far as the run kept their flow."""
-    cards = (_worst_card(results, row, flows) for row in results.worst[:number])
-    return [card for card in cards if card is not None]
+class Pictures(NamedTuple):
+    """What a run shows in pictures.
+
+    Attributes:
+        worst: The worst sweeps.
+        missed: The surroundings of the movers that were missed most often.
+        why_not: Why some of the worst sweeps have no picture; empty if all have one.
+    """
+
+    worst: list[Card]
+    missed: list[Card]
+    why_not: str
 
 
-def missed_cards(results: RunResults, flows: ShownFlows, number: int) -> list[Card]:
-    """Returns the surroundings of the movers that were missed most often, likewise."""
-    cards = (_missed_card(one, flows) for one in results.missed[:number])
-    return [card for card in cards if card is not None]
+def pictures_of(results: RunResults, flows: ShownFlows, number: int) -> Pictures:
+    """Draws so many of the worst sweeps and missed movers, as far as the run kept their flow."""
+    worst = [_worst_card(results, row, flows) for row in results.worst[:number]]
+    missed = [_missed_card(one, flows) for one in results.missed[:number]]
+    return Pictures(
+        worst=[card for card in worst if card is not None],
+        missed=[card for card in missed if card is not None],
+        why_not=_why_not(len(worst), worst.count(None)),
+    )
+
+
+def _why_not(num_wanted: int, num_without: int) -> str:
+    if num_without == 0:
+        return ""
+    return (
+        f"{num_without} of {num_wanted} sweeps have no picture: the run did not keep their flow. "
+        "A new run with --pictures keeps that of the worst sweeps, with --write-flow that of all."
+    )
 
 
 def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
@@ -80,8 +102,7 @@ def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
     png = ExamplePainter(example).around(example.flows[0], item.place_m)
     if png is None:
         return None
-    lost_by = NO_VALUE if item.lost_by is None else item.lost_by.value
-    caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {lost_by}"
+    caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
     alt = f"What moves around the {item.kind} in top view, in truth and by {row.method}. {caption}."
     subtitle = (
         f"{row.stamp_ns / _NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "

@@ -3,43 +3,35 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import chain, product
 from typing import Final
 
-from mnsf_ros import presets
 from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.presets import settings_for
-from mnsf_ros.setting import SettingValue
-from mnsf_ros.settings import Settings
+from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
-# Set by the evaluator itself.
-_OWN: Final = ("compute.seed", "compute.num_threads")
 _EVENTS: Final = {event.value: event.text for event in Event}
 _NO_EVENTS: Final = (Event.SWEEPS_READ.value, Event.SWEEPS_READ.text)
 
 
-def protocol_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> list[str]:
-    """Returns sentences on what was evaluated and how."""
+def protocol_text(
+    run: RunRecord, summaries: Sequence[MethodSummary], used: Mapping[str, UsedSettings]
+) -> list[str]:
+    """Returns sentences on what was evaluated and how; `used` has the settings of each method."""
     options = run.options
     return [
         _means_text(len(run.recordings), summaries, options.every),
         _points_text(options, [one.truth is not None for one in run.recordings]),
-        _settings_text(run, summaries),
+        _settings_text({one.method: used[one.method] for one in summaries}, run.references),
         _time_text(options, summaries),
     ]
-
-
-def nearest_preset(settings: Settings) -> tuple[str, dict[str, SettingValue]]:
-    """Returns the name of a preset, and the settings of a run that differ or were set by hand."""
-    return presets.nearest_preset(settings, _OWN, settings.explicit)
 
 
 def _means_text(num_recordings: int, summaries: Sequence[MethodSummary], every: int) -> str:
@@ -77,13 +69,11 @@ def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
     return f"{text}; {chosen}, the same for all methods. Seed {options.seed}."
 
 
-def _settings_text(run: RunRecord, summaries: Sequence[MethodSummary]) -> str:
+def _settings_text(used: Mapping[str, UsedSettings], references: Collection[str]) -> str:
     """The preset of each method; references have none, unless there is nothing else."""
-    names = [one.method for one in summaries]
     methods: dict[str, list[str]] = {}
-    for name in [name for name in names if name not in run.references] or names:
-        settings = settings_for(name, run.options.settings)
-        start, changed = nearest_preset(settings)
+    for name in [name for name in used if name not in references] or used:
+        settings, start, changed = used[name]
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         warm = "on" if settings.warm_start.enabled else "off"
         text = f"preset {start}{f' with {changes}' if changes else ''}, warm start {warm}"

@@ -15,9 +15,7 @@ from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.evaluation.run_files import replace_file
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.presets import settings_for
-from mnsf_ros.report.notes import nearest_preset
+from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables
 
@@ -55,7 +53,7 @@ def results_markdown(results: RunResults, tables: RunTables) -> str:
     parts = ["# Scene flow evaluation", *results.protocol]
     parts += [
         table.markdown().rstrip("\n")
-        for table in (*tables.main, *tables.comparison, *tables.further)
+        for table in (*tables.main, *tables.consistency, *tables.comparison, *tables.further)
     ]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
@@ -76,7 +74,15 @@ def results_latex(results: RunResults, tables: RunTables) -> str:
             *head,
             f"% {command}",
             "",
-            *(one.latex() for one in (*tables.main, *tables.comparison, *tables.further)),
+            *(
+                one.latex()
+                for one in (
+                    *tables.main,
+                    *tables.consistency,
+                    *tables.comparison,
+                    *tables.further,
+                )
+            ),
         ]
     )
 
@@ -92,11 +98,11 @@ def results_csv(results: RunResults) -> str:
     writer = csv.writer(text, lineterminator="\n")
     # What came later stands behind the rest, so that columns keep their places.
     added = [f"{kind}_{key}" for kind in _CSV_GROUPS for key in _CSV_GROUP]
-    names = _origin(results.record, results.record.options.settings.method.name)
+    names = _origin(results, results.focus)
     writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *names, *_CSV_MOVERS, *added))
     for recording, summaries in {"": results.summaries, **results.by_recording}.items():
         for summary in summaries:
-            origin = _origin(results.record, summary.method)
+            origin = _origin(results, summary.method)
             for cells in _csv_lines(summary):
                 writer.writerow((recording, *cells, *origin.values(), *_mover_cells(summary)))
     return text.getvalue()
@@ -124,10 +130,10 @@ def _mover_cells(summary: MethodSummary) -> Iterator[str]:
             yield _cell(math.nan if group is None else getattr(group, key))
 
 
-def _origin(run: RunRecord, method: str) -> dict[str, str]:
+def _origin(results: RunResults, method: str) -> dict[str, str]:
     """How, with what and where a method ran; what sessions do not agree on is listed."""
-    options, sessions = run.options, run.sessions
-    name, changes = nearest_preset(settings_for(method, options.settings))
+    options, sessions = results.record.options, results.record.sessions
+    _, name, changes = results.used_settings[method]
     return {
         "seed": str(options.seed),
         "preset": name,

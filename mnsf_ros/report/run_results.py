@@ -21,10 +21,18 @@ from mnsf_ros.evaluation.paired import (
     differences,
     errors_of,
 )
-from mnsf_ros.evaluation.results import FinishedTask, MethodSummary, ResultRow, summarize
+from mnsf_ros.evaluation.results import (
+    FinishedTask,
+    MethodSummary,
+    ResultRow,
+    summarize,
+    summarize_each,
+)
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.presets import UsedSettings
 from mnsf_ros.report.notes import Note, notes_of, protocol_text, unfinished_notes
+from mnsf_ros.report.text_table import NO_VALUE
 
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _REST: Final = "other"
@@ -38,6 +46,11 @@ class MissedMover(NamedTuple):
     row: ResultRow
     item: ObjectRow
     num_sweeps: int
+
+    @property
+    def lost_by(self) -> str:
+        """What lost it, as text; a dash if the method does not say."""
+        return NO_VALUE if self.item.lost_by is None else self.item.lost_by.value
 
 
 class Failures(NamedTuple):
@@ -71,6 +84,7 @@ class RunResults:
     Attributes:
         record: What was run.
         rows: One for each example and method, by recording and sweep.
+        used_settings: The settings of each method.
         summaries: One for each method.
         by_recording: Name of each recording to the summaries of the methods on it alone.
         sweeps: Figures of each method that has a summary.
@@ -87,6 +101,7 @@ class RunResults:
 
     record: RunRecord
     rows: list[ResultRow]
+    used_settings: dict[str, UsedSettings]
     summaries: list[MethodSummary]
     by_recording: dict[str, list[MethodSummary]]
     sweeps: dict[str, SweepFigures]
@@ -136,32 +151,37 @@ def results_of(
     finished = list(finished)
     rows = sorted(rows, key=lambda row: (row.recording, row.number, row.method))
     summaries = summarize(rows, record.method_names)
-    rows_of: dict[str, list[ResultRow]] = {one.name: [] for one in record.recordings}
-    for row in rows:
-        rows_of.setdefault(row.recording, []).append(row)
-    focus = _method_under_test(record, summaries, focus)
+    names = (one.name for one in record.recordings)
+    by_recording = summarize_each(rows, names, record.method_names)
+    known = list(dict.fromkeys([*record.method_names, *(one.method for one in summaries)]))
+    focus = _method_under_test(record, known, summaries, focus)
+    used = {method: record.used_settings(method) for method in (*known, focus)}
     own = [row for row in rows if row.method == focus]
+    errors_m = {one.method: errors_of(rows, one.method, "all") for one in summaries}
     return RunResults(
         record=record,
         rows=rows,
+        used_settings=used,
         summaries=summaries,
-        by_recording={name: summarize(own, record.method_names) for name, own in rows_of.items()},
-        sweeps={one.method: _sweep_figures(rows, one.method) for one in summaries},
-        protocol=protocol_text(record, summaries),
+        by_recording=by_recording,
+        protocol=protocol_text(record, summaries, used),
         notes=[*unfinished_notes(record, finished, rows), *notes_of(record, finished, rows)],
-        focus=focus,
-        worst=_worst_first(own),
-        missed=_missed_movers(own),
         common=common_sweeps(rows, summaries),
         differences=differences(rows, focus, [one.method for one in summaries]),
+        focus=focus,
+        sweeps={name: _sweep_figures(rows, name, errors) for name, errors in errors_m.items()},
+        worst=_worst_first(own),
+        missed=_missed_movers(own),
         failures=_failures(rows),
     )
 
 
 def _method_under_test(
-    record: RunRecord, summaries: Sequence[MethodSummary], wanted: str | None
+    record: RunRecord,
+    known: Sequence[str],
+    summaries: Sequence[MethodSummary],
+    wanted: str | None,
 ) -> str:
-    known = list(dict.fromkeys([*record.method_names, *(one.method for one in summaries)]))
     if wanted is not None:
         if wanted not in known:
             raise EvaluationError(f"has no method {wanted!r}; it has {', '.join(known) or 'none'}")
@@ -202,12 +222,14 @@ def _failures(rows: Iterable[ResultRow]) -> list[Failures]:
     return sorted(found, key=lambda one: -one.number)
 
 
-def _sweep_figures(rows: Sequence[ResultRow], method: str) -> SweepFigures:
+def _sweep_figures(
+    rows: Sequence[ResultRow], method: str, errors_m: dict[SweepKey, float]
+) -> SweepFigures:
     own = [row for row in rows if row.method == method]
     counts = [row.error_counts for row in own if row.error_counts]
     totals = np.sum(counts, axis=0) if counts else np.zeros(0)
     shares: list[float] = (totals / max(1, totals.sum())).tolist()
-    return SweepFigures(errors_of(own, method, "all"), shares, _stage_times_ms(own))
+    return SweepFigures(errors_m, shares, _stage_times_ms(own))
 
 
 def _stage_times_ms(rows: Iterable[ResultRow]) -> dict[str, float]:

@@ -5,17 +5,26 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
+from mnsf_ros.drawing.charts import time_text
+from mnsf_ros.evaluation.metrics import NO_ERRORS, FlowErrors
 from mnsf_ros.evaluation.paired import PairedDifference
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.results import MethodSummary, ResultRow
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import consistency_table, errors_table, further_tables, main_tables
+from mnsf_ros.report.tables import (
+    ERRORS,
+    consistency_table,
+    further_tables,
+    main_tables,
+    work_table,
+)
 from mnsf_ros.report.text_table import (
     NO_VALUE,
     Column,
+    Table,
     TextTable,
     format_number,
     format_percent,
-    table_of,
+    made_tables,
 )
 
 _NUM_LISTED: Final = 10
@@ -23,53 +32,56 @@ _NANOSECONDS: Final = 1e9
 
 
 class RunTables(NamedTuple):
-    """The tables of a run, without those that would be empty.
+    """The tables of a run, without those that say nothing.
 
     Attributes:
-        main: Those that everybody wants to see, at the end that of consistency.
+        main: Those that everybody wants to see.
+        consistency: Figures that need no truth, at most one table.
         comparison: What can be compared fairly: common sweeps, and differences on the same sweeps.
         further: Those for readers who look closer.
-        consistency: Figures that need no truth.
-        worst: The worst sweeps of the method under test.
-        missed: The movers that it missed most often.
+        work: How many examples there were, and what became of them; it is in `further`, too.
+        worst: The worst sweeps of the method under test, at most one table.
+        missed: The movers that it missed most often, likewise.
     """
 
     main: list[TextTable]
+    consistency: list[TextTable]
     comparison: list[TextTable]
     further: list[TextTable]
-    consistency: TextTable | None
-    worst: TextTable | None
-    missed: TextTable | None
+    work: list[TextTable]
+    worst: list[TextTable]
+    missed: list[TextTable]
 
 
 def tables_of(results: RunResults) -> RunTables:
     """Returns the tables of a run."""
-    main, consistency = main_tables(results.summaries), consistency_table(results.summaries)
-    comparison = (common_table(results), differences_table(results))
-    return RunTables(
-        main=[*main, *([] if consistency is None else [consistency])],
-        comparison=[table for table in comparison if table is not None],
-        further=further_tables(results.summaries),
-        consistency=consistency,
-        worst=worst_table(results),
-        missed=missed_table(results),
+    summaries = results.summaries
+    tables = (
+        main_tables(summaries),
+        [consistency_table(summaries)],
+        [*common_tables(results), differences_table(results)],
+        further_tables(summaries),
+        [work_table(summaries)],
+        [worst_table(results)],
+        [missed_table(results)],
     )
+    return RunTables(*(made_tables(one) for one in tables))
 
 
-def common_table(results: RunResults) -> TextTable | None:
-    """Returns errors on the sweeps that every method answered; None if all answered the same."""
+def common_tables(results: RunResults) -> list[Table]:
+    """Returns errors on the sweeps that every method answered, if not all answered the same."""
     common = results.common
     if common is None:
-        return None
+        return []
     title = (
         f"The same sweeps for all methods: the {common.num_common} of {common.num_sweeps} that "
         "each of them answered. The tables above compare different sweeps"
     )
-    return errors_table(common.errors, title=title)
+    return [Table(title, list(common.errors.items()), ERRORS, says_enough=True)]
 
 
-def differences_table(results: RunResults) -> TextTable | None:
-    """Returns by how much the method under test is better than each other one; None without."""
+def differences_table(results: RunResults) -> Table:
+    """Returns by how much the method under test is better than each other one."""
     focus = results.focus
     columns = (
         Column("sweeps", lambda one: str(one.num_sweeps)),
@@ -84,12 +96,12 @@ def differences_table(results: RunResults) -> TextTable | None:
         f"that of {focus} (paired; bootstrap over blocks of consecutive sweeps)"
     )
     rows = [(f"{method}, {group}", one) for (method, group), one in results.differences.items()]
-    return table_of(rows, columns, title, "against") if rows else None
+    return Table(title, rows, columns, "against")
 
 
 def _interval_text(difference: PairedDifference) -> str:
     if math.isnan(difference.low_m):
-        return format_number(math.nan, 3)
+        return NO_VALUE
     return f"{_signed(difference.low_m)} to {_signed(difference.high_m)}"
 
 
@@ -98,49 +110,81 @@ def _signed(value_m: float) -> str:
     return f"{round(value_m, 3) + 0.0:+.3f}"
 
 
-def worst_table(results: RunResults) -> TextTable | None:
-    """Returns the figures of the worst sweeps; None if none can be judged."""
-    worst = results.worst
-    if not worst:
-        return None
-    has_truth = any(row.errors for row in worst)
-    header = ["sweep", "points"]
-    header += ["EPE (m)", "Acc5 (%)", "dynamic EPE (m)"] if has_truth else []
-    header += ["to next sweep (m)", "time (ms)"]
-    listed = [_cells(row, has_truth) for row in worst[:_NUM_LISTED]]
-    title = f"The worst {len(listed)} of {len(worst)} sweeps of {results.focus}"
-    return TextTable(header, listed, title)
+def _errors(row: ResultRow, group: str) -> FlowErrors:
+    return row.errors.get(group, NO_ERRORS)
 
 
-def _cells(row: ResultRow, has_truth: bool) -> list[str]:
-    cells = [f"{row.recording}, sweep {row.number}", f"{row.num_points:,}"]
-    if has_truth:
-        errors, dynamic = row.errors.get("all"), row.errors.get("dynamic")
-        cells += [
-            "-" if errors is None else format_number(errors.epe_m, 3),
-            "-" if errors is None else format_percent(errors.acc5),
-            "-" if dynamic is None else format_number(dynamic.epe_m, 3),
-        ]
-    nearest_m = row.consistency.get("nearest_m", math.nan)
-    return [*cells, format_number(nearest_m, 3), format_number(row.time_ms, 0)]
+_POINTS: Final = Column("points", lambda row: f"{row.num_points:,}")
+_WORST_ERRORS: Final = (
+    Column("EPE (m)", lambda row: format_number(_errors(row, "all").epe_m, 3)),
+    Column("Acc5 (%)", lambda row: format_percent(_errors(row, "all").acc5)),
+    Column("dynamic EPE (m)", lambda row: format_number(_errors(row, "dynamic").epe_m, 3)),
+)
+_NEAREST: Final = Column(
+    "to next sweep (m)", lambda row: format_number(row.consistency.get("nearest_m", math.nan), 3)
+)
+_TIME: Final = Column("time (ms)", lambda row: format_number(row.time_ms, 0))
 
 
-def missed_table(results: RunResults) -> TextTable | None:
-    """Returns the movers that were missed most often; None if none were."""
-    header = ["mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by"]
-    listed = [
-        [
-            f"{one.row.recording}: {one.item.kind}",
-            str(one.num_sweeps),
-            f"{one.row.stamp_ns / _NANOSECONDS:.3f}",
-            ", ".join(f"{value:.1f}" for value in one.item.place_m),
-            f"{one.item.speed_m_s:.1f}",
-            f"{one.item.num_points:,}",
-            NO_VALUE if one.item.lost_by is None else one.item.lost_by.value,
-        ]
-        for one in results.missed[:_NUM_LISTED]
-    ]
+def worst_table(results: RunResults) -> Table:
+    """Returns the figures of the worst sweeps."""
+    listed = results.worst[:_NUM_LISTED]
+    has_truth = any(row.errors for row in results.worst)
+    columns = (_POINTS, *(_WORST_ERRORS if has_truth else ()), _NEAREST, _TIME)
+    title = f"The worst {len(listed)} of {len(results.worst)} sweeps of {results.focus}"
+    rows = [(f"{row.recording}, sweep {row.number}", row) for row in listed]
+    return Table(title, rows, columns, "sweep")
+
+
+_MISSED: Final = (
+    Column("sweeps", lambda one: str(one.num_sweeps)),
+    Column("stamp (s)", lambda one: f"{one.row.stamp_ns / _NANOSECONDS:.3f}"),
+    Column("x, y (m)", lambda one: ", ".join(f"{value:.1f}" for value in one.item.place_m)),
+    Column("speed (m/s)", lambda one: f"{one.item.speed_m_s:.1f}"),
+    Column("points", lambda one: f"{one.item.num_points:,}"),
+    Column("lost by", lambda one: one.lost_by),
+)
+
+
+def missed_table(results: RunResults) -> Table:
+    """Returns the movers that were missed most often."""
+    listed = results.missed[:_NUM_LISTED]
+    rows = [(f"{one.row.recording}: {one.item.kind}", one) for one in listed]
     title = (
         f"Movers that {results.focus} missed in most sweeps (mnsf explain tells more of a place)"
     )
-    return TextTable(header, listed, title) if listed else None
+    return Table(title, rows, _MISSED, "mover")
+
+
+def tiles_of(results: RunResults) -> list[tuple[str, str]]:
+    """Returns what the method under test achieved in a few large figures, each with what it is."""
+    own = (one for one in results.summaries if one.method == results.focus)
+    return [tile for summary in own for tile in _tiles(summary)]
+
+
+def _tiles(summary: MethodSummary) -> list[tuple[str, str]]:
+    figures = []
+    errors, dynamic = summary.errors.get("all"), summary.errors.get("dynamic")
+    if errors is not None and errors.num_points > 0:
+        figures += [
+            (f"{errors.epe_m:.3f} m", "mean end point error"),
+            (f"{format_percent(errors.acc5)} %", "points within 5 cm or 5 %"),
+        ]
+        if dynamic is not None and dynamic.num_points > 0:
+            figures.append((f"{dynamic.epe_m:.3f} m", "error of dynamic points"))
+    elif summary.consistency:
+        for key, text in (
+            ("nearest_m", "moved points to the next sweep"),
+            ("zero_nearest_m", "the same without any flow"),
+            ("cycle_m", "forward-backward disagreement"),
+        ):
+            value = summary.consistency.get(key, math.nan)
+            if not math.isnan(value):
+                figures.append((f"{value:.3f} m", text))
+    figures.append((time_text(summary.time_ms), "run time per sweep"))
+    if not math.isnan(summary.latency_ms):
+        figures.append((time_text(summary.latency_ms), "from sweep to flow"))
+    figures.append((f"{summary.num_examples:,}", "flows"))
+    if summary.num_dropped or summary.num_failed:
+        figures.append((f"{summary.num_dropped} / {summary.num_failed}", "dropped / failed"))
+    return figures

@@ -1,27 +1,28 @@
-"""The tables of a run, for people."""
+"""The tables of methods, for people."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Final
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
 
 from mnsf_ros.evaluation.argoverse_metrics import DYNAMIC, STATIC, THREE_WAY
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup
+from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup, MoverSummary
 from mnsf_ros.evaluation.movers import LostBy
 from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.report.text_table import (
-    NO_VALUE,
     Better,
     Column,
+    Table,
     TextTable,
     format_number,
     format_percent,
-    table_of,
+    made_table,
 )
 
-_ERRORS: Final = (
+# The paper's column order.
+ERRORS: Final = (
     Column("EPE (m)", lambda one: format_number(one.epe_m, 3), min),
     Column("Acc5 (%)", lambda one: format_percent(one.acc5), max),
     Column("Acc10 (%)", lambda one: format_percent(one.acc10), max),
@@ -56,6 +57,11 @@ _WORK: Final = (
     Column("warm starts", lambda one: str(one.starts.get("warm", 0))),
     Column("out of time", lambda one: str(one.stop_reasons.get("time_budget", 0))),
 )
+_CONSISTENCY: Final = {
+    "nearest_m": "nearest point, moved (m)",
+    "zero_nearest_m": "nearest point, unmoved (m)",
+    "cycle_m": "there and back (m)",
+}
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
@@ -75,154 +81,150 @@ def errors_table(
     `times_ms` has the wall time of one estimate for each row; None leaves the column out, and a row
     that is missing, or NaN, gets a dash.
     """
-    table = table_of(errors.items(), _ERRORS, title, row_title)
+    return made_table(_errors(errors, title, row_title, times_ms))
+
+
+def _errors(
+    errors: Mapping[str, FlowErrors],
+    title: str,
+    row_title: str = "method",
+    times_ms: Mapping[str, float] | None = None,
+) -> Table:
     if times_ms is None:
-        return table
-    times = (format_number(times_ms.get(name, math.nan), 0) for name in errors)
-    return table.with_column("time (ms)", times, min)
+        return Table(title, list(errors.items()), ERRORS, row_title)
+    rows = [(name, (one, times_ms.get(name, math.nan))) for name, one in errors.items()]
+    columns = [one._replace(cell=_of_first(one.cell)) for one in ERRORS]
+    time = Column("time (ms)", lambda pair: format_number(pair[1], 0), min)
+    return Table(title, rows, (*columns, time), row_title)
 
 
-def main_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
-    """Returns the tables that everybody wants to see, without those that would be empty."""
-    objects = objects_table(summaries, (FAST, SLOW))
-    tables = [*group_tables(summaries), movers_table(summaries), tracked_table(summaries), objects]
-    return [table for table in tables if table is not None]
+def _of_first(cell: Callable[[Any], str]) -> Callable[[Any], str]:
+    return lambda pair: cell(pair[0])
 
 
-def group_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
-    """Returns the errors of all, dynamic and static points, without tables that would be empty."""
-    tables = []
+def main_tables(summaries: Sequence[MethodSummary]) -> list[Table]:
+    """Returns the tables that everybody wants to see."""
+    movers = _movers_of(summaries)
+    return [
+        *_group_tables(summaries),
+        Table("Points called dynamic, and false movers", movers, _MOVERS),
+        Table("Tracked objects (median; after a stop: longest time)", movers, _TRACKED),
+        _objects(summaries, (FAST, SLOW)),
+    ]
+
+
+def _movers_of(summaries: Iterable[MethodSummary]) -> list[tuple[str, MoverSummary]]:
+    """What is known of movers, of each method of which anything is."""
+    return [(one.method, one.movers) for one in summaries if one.movers is not None]
+
+
+def _group_tables(summaries: Sequence[MethodSummary]) -> Iterator[Table]:
+    """The errors of all, dynamic and static points."""
     for group, words in _GROUP_TITLES.items():
         errors = {s.method: s.errors[group] for s in summaries if group in s.errors}
         counts = sorted({item.num_points for item in errors.values()})
         if any(counts):
             points = " to ".join(f"{count:,}" for count in dict.fromkeys(counts[:1] + counts[-1:]))
             times_ms = {s.method: s.time_ms for s in summaries} if group == "all" else None
-            title = f"{words} ({points} points)"
-            tables.append(errors_table(errors, title=title, times_ms=times_ms))
-    return tables
+            yield _errors(errors, f"{words} ({points} points)", times_ms=times_ms)
 
 
-def movers_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    """Returns how right methods are about what moves; None if nothing is known of that."""
-    rows = [(one.method, one.movers) for one in summaries if one.movers is not None]
-    return table_of(rows, _MOVERS, "Points called dynamic, and false movers") if rows else None
-
-
-def tracked_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    """Returns how right methods are about tracked objects; None if nothing is known of that."""
-    rows = [(one.method, one.movers) for one in summaries if one.movers is not None]
-    table = table_of(rows, _TRACKED, "Tracked objects (median; after a stop: longest time)")
-    is_known = any(cell != NO_VALUE for row in table.rows for cell in row[1:])
-    return table if is_known else None
-
-
-def objects_table(
-    summaries: Sequence[MethodSummary], groups: Sequence[MoverGroup]
-) -> TextTable | None:
-    """Returns how well movers are found and followed; None without object ids in the truth."""
+def _objects(summaries: Iterable[MethodSummary], groups: Collection[MoverGroup]) -> Table:
+    """How well movers are found and followed."""
     rows = [
-        (f"{summary.method}: {group.name}", known)
-        for summary in summaries
-        if summary.movers is not None
+        (f"{method}: {group.name}", movers.groups[group.name])
+        for method, movers in _movers_of(summaries)
         for group in groups
-        if (known := summary.movers.groups.get(group.name)) is not None
+        if group.name in movers.groups
     ]
-    title = "Objects that move, of 20 points and more"
-    return table_of(rows, _OBJECTS, title, "movers") if rows else None
+    return Table("Objects that move, of 20 points and more", rows, _OBJECTS, "movers")
 
 
-def losses_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    """Returns what lost movers; None if none were lost, or nobody says why."""
-    lost = {s.method: s.movers.lost for s in summaries if s.movers is not None}
-    known = [one.value for one in LostBy if any(one.value in own for own in lost.values())]
-    rows = [[method, *(str(own.get(name, 0)) for name in known)] for method, own in lost.items()]
-    title = "Mover-sweeps in which a mover was not found, by the step that lost it (to 50 m)"
-    return TextTable(["method", *known], rows, title) if known else None
+def consistency_table(summaries: Iterable[MethodSummary]) -> Table:
+    """Returns the figures that need no truth."""
+    rows = [(one.method, one.consistency) for one in summaries]
+    columns = [_value(key, title, better=None) for key, title in _CONSISTENCY.items()]
+    return Table("Self-consistency (needs no truth)", rows, columns)
 
 
-def confidence_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    """Returns whether points called dynamic deserve their confidence; None if there are none."""
-    bands = dict.fromkeys(
-        band for s in summaries if s.movers is not None for band in s.movers.confidence
-    )
-    values: dict[str, dict[str, float]] = {}
-    for summary in summaries:
-        if summary.movers is not None:
-            known = summary.movers.confidence.items()
-            values[f"{summary.method}: mean"] = {band: said for band, (said, _, _) in known}
-            values[f"{summary.method}: deserved"] = {band: share for band, (_, share, _) in known}
-    title = (
-        "Confidence of points called dynamic: mean, and share of points with less than 0.1 m of "
-        "error, by bands of confidence"
-    )
-    columns = {band: f"from {band}" for band in sorted(bands, key=float)}
-    return _values_table(title, values, columns, better=None)
-
-
-def consistency_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
-    """Returns the figures that need no truth; None if there are none."""
-    columns = {
-        "nearest_m": "nearest point, moved (m)",
-        "zero_nearest_m": "nearest point, unmoved (m)",
-        "cycle_m": "there and back (m)",
-    }
-    values = {s.method: s.consistency for s in summaries}
-    return _values_table("Self-consistency (needs no truth)", values, columns, better=None)
-
-
-def further_tables(summaries: Sequence[MethodSummary]) -> list[TextTable]:
-    """Returns the tables for those who look closer, without those that would be empty."""
-    tables = [
-        _values_table(
+def further_tables(summaries: Sequence[MethodSummary]) -> list[Table]:
+    """Returns the tables for those who look closer."""
+    return [
+        Table(
             "Three-way EPE (m) of Argoverse 2, over all points of all examples",
-            {s.method: s.three_way_epe_m for s in summaries},
-            {name: name for name in (*THREE_WAY, "mean")},
-            decimals=4,
+            [(one.method, one.three_way_epe_m) for one in summaries],
+            [_value(name, name, decimals=4) for name in (*THREE_WAY, "mean")],
         ),
-        _bucketed_table(summaries),
-        _bins_table("EPE (m) in bins of range", {s.method: s.by_range for s in summaries}, "m"),
-        _bins_table(
+        _bucketed(summaries),
+        _bins("EPE (m) in bins of range", {s.method: s.by_range for s in summaries}, "m"),
+        _bins(
             "EPE (m) in bins of true speed without ego motion",
             {s.method: s.by_speed for s in summaries},
             "m/s",
         ),
-        objects_table(summaries, MOVER_GROUPS[2:]),
+        _objects(summaries, MOVER_GROUPS[2:]),
         losses_table(summaries),
         confidence_table(summaries),
         work_table(summaries),
     ]
-    return [table for table in tables if table is not None]
 
 
-def work_table(summaries: Sequence[MethodSummary]) -> TextTable:
+def losses_table(summaries: Iterable[MethodSummary]) -> Table:
+    """Returns what lost movers, as far as anybody says why."""
+    rows = _movers_of(summaries)
+    known = [one.value for one in LostBy if any(one.value in own.lost for _, own in rows)]
+    title = "Mover-sweeps in which a mover was not found, by the step that lost it (to 50 m)"
+    return Table(title, rows, [Column(name, _count(name)) for name in known])
+
+
+def _count(name: str) -> Callable[[MoverSummary], str]:
+    return lambda movers: str(movers.lost.get(name, 0))
+
+
+def confidence_table(summaries: Iterable[MethodSummary]) -> Table:
+    """Returns whether points called dynamic deserve their confidence."""
+    rows: list[tuple[str, dict[str, float]]] = []
+    for method, movers in _movers_of(summaries):
+        known = movers.confidence.items()
+        rows.append((f"{method}: mean", {band: said for band, (said, _, _) in known}))
+        rows.append((f"{method}: deserved", {band: share for band, (_, share, _) in known}))
+    title = (
+        "Confidence of points called dynamic: mean, and share of points with less than 0.1 m of "
+        "error, by bands of confidence"
+    )
+    bands = sorted({band for _, own in rows for band in own}, key=float)
+    return Table(title, rows, [_value(band, f"from {band}", better=None) for band in bands])
+
+
+def work_table(summaries: Iterable[MethodSummary]) -> Table:
     """Returns how many examples there were, what became of them and how long they took."""
     title = "Examples (out of time: optimizations ended by their time budget)"
-    return table_of(((one.method, one) for one in summaries), _WORK, title)
+    return Table(title, [(one.method, one) for one in summaries], _WORK)
 
 
-def _bucketed_table(summaries: Sequence[MethodSummary]) -> TextTable | None:
+def _bucketed(summaries: Sequence[MethodSummary]) -> Table:
     # The mean over the classes comes last.
     classes = dict.fromkeys(name for s in summaries for name in s.bucketed if name != "mean")
-    columns = [f"{name} {kind}" for name in (*classes, "mean") for kind in (DYNAMIC, STATIC)]
-    return _values_table(
+    names = [f"{name} {kind}" for name in (*classes, "mean") for kind in (DYNAMIC, STATIC)]
+    rows = [
+        (
+            s.method,
+            {f"{name} {k}": x for name, own in s.bucketed.items() for k, x in own.items()},
+        )
+        for s in summaries
+    ]
+    title = (
         "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
-        "dynamic (1: ego motion only) and static (m)",
-        {
-            s.method: {f"{name} {k}": x for name, own in s.bucketed.items() for k, x in own.items()}
-            for s in summaries
-        },
-        dict(zip(columns, columns, strict=True)),
+        "dynamic (1: ego motion only) and static (m)"
     )
+    return Table(title, rows, [_value(name, name) for name in names])
 
 
-def _bins_table(
-    title: str, bins: Mapping[str, Mapping[str, FlowErrors]], unit: str
-) -> TextTable | None:
+def _bins(title: str, bins: Mapping[str, Mapping[str, FlowErrors]], unit: str) -> Table:
     limits = sorted({limit for errors in bins.values() for limit in errors}, key=float)
-    values = {name: {x: item.epe_m for x, item in own.items()} for name, own in bins.items()}
-    names = (f"{name} {unit}" for name in bin_names(limits))
-    return _values_table(title, values, dict(zip(limits, names, strict=True)))
+    rows = [(name, {x: item.epe_m for x, item in own.items()}) for name, own in bins.items()]
+    names = zip(limits, bin_names(limits), strict=True)
+    return Table(title, rows, [_value(limit, f"{name} {unit}") for limit, name in names])
 
 
 def bin_names(limits: Sequence[str]) -> list[str]:
@@ -234,23 +236,10 @@ def bin_names(limits: Sequence[str]) -> list[str]:
     return names
 
 
-def _values_table(
-    title: str,
-    values: Mapping[str, Mapping[str, float]],
-    columns: Mapping[str, str],
-    *,
-    decimals: int = 3,
-    better: Better | None = min,
-) -> TextTable | None:
-    """Method to key to value as a table, without columns without values; None if there are none."""
-    known = [
-        key for key in columns if not all(math.isnan(v.get(key, math.nan)) for v in values.values())
-    ]
-    if not known:
-        return None
-    rows = [
-        [method, *(format_number(own.get(key, math.nan), decimals) for key in known)]
-        for method, own in values.items()
-    ]
-    header = ["method", *(columns[key] for key in known)]
-    return TextTable(header, rows, title, [None, *[better] * len(known)])
+def _value(key: str, title: str, *, decimals: int = 3, better: Better | None = min) -> Column:
+    """A column of one of the values that rows have by name, if any row has it."""
+
+    def cell(values: Mapping[str, float]) -> str:
+        return format_number(values.get(key, math.nan), decimals)
+
+    return Column(title, cell, better, is_optional=True)

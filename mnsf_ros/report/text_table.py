@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.table import Table
+from rich.table import Table as RichTable
 from rich.text import Text
 
 from mnsf_ros.errors import EvaluationError
@@ -63,10 +63,22 @@ class TextTable:
                     f"expected {len(self.header)}: {tuple(self.header)!r}"
                 )
 
-    def with_column(self, title: str, cells: Iterable[str], better: Better | None) -> TextTable:
-        """Returns the table with one more column at its right end."""
-        rows = [[*row, cell] for row, cell in zip(self.rows, cells, strict=True)]
-        return TextTable([*self.header, title], rows, self.title, [*self.better, better])
+    def best_cells(self, references: Iterable[str]) -> set[tuple[int, int]]:
+        """Returns row and column of the best values: of columns that have one, if rows compete.
+
+        Rows of references only show what an error is worth, and never are the best.
+        """
+        best = set()
+        for column, better in enumerate(self.better):
+            values = {
+                place: float(row[column])
+                for place, row in enumerate(self.rows)
+                if better and row[0] not in references and _has_value(row[column])
+            }
+            if better and len(set(values.values())) > 1:
+                best_value = better(values.values())
+                best |= {(place, column) for place, value in values.items() if value == best_value}
+        return best
 
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""
@@ -97,9 +109,9 @@ class TextTable:
             more = " (continued)" if number and self.title else ""
             yield self._drawn(block, f"{self.title}{more}")
 
-    def _drawn(self, block: Block, title: str) -> Table:
+    def _drawn(self, block: Block, title: str) -> RichTable:
         # Text, not str: rich would take a method called "[a]" for markup and swallow it.
-        table = Table(title=Text(title) if title else None, title_justify="left")
+        table = RichTable(title=Text(title) if title else None, title_justify="left")
         for place, width in block:
             table.add_column(
                 Text(self.header[place]),
@@ -145,24 +157,69 @@ class TextTable:
 
 
 class Column(NamedTuple):
-    """A column of a table: its title, the cell of a row, and what chooses its best value."""
+    """A column of a table.
+
+    Attributes:
+        title: What it shows, with unit.
+        cell: Makes the cell of a row from what the row shows.
+        better: Chooses its best value; None if there is none.
+        is_optional: Whether it is left out where no row has a value.
+    """
 
     title: str
     cell: Callable[[Any], str]
     better: Better | None = None
+    is_optional: bool = False
 
 
-def table_of(
-    rows: Iterable[tuple[str, Any]],
-    columns: Sequence[Column],
-    title: str = "",
-    row_title: str = "method",
-) -> TextTable:
-    """Returns a table of rows that are given as their names and what they show."""
-    cells = [[name, *(column.cell(row) for column in columns)] for name, row in rows]
-    header = [row_title, *(column.title for column in columns)]
-    better = [None, *(column.better for column in columns)]
-    return TextTable(header, cells, title, better)
+class Table(NamedTuple):
+    """A table whose cells are still to be made.
+
+    Attributes:
+        title: What it shows.
+        rows: The name of each row, and what columns make its cells of.
+        columns: All but that of the names.
+        row_title: What the names are.
+        says_enough: Whether its title is worth a table in which nothing has a value.
+    """
+
+    title: str
+    rows: Sequence[tuple[str, Any]]
+    columns: Sequence[Column]
+    row_title: str = "method"
+    says_enough: bool = False
+
+
+def made_tables(tables: Iterable[Table]) -> list[TextTable]:
+    """Makes the cells of tables; those that say nothing are left out."""
+    made = [(table, made_table(table)) for table in tables]
+    return [one for table, one in made if table.says_enough or _has_values(one)]
+
+
+def _has_values(table: TextTable) -> bool:
+    return any(_has_value(cell) for row in table.rows for cell in row[1:])
+
+
+def made_table(table: Table) -> TextTable:
+    """Makes the cells of a table."""
+    cells = [[column.cell(row) for _, row in table.rows] for column in table.columns]
+    kept = [
+        (column, own)
+        for column, own in zip(table.columns, cells, strict=True)
+        if not column.is_optional or any(map(_has_value, own))
+    ]
+    return TextTable(
+        header=[table.row_title, *(column.title for column, _ in kept)],
+        rows=[
+            [name, *(own[number] for _, own in kept)] for number, (name, _) in enumerate(table.rows)
+        ],
+        title=table.title,
+        better=[None, *(column.better for column, _ in kept)],
+    )
+
+
+def _has_value(cell: str) -> bool:
+    return cell != NO_VALUE
 
 
 def format_number(value: float, decimals: int) -> str:

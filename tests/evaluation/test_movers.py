@@ -23,13 +23,14 @@ from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
 from mnsf_ros.report.results_files import results_csv
 from mnsf_ros.report.run_results import results_of
-from mnsf_ros.report.run_tables import missed_table
+from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.report.tables import (
     confidence_table,
     further_tables,
     losses_table,
     main_tables,
 )
+from mnsf_ros.report.text_table import made_tables
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 N = 100
@@ -287,12 +288,16 @@ def test_tables_and_csv_tell_of_movers():
         scored_row(one, "mnsf", FlowEstimate(flow, kept)),
     ]
     summaries = summarize(rows)
-    titles = [table.title for table in main_tables(summaries)]
+    titles = [table.title for table in made_tables(main_tables(summaries))]
     assert any(title.startswith("Points called dynamic") for title in titles)
     assert "Objects that move, of 20 points and more" in titles
-    assert any("cars" in row[0] for table in further_tables(summaries) for row in table.rows)
-    assert confidence_table(summaries).header == ["method", "from 0.95"]
-    assert not any("called" in table.title for table in main_tables(summarize(rows[1:])))
+    assert any(
+        "cars" in row[0] for table in made_tables(further_tables(summaries)) for row in table.rows
+    )
+    (table,) = made_tables([confidence_table(summaries)])
+    assert table.header == ["method", "from 0.95"]
+    titles = [table.title for table in made_tables(main_tables(summarize(rows[1:])))]
+    assert not any("called" in title for title in titles)
 
 
 def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
@@ -358,14 +363,14 @@ def test_movers_that_were_missed_most_often_come_first():
         for number, who in enumerate([1, 2, 2, 1, 2])
     ]
     record = RunRecord(small.options(), small.methods_of(["online", "mnsf"]), [], [small.SESSION])
-    table = missed_table(results_of(record, rows))
+    (table,) = tables_of(results_of(record, rows)).missed
     assert [row[:3] for row in table.rows] == [
         ["drive: car", "3", "1.000"],
         ["drive: car", "2", "0.000"],
     ]
-    assert missed_table(results_of(record, rows, focus="mnsf")) is None
+    assert tables_of(results_of(record, rows, focus="mnsf")).missed == []
     found = [replace(rows[0], movers=seen(True)), replace(rows[1], movers=None)]
-    assert missed_table(results_of(record, found)) is None
+    assert tables_of(results_of(record, found)).missed == []
 
 
 def test_table_of_losses():
@@ -375,6 +380,6 @@ def test_table_of_losses():
         truth, over_ground, np.arange(N), np.zeros(N), lambda _: Reason(Verdict.TOO_LARGE)
     )
     rows = [ResultRow("drive", 1, 1, "online", N, movers=row)]
-    table = losses_table(summarize(rows))
+    (table,) = made_tables([losses_table(summarize(rows))])
     assert (table.header, table.rows) == (["method", "too large"], [["online", "1"]])
-    assert losses_table(summarize([replace(rows[0], movers=None)])) is None
+    assert made_tables([losses_table(summarize([replace(rows[0], movers=None)]))]) == []

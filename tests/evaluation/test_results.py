@@ -26,13 +26,14 @@ from mnsf_ros.evaluation.results import (
 )
 from mnsf_ros.evaluation.run_files import WritingError
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import git_commit
+from mnsf_ros.evaluation.run_record import RunRecord, git_commit
 from mnsf_ros.presets import preset
-from mnsf_ros.report.notes import NoteKind, nearest_preset, notes_of, protocol_text
+from mnsf_ros.report.notes import NoteKind, notes_of, protocol_text
 from mnsf_ros.report.results_files import results_csv, results_markdown, write_results
 from mnsf_ros.report.run_results import read_results, results_of
 from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.report.tables import consistency_table, further_tables, main_tables
+from mnsf_ros.report.text_table import made_tables
 
 NAN = math.nan
 
@@ -107,7 +108,7 @@ def test_mean_leaves_out_what_is_no_number():
 
 
 def test_tables_have_the_columns_of_the_paper():
-    table, *_ = main_tables(summarize([row(1, 0.1)]))
+    table, *_ = made_tables(main_tables(summarize([row(1, 0.1)])))
     assert list(table.header) == [
         "method",
         "EPE (m)",
@@ -122,20 +123,20 @@ def test_tables_have_the_columns_of_the_paper():
 
 
 def test_tables_without_content_are_left_out():
-    titles = [table.title for table in main_tables(summarize([row(1, 0.1)]))]
+    titles = [table.title for table in made_tables(main_tables(summarize([row(1, 0.1)])))]
     assert len(titles) == 2
     assert not any("Dynamic" in title for title in titles)
     no_truth = replace(row(1, 0.1), errors={}, consistency={"nearest_m": 0.1})
-    assert main_tables(summarize([no_truth])) == []
-    only = consistency_table(summarize([no_truth]))
+    assert made_tables(main_tables(summarize([no_truth]))) == []
+    (only,) = made_tables([consistency_table(summarize([no_truth]))])
     assert "needs no truth" in only.title
-    (work,) = further_tables(summarize([no_truth]))
+    (work,) = made_tables(further_tables(summarize([no_truth])))
     assert "Examples" in work.title
 
 
 def test_bands_are_in_order():
     bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
-    tables = further_tables(summarize([row(1, 0.1, **bands)]))
+    tables = made_tables(further_tables(summarize([row(1, 0.1, **bands)])))
     (table,) = [table for table in tables if "of range" in table.title]
     assert list(table.header) == ["method", "0–10 m", "10–80 m", "80+ m"]
     assert list(table.rows[0]) == ["mnsf", "0.100", "0.400", "0.500"]
@@ -249,7 +250,7 @@ def test_differing_numbers_of_examples_and_time_budgets_are_told(results):
         replace(found.summaries[0], num_examples=2, num_failed=1),
         replace(found.summaries[1], stop_reasons={"time_budget": 4}),
     ]
-    text = " ".join(protocol_text(found.record, summaries))
+    text = " ".join(protocol_text(found.record, summaries, found.used_settings))
     assert "over 2 to 3 examples" in text
     assert "Examples without a flow, not in any mean: 1" in text
     assert "Methods differ in the number of examples" in text
@@ -281,7 +282,7 @@ def test_way_back_has_a_column_only_where_somebody_went_it(cycles, columns):
         replace(row(1, 0.1, method), consistency={"nearest_m": 0.2, "zero_nearest_m": 0.3, **cycle})
         for method, cycle in zip(("zero", "mnsf"), cycles, strict=True)
     ]
-    table = consistency_table(summarize(rows, ["zero", "mnsf"]))
+    (table,) = made_tables([consistency_table(summarize(rows, ["zero", "mnsf"]))])
     assert len(table.header) == columns
     assert ("there and back (m)" in table.header) == (columns == 4)
 
@@ -378,7 +379,8 @@ def test_full_disk_costs_no_earlier_results(results):
 )
 def test_settings_are_told_by_the_nearest_preset(preset_name, changes):
     known = EvaluationOptions(preset(preset_name).changed(changes))
-    assert nearest_preset(known.settings) == (preset_name, changes)
+    used = RunRecord(known, [], [], []).used_settings(known.settings.method.name)
+    assert used == (known.settings, preset_name, changes)
 
 
 @pytest.mark.parametrize(
@@ -398,7 +400,7 @@ def test_it_is_told_what_the_ground_was_known_from(results, ground, truths, said
         options=replace(found.record.options, ground=ground),
         recordings=[replace(one, truth=truth) for truth in truths],
     )
-    assert said in " ".join(protocol_text(run, found.summaries))
+    assert said in " ".join(protocol_text(run, found.summaries, found.used_settings))
 
 
 def test_settings_are_told_of_each_method(results):
@@ -407,22 +409,17 @@ def test_settings_are_told_of_each_method(results):
     settings = preset("paper").changed({"objects.min_probability": 0.4})
     run = replace(found.record, options=replace(found.record.options, settings=settings))
     changed = "objects.min_probability = 0.4"
-    text = " ".join(protocol_text(run, [replace(first, method="online"), *others]))
+    used = {name: run.used_settings(name) for name in ("online", *run.method_names)}
+    text = " ".join(protocol_text(run, [replace(first, method="online"), *others], used))
     assert (
         f"Settings: online: preset online with {changed}, warm start on; "
         f"mnsf: preset paper with {changed}, warm start off."
     ) in text
     references = [one for one in found.summaries if one.method in run.references]
-    text = " ".join(protocol_text(run, [replace(first, method="online"), *references]))
+    text = " ".join(protocol_text(run, [replace(first, method="online"), *references], used))
     assert f"Settings: online: preset online with {changed}, warm start on. " in text
-    lines = list(
-        csv.DictReader(
-            io.StringIO(
-                results_csv(
-                    replace(found, record=run, summaries=[replace(first, method="online"), *others])
-                )
-            )
-        )
-    )
+    summaries = [replace(first, method="online"), *others]
+    told = replace(found, record=run, used_settings=used, summaries=summaries)
+    lines = list(csv.DictReader(io.StringIO(results_csv(told))))
     presets = {line["method"]: line["preset"] for line in lines if not line["recording"]}
     assert (presets["online"], presets["mnsf"]) == ("online", "paper")

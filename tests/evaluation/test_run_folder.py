@@ -14,7 +14,7 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_files import WritingError, replace_file
+from mnsf_ros.evaluation.run_files import WritingError, locked, replace_file
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -141,11 +141,10 @@ def test_finished_tasks_come_back(tmp_path, recording):
 
 
 def test_two_processes_cannot_write_to_the_same_folder(folder):
-    other = RunFolder(folder.path)
     refused = pytest.raises(EvaluationError, match="another process")
-    with folder.locked(), refused, other.locked():
+    with locked(folder.path), refused, locked(folder.path):
         pass
-    with other.locked():
+    with locked(folder.path):
         pass
 
 
@@ -195,7 +194,7 @@ def test_run_of_another_process_is_not_resumed(tmp_path, recording):
     with (folder.path / "rows.jsonl").open("a") as file:
         file.write("half a li")
     before = {file: file.read_bytes() for file in folder.path.iterdir()}
-    with folder.locked(), pytest.raises(EvaluationError, match="another process"):
+    with locked(folder.path), pytest.raises(EvaluationError, match="another process"):
         start(tmp_path / "out", recording, resume=True)
     assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
 

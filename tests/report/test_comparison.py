@@ -11,8 +11,8 @@ from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind
 from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.results_files import results_latex, results_markdown
 from mnsf_ros.report.run_results import results_of
-from mnsf_ros.report.run_tables import common_table, differences_table, tables_of
-from mnsf_ros.report.text_table import TextTable
+from mnsf_ros.report.run_tables import common_tables, differences_table, tables_of
+from mnsf_ros.report.text_table import TextTable, made_table, made_tables
 
 NOTHING = {"errors": {}, "by_range": {}, "by_speed": {}, "consistency": {}}
 
@@ -66,7 +66,7 @@ def results(mnsf_drops=(), fnsf_fails=()):
 
 
 def test_table_says_which_is_better_and_by_how_much():
-    table = differences_table(results())
+    table = made_table(differences_table(results()))
     assert table.title.startswith("mnsf against the others")
     cells = {line[0]: line[1:] for line in table.rows}
     assert cells["fnsf, all"] == [
@@ -83,24 +83,25 @@ def test_table_says_which_is_better_and_by_how_much():
 
 
 def test_methods_on_the_same_sweeps_need_no_further_table():
-    assert common_table(results()) is None
+    assert common_tables(results()) == []
 
 
 def test_drops_are_never_compared_silently():
     found = results(mnsf_drops=(1, 2, 3), fnsf_fails=(10,))
-    table = common_table(found)
+    (table,) = made_tables(common_tables(found))
     assert "the 6 of 10 that each of them answered" in table.title
     assert [line[0] for line in table.rows] == ["mnsf", "fnsf", "zero"]
     # Sweeps 4 to 9 alone.
     assert [line[1] for line in table.rows] == ["0.165", "0.265", "0.565"]
-    assert differences_table(found).rows[0][1] == "6"
+    assert made_table(differences_table(found)).rows[0][1] == "6"
     tables = tables_of(found)
     assert table.title in results_markdown(found, tables)
     assert table in tables.comparison
 
 
 def test_no_sweep_in_common_is_said():
-    table = common_table(results(mnsf_drops=range(1, 6), fnsf_fails=range(6, 11)))
+    found = results(mnsf_drops=range(1, 6), fnsf_fails=range(6, 11))
+    (table,) = made_tables(common_tables(found))
     assert "the 0 of 10" in table.title
     assert table.rows == []
 
@@ -134,7 +135,7 @@ def test_latex_of_a_run_has_its_command_and_all_tables():
 
 def test_difference_of_nothing_has_no_minus():
     found = [row(n, m, e) for n in range(1, 7) for m, e in (("mnsf", 0.1), ("fnsf", 0.0999))]
-    table = differences_table(results_of(run_record(), found))
+    table = made_table(differences_table(results_of(run_record(), found)))
     assert {line[4] for line in table.rows} == {"+0.000"}
 
 

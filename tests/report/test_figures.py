@@ -6,7 +6,6 @@ import pytest
 from small_runs import row, rows, run_record
 
 from mnsf_ros.evaluation.results import DROPPED
-from mnsf_ros.report.page import best_cells
 from mnsf_ros.report.run_results import results_of
 from mnsf_ros.report.tables import bin_names
 from mnsf_ros.report.text_table import TextTable
@@ -34,7 +33,7 @@ def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
         better=[None, min, max, None, min],
     )
     # Of a single value nothing can be the best.
-    assert best_cells(table, {"reference"}) == {(0, 1), (1, 2)}
+    assert table.best_cells({"reference"}) == {(0, 1), (1, 2)}
 
 
 def test_worst_is_by_error_and_without_truth_by_distance():
