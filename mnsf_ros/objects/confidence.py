@@ -9,41 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, judge
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.suspects import Suspects
 
 # Logistic regressions; `python benchmarks/confidence.py` prints the numbers and how well they hold.
-# Dynamic objects: constant, per metre of disagreement, per metre of residual, per unit of the score
-# that they move, per logarithm of the thickness, per metre to the next sweep up to 2 m. Each object
-# counts by its points to the power of 0.75, so that a few large ones do not decide.
-_MOVING: Final = (3.50, -0.82, -15.1, 0.52, 1.27, -1.29)
+# Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
+# Dynamic objects: constant, per logarithm of the residual, per unit of the score that they move,
+# per logarithm of the thickness, per logarithm of what other motions leave more, per metre of
+# vertical motion, without older sweeps, per metre to the motion that its track expected.
+_MOVING: Final = (1.54, -1.25, 0.33, 0.89, 0.69, -27.93, -1.14, -10.88)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
-_DOUBTFUL: Final = (2.79, -9.37, 0.20)
+_DOUBTFUL: Final = (3.08, -9.39, -0.04)
 # Points that were never suspects: constant, per 10 m of range.
-_STANDING: Final = (5.73, -0.18)
+_STANDING: Final = (5.23, -0.27)
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.05
-_LONG_M: Final = 2.0
+_NOISE_M: Final = 0.01
+# Motions that differ by this should explain an object worse: along a flat side they do not.
+_BESIDE_M: Final = 0.1
+# What is farther from the motion that a track expected is no more doubtful.
+_MAX_UNEXPECTED_M: Final = 0.5
 # Beyond this the confidence is 0 or 1, and the exponential would overflow.
 _MAX_SCORE: Final = np.float32(80)
 
 
 def moving_confidence(
-    objects: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64]
+    movers: Suspects, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K dynamic objects.
 
     Args:
-        objects: K objects.
+        movers: K objects.
         moving: Their motions.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+        targets: What their motions were measured on.
     """
-    return _logistic(moving_features(objects, moving, scores), _MOVING)
+    return _logistic(moving_features(movers, moving, scores, targets), _MOVING)
 
 
-def doubtful_confidence(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float32]:
+def doubtful_confidence(doubtful: Suspects) -> NDArray[np.float32]:
     """Returns (K,) the confidence in the flow of K suspects without an accepted motion."""
-    return _logistic(doubtful_features(objects, standing), _DOUBTFUL)
+    return _logistic(doubtful_features(doubtful), _DOUBTFUL)
 
 
 def standing_confidence(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -64,17 +71,44 @@ def _standing_scores(xyz: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def moving_features(
-    objects: ObjectPoints, moving: JudgedMotions, scores: NDArray[np.float64]
+    movers: Suspects, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float64]:
-    """Returns (K, 6) the features of K dynamic objects."""
-    lengths = np.minimum(np.sqrt((moving.motions**2).sum(axis=1)), _LONG_M)
-    thicknesses = np.log(objects.thicknesses + _THIN_M)
-    return _with_constant(moving.disagreement, moving.cost, scores, thicknesses, lengths)
+    """Returns (K, 8) the features of K dynamic objects, see `moving_confidence`."""
+    expected = movers.expected
+    unexpected = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
+    return _with_constant(
+        np.log(moving.cost + _NOISE_M),
+        scores,
+        np.log(movers.objects.thicknesses + _THIN_M),
+        np.log(_sharpness(movers.objects, moving, targets) + _NOISE_M),
+        np.abs(moving.motions[:, 2]),
+        np.full(len(movers), not targets.past),
+        np.where(expected.is_known, np.minimum(unexpected, _MAX_UNEXPECTED_M), 0.0),
+    )
 
 
-def doubtful_features(objects: ObjectPoints, standing: JudgedMotions) -> NDArray[np.float64]:
+def _sharpness(
+    objects: ObjectPoints, moving: JudgedMotions, targets: Targets
+) -> NDArray[np.float64]:
+    """Returns (K,) metres, how much more the best of some other motions leaves unexplained.
+
+    They differ from the motion along the object and across it. Of a flat side that slides along
+    itself they leave no more: then the motion is a guess.
+    """
+    angles = objects.angles
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    across = along[:, ::-1] * (-1.0, 1.0)
+    least = np.full(len(objects), np.inf)
+    for direction in (along, -along, across, -across):
+        motions = moving.motions.copy()
+        motions[:, :2] += (_BESIDE_M * direction).astype(np.float32)
+        least = np.minimum(least, judge(objects, targets, motions).total)
+    return np.maximum(least - moving.total, 0.0)
+
+
+def doubtful_features(doubtful: Suspects) -> NDArray[np.float64]:
     """Returns (K, 3) the features of K suspects without an accepted motion."""
-    return _with_constant(standing.cost, _tens_of_metres(objects.centers))
+    return _with_constant(doubtful.standing.cost, _tens_of_metres(doubtful.objects.centers))
 
 
 def standing_features(xyz: NDArray[np.float32]) -> NDArray[np.float64]:

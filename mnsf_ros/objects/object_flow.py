@@ -185,12 +185,11 @@ def _over_ground(
     scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
 ) -> OverGround:
     """What the decision means for each point of the sweep."""
-    is_moving, doubtful = decision.is_moving, decision.doubtful
+    is_moving = decision.is_moving
     return scene.over_ground(
-        decision.fitted.objects.only(is_moving),
+        decision.fitted.only(is_moving),
         decision.moving.only(is_moving),
-        doubtful.objects,
-        doubtful.standing,
+        decision.doubtful,
         decision.scores[is_moving],
         tracks,
         ids,

@@ -112,6 +112,13 @@ class ObjectPoints:
         return tuple(self.sums(each) / self.counts for each in (x * x, y * y, x * y, z * z))
 
     @property
+    def angles(self) -> NDArray[np.float64]:
+        """(K,) radians, the horizontal direction along which each object is longest."""
+        xx, yy, xy, _ = self.variances
+        angles: NDArray[np.float64] = np.arctan2(2 * xy, xx - yy) / 2
+        return angles
+
+    @property
     def thicknesses(self) -> NDArray[np.float64]:
         """(K,) metres, the height of each object, or its width if that is smaller.
 

@@ -39,7 +39,7 @@ def reflections(
         sensor: (3,) metres, that of the sensor.
     """
     xx, yy, xy, _ = objects.variances
-    angles = np.arctan2(2 * xy, xx - yy) / 2
+    angles = objects.angles
     cosines, sines = np.cos(angles), np.sin(angles)
 
     def along(vectors: NDArray[np.floating]) -> NDArray[np.float64]:

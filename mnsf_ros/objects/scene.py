@@ -23,6 +23,7 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.objects.splitting import split
+from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Tracks
@@ -79,10 +80,9 @@ class Scene:
 
     def over_ground(
         self,
-        movers: ObjectPoints,
+        movers: Suspects,
         moving: JudgedMotions,
-        doubtful: ObjectPoints,
-        standing: JudgedMotions,
+        doubtful: Suspects,
         scores: NDArray[np.float64],
         tracks: Tracks,
         ids: NDArray[np.int64],
@@ -94,31 +94,31 @@ class Scene:
             moving: Their motions.
             doubtful: Objects that neither motion nor being static explains well enough, or that
                 were left out.
-            standing: How these stand.
             scores: (K,) logarithm of the odds that the movers move.
             tracks: What is followed.
             ids: (K,) the numbers of the tracks of K movers.
         """
         current = self.current
         owners = current.objects()
-        rows = movers.rows_of(current.num_objects)[owners]
-        beside, their_rows = attached(current, owners, movers, self._are_loose(doubtful))
+        points = movers.objects
+        rows = points.rows_of(current.num_objects)[owners]
+        beside, their_rows = attached(current, owners, points, self._are_loose(doubtful.objects))
         rows[beside] = their_rows
         if current.clock is not None:
-            velocities = moving.motions[movers.owners] / np.float32(self.usual_interval_s)
+            velocities = moving.motions[points.owners] / np.float32(self.usual_interval_s)
             again, their_rows = current.clock.owners_again(
-                current.xyz, movers.positions, velocities, movers.owners
+                current.xyz, points.positions, velocities, points.owners
             )
             is_free = rows[again] < 0
             rows[again[is_free]] = their_rows[is_free]
         confidence = standing_confidence(current.xyz)
         doubts = np.full(current.num_objects, -1, np.float32)
-        doubts[doubtful.numbers] = doubtful_confidence(doubtful, standing)
+        doubts[doubtful.objects.numbers] = doubtful_confidence(doubtful)
         motion, is_moving, track_ids = _spread(
             rows,
             owners,
             np.ascontiguousarray(moving.motions),
-            moving_confidence(movers, moving, scores),
+            moving_confidence(movers, moving, scores, self.targets),
             ids.astype(np.int32),
             doubts,
             confidence,

@@ -1,0 +1,69 @@
+"""How sure a motion is: of a flat side that slides along itself it is a guess."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import objects_of, prepared, rows, surface, target
+
+from mnsf_ros.objects.confidence import moving_confidence
+from mnsf_ros.objects.expectation import Expectation
+from mnsf_ros.objects.motion_fusion import Targets, judge
+from mnsf_ros.objects.suspects import Suspects
+
+MOTION = np.array([0.6, 0.0, 0.0], np.float32)
+CAR = {"center": (10.0, 6.0, 0.0), "size": (4.0, 1.8, 1.5)}
+# Seen between two things that hide its ends.
+SIDE = {"center": (10.0, 6.0, 0.0), "size": (4.0, 0.05, 1.5)}
+
+
+def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, past=True):
+    """Confidence in a motion of a box that moved otherwise, or whose ends are never seen."""
+    center, size = np.array(box["center"]), box["size"]
+    current = prepared(surface(center, size=size))
+    objects = objects_of(current)
+
+    def seen(steps):
+        return target(prepared(surface(center + steps * moved, size=size)), current, steps)
+
+    targets = Targets((seen(1.0), seen(-1.0)), (seen(-3.0),) if past else ())
+    known = np.full(len(objects), expected is not None)
+    motions = rows((0, 0, 0) if expected is None else expected)
+    standing = judge(objects, targets, rows((0, 0, 0)))
+    expectation = Expectation(known, motions, np.zeros(len(objects)))
+    movers = Suspects(np.arange(len(objects)), objects, standing, expectation)
+    moving = judge(objects, targets, rows(motion))
+    return moving_confidence(movers, moving, np.full(len(objects), 6.0), targets)
+
+
+def test_a_car_with_ends_is_surer_than_a_side_without():
+    # A side without ends looks the same wherever it slid to.
+    side = confidence_of(SIDE, moved=np.zeros(3, np.float32))
+    assert confidence_of(CAR) > 0.98
+    assert side < confidence_of(CAR) - 0.05
+
+
+@pytest.mark.parametrize(
+    "worse",
+    [
+        {"motion": MOTION + np.array([0, 0, 0.15], np.float32)},
+        {"motion": MOTION + np.array([0.2, 0, 0], np.float32)},
+        {"expected": MOTION + np.array([0.3, 0, 0], np.float32)},
+        {"past": False},
+    ],
+    ids=["climbs", "leaves a residual", "unexpected", "no older sweep"],
+)
+def test_what_speaks_against_a_motion(worse):
+    assert confidence_of(CAR, **worse) < confidence_of(CAR)
+
+
+def test_no_movers():
+    current = prepared(surface((10.0, 0.0, 0.0)))
+    near = (target(current, current),)
+    objects = objects_of(current)
+    nothing = np.zeros(1, bool)
+    standing = judge(objects, Targets(near, ()), rows((0, 0, 0)))
+    expected = Expectation(nothing, rows((0, 0, 0)), np.zeros(1))
+    movers = Suspects(np.arange(1), objects, standing, expected).only(nothing)
+    found = moving_confidence(movers, standing.only(nothing), np.zeros(0), Targets(near, ()))
+    assert found.shape == (0,)
