@@ -35,6 +35,7 @@ class NodeParameters:
         Raises:
             SettingsError: If a given value does not fit; one line that names the parameter.
         """
+        self._node = node
         self.settings = _declared(node)
         self._on_change: SettingsChange | None = None
         node.add_on_set_parameters_callback(self._set)
@@ -50,11 +51,19 @@ class NodeParameters:
             if self._on_change is not None:
                 self._on_change(settings)
         except SettingsError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return self._refused(parameters, str(error))
         except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
-            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
+            return self._refused(parameters, f"{type(error).__name__}: {error}")
         self.settings = settings
         return SetParametersResult(successful=True)
+
+    def _refused(self, parameters: list[Parameter], reason: str) -> SetParametersResult:
+        for item in parameters:
+            # rclpy has described the new type already.
+            if self._node.has_parameter(item.name):
+                kept = self._node.get_parameter(item.name)
+                self._node.describe_parameter(item.name).type = kept.type_.value
+        return SetParametersResult(successful=False, reason=reason)
 
 
 def _declared(node: Node) -> Settings:
