@@ -110,7 +110,7 @@ def _run(options: argparse.Namespace) -> None:
             progress.update(task, completed=num_done, total=num_in_all)
 
         outcome = concluded(found, show)
-    for table in (figures_table(outcome), gains_table(outcome)):
+    for table in (figures_table(outcome), *([gains_table(outcome)] if outcome.gains else [])):
         console.print(table)
     console.say(outcome.verdict)
     for path in write_outcome(outcome, tuning.start, options.out, command):

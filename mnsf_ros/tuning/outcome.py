@@ -64,7 +64,10 @@ class Outcome:
     def verdict(self) -> str:
         """One line on what it is worth."""
         if not self.gains:
-            return f"No change of a parameter gains anything in {self.num_trials} trials."
+            return (
+                f"No change of a parameter gains anything in {self.num_trials} trials: keep the "
+                "settings as they are; no parameter file is written."
+            )
         before, after = (judgement.cost for judgement in self.held_out)
         words = f"{self.goal} of the half that was not tuned: {before:.4f} -> {after:.4f}"
         if after >= before:

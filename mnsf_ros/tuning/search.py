@@ -75,7 +75,7 @@ class Search:
             import optuna
             from optuna.storages.journal import JournalFileBackend
         except ModuleNotFoundError as error:
-            raise SettingsError(f"mnsf tune: {library_missing(error)}") from error
+            raise SettingsError(library_missing(error)) from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._settings = settings

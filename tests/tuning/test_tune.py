@@ -124,6 +124,13 @@ def test_command_writes_what_changes(street, tmp_path, capsys):
     assert (out / "tuned.yaml").read_text().startswith("# Written by `mnsf")
 
 
+def test_without_gains_there_is_no_parameter_file(folder, tmp_path):
+    nothing = replace(folder[1], gains=[])
+    assert "keep the settings as they are; no parameter file is written" in nothing.verdict
+    page = outcome.write_outcome(nothing, START, tmp_path, "mnsf tune street")
+    assert page == [tmp_path / "tuning.md"]
+
+
 def test_interrupted_search_says_how_to_go_on(street, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
     num_judged = 0
