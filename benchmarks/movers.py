@@ -29,7 +29,7 @@ from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.report.tables import confidence_table, losses_table, movers_table, objects_table
-from mnsf_ros.report.text_table import TextTable, format_number
+from mnsf_ros.report.text_table import TextTable, format_number, made_tables
 from mnsf_ros.simulation.settings import SCENARIOS
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -169,14 +169,13 @@ def tables(half: str, summaries: list[MethodSummary]) -> Iterator[TextTable]:
     ]
     header = ["", "EPE dynamic (m)", "EPE static (m)", *_NORMALIZED, "CPU time (ms)"]
     yield TextTable(header, rows, f"Errors, {half} half; dynamic errors of kinds are normalized")
-    for table in (
+    further = (
         movers_table(summaries),
         objects_table(summaries, (FAST, SLOW)),
         losses_table(summaries),
         confidence_table(summaries),
-    ):
-        if table is not None:
-            yield table
+    )
+    yield from made_tables(further)
     yield _targets_table(half, summaries)
 
 

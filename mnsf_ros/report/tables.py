@@ -104,13 +104,18 @@ def _of_first(cell: Callable[[Any], str]) -> Callable[[Any], str]:
 
 def main_tables(summaries: Sequence[MethodSummary]) -> list[Table]:
     """Returns the tables that everybody wants to see."""
-    movers = _movers_of(summaries)
+    tracked = "Tracked objects (median; after a stop: longest time)"
     return [
         *_group_tables(summaries),
-        Table("Points called dynamic, and false movers", movers, _MOVERS),
-        Table("Tracked objects (median; after a stop: longest time)", movers, _TRACKED),
-        _objects(summaries, (FAST, SLOW)),
+        movers_table(summaries),
+        Table(tracked, _movers_of(summaries), _TRACKED),
+        objects_table(summaries, (FAST, SLOW)),
     ]
+
+
+def movers_table(summaries: Iterable[MethodSummary]) -> Table:
+    """Returns how well points are called dynamic, and how many false movers there are."""
+    return Table("Points called dynamic, and false movers", _movers_of(summaries), _MOVERS)
 
 
 def _movers_of(summaries: Iterable[MethodSummary]) -> list[tuple[str, MoverSummary]]:
@@ -129,8 +134,8 @@ def _group_tables(summaries: Sequence[MethodSummary]) -> Iterator[Table]:
             yield _errors(errors, f"{words} ({points} points)", times_ms=times_ms)
 
 
-def _objects(summaries: Iterable[MethodSummary], groups: Collection[MoverGroup]) -> Table:
-    """How well movers are found and followed."""
+def objects_table(summaries: Iterable[MethodSummary], groups: Collection[MoverGroup]) -> Table:
+    """Returns how well movers are found and followed."""
     rows = [
         (f"{method}: {group.name}", movers.groups[group.name])
         for method, movers in _movers_of(summaries)
@@ -162,7 +167,7 @@ def further_tables(summaries: Sequence[MethodSummary]) -> list[Table]:
             {s.method: s.by_speed for s in summaries},
             "m/s",
         ),
-        _objects(summaries, MOVER_GROUPS[2:]),
+        objects_table(summaries, MOVER_GROUPS[2:]),
         losses_table(summaries),
         confidence_table(summaries),
         work_table(summaries),
