@@ -30,6 +30,7 @@ sys.meta_path.insert(0, Interrupting())
 if module == "the end":
     atexit.register(interrupt)
 from importlib import import_module
+sys.modules.pop(module, None)
 import_module(command).main()
 """
 
@@ -45,7 +46,9 @@ def interrupted(command: str, module: str, *arguments: str) -> subprocess.Comple
     )
 
 
-@pytest.mark.parametrize("module", ["mnsf_ros.cli.main", "argparse", "mnsf_ros.cli.study"])
+@pytest.mark.parametrize(
+    "module", ["signal", "mnsf_ros.cli.main", "argparse", "mnsf_ros.cli.study"]
+)
 def test_of_the_command_line_while_it_starts(module: str) -> None:
     ended = interrupted("mnsf_ros.cli.__main__", module, "parameters")
     assert (ended.returncode, ended.stdout) == (130, "")
@@ -96,7 +99,7 @@ def test_of_the_command_line_while_it_ends() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs ROS")
-@pytest.mark.parametrize("module", ["mnsf_ros.node.main", "mnsf_ros.errors", "rclpy", "numpy"])
+@pytest.mark.parametrize("module", ["signal", "mnsf_ros.node.main", "mnsf_ros.errors", "rclpy"])
 def test_of_the_node_while_it_starts(module: str) -> None:
     ended = interrupted("mnsf_ros.node.__main__", module)
     assert (ended.returncode, ended.stderr) == (0, "")

@@ -4,8 +4,18 @@ Nothing is imported before signals are handled: Python would answer one with a t
 """
 
 import os
-import signal
 import sys
+
+
+def _leave(*_signal: object) -> None:
+    os.write(2, b"mnsf: interrupted\n")
+    os._exit(130)
+
+
+try:
+    import signal
+except KeyboardInterrupt:
+    _leave()
 
 
 def main() -> None:
@@ -21,11 +31,6 @@ def main() -> None:
 
         sys.stderr.write(f"mnsf: {library_missing(error)}\n")
         sys.exit(2)
-
-
-def _leave(_number: int, _frame: object) -> None:
-    os.write(2, b"mnsf: interrupted\n")
-    os._exit(130)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,12 @@ Nothing is imported before signals are handled: Python would answer one with a t
 """
 
 import os
-import signal
 import sys
+
+try:
+    import signal
+except KeyboardInterrupt:
+    os._exit(0)
 
 
 def main(*, has_life_cycle: bool = False) -> None:
