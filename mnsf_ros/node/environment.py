@@ -25,16 +25,20 @@ _LOCK_SUFFIX: Final = "_el"
 _MIN_AGE_S: Final = 60
 
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+# Lets a profile say what readers and writers do, and not only the transport.
+_READS_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 
 
 def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
     """Sets what the user has not set, before ROS and torch are loaded.
 
-    The Fast DDS profile lets clouds of several megabytes through; the OpenMP policy keeps torch's
-    threads from burning the core that the ROS executor needs.
+    The Fast DDS profile lets clouds of several megabytes through and gives their memory back; the
+    OpenMP policy keeps torch's threads from burning the core that the ROS executor needs.
     """
     if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
         environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
+    if str(TRANSPORT_PROFILE) in map(environment.get, _PROFILE_VARIABLES):
+        environment.setdefault(_READS_PROFILE, "1")
     environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 

@@ -45,7 +45,10 @@ ENDLESS = NETWORK | {"optimization.max_iterations": 100_000}
 LONG_CALLS = NETWORK | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
 
 # What the process of the tests has set for itself, and the node has to set on its own.
-_PREPARED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "OMP_WAIT_POLICY")
+_PREPARED = (
+    *("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"),
+    *("RMW_FASTRTPS_USE_QOS_FROM_XML", "OMP_WAIT_POLICY"),
+)
 
 # As the executable scene_flow_lifecycle_node does.
 _LIFE_CYCLE = "from mnsf_ros.node.__main__ import lifecycle_main; lifecycle_main()"

@@ -33,6 +33,7 @@ class TestPrepareEnvironment:
         assert environment == {
             "HOME": "/root",
             _PROFILE: str(TRANSPORT_PROFILE),
+            "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
             "OMP_WAIT_POLICY": "PASSIVE",
         }
 

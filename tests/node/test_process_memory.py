@@ -30,6 +30,40 @@ return_memory()
 print(left_mb - before_mb, resident_mb() - before_mb)
 """
 
+# The same of what ROS keeps of a message.
+_RETURNED_BY_ROS = """
+from mnsf_ros.node.environment import prepare_environment
+prepare_environment()
+import rclpy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
+from mnsf_ros.node.process_memory import return_memory
+
+def resident_mb():
+    return_memory()
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("RssAnon"))
+
+def publish(num_bytes):
+    publisher.publish(serialize_message(PointCloud2(data=bytes(num_bytes))))
+
+rclpy.init()
+node = rclpy.create_node("sends_a_large_cloud")
+publisher = node.create_publisher(PointCloud2, "~/large", 1)
+publish(1_000_000)
+before_mb = resident_mb()
+for num_bytes in (80_000_000, 1_000_000, 1_000_000):
+    publish(num_bytes)
+print(resident_mb() - before_mb)
+"""
+
+
+def printed_mb(script):
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    return list(map(float, result.stdout.split()))
+
 
 @pytest.fixture
 def returns():
@@ -68,9 +102,12 @@ def test_again_after_another_large_one(memory, returns):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
 def test_the_process_keeps_little_of_what_it_freed():
-    result = subprocess.run(
-        [sys.executable, "-c", _RETURNED], capture_output=True, text=True, check=True
-    )
-    kept_mb, returned_mb = map(float, result.stdout.split())
+    kept_mb, returned_mb = printed_mb(_RETURNED)
     assert kept_mb > 100
     assert returned_mb < 20
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+def test_a_publisher_does_not_keep_the_memory_of_its_largest_message():
+    (kept_mb,) = printed_mb(_RETURNED_BY_ROS)
+    assert kept_mb < 20
