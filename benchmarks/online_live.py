@@ -37,10 +37,7 @@ _FLOW_TIMEOUT_S: Final = 60
 _QUIET_STATUSES: Final = 5
 FIRST_NS: Final = 10**18
 # Each cloud that is published is counted by the node as one of these.
-_CLOUD_EVENTS: Final = (
-    *("sweeps_received", "clouds_undecodable", "clouds_empty"),
-    *("clouds_missed", "sweeps_lost_in_transport"),
-)
+_CLOUD_EVENTS: Final = ("sweeps_received", "clouds_undecodable", "clouds_empty", "clouds_missed")
 _NEVER_DROPS_MS: Final = 100
 # Serialized: four bytes say the encoding, then the stamp comes.
 _STAMP_AT: Final = 4
@@ -275,7 +272,7 @@ class LiveNode:
 
 
 @contextmanager
-def live_node(*parameters: str) -> Iterator[LiveNode]:
+def live_node(*parameters: str, flow_topic: str = "/scene_flow/flow") -> Iterator[LiveNode]:
     """Starts a node with parameters such as `node.always_estimate:=true` and waits for it."""
     prepare_environment()
     words = [word for parameter in parameters for word in ("-p", parameter)]
@@ -287,7 +284,7 @@ def live_node(*parameters: str) -> Iterator[LiveNode]:
         def on_flow(flow: ReceivedFlow) -> None:
             node.replay.arrived_s[flow.stamp_ns] = flow.arrived_s
 
-        link = ReplayLink("/points", "/scene_flow/flow", on_flow, lambda raw: None)
+        link = ReplayLink("/points", flow_topic, on_flow, lambda raw: None)
         node = LiveNode(process, stack.enter_context(link), log)
         wait_for_node(link, process)
         while not link.num_statuses:

@@ -11,17 +11,18 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from promises import Figure, Promise, Rounds, fates
 from runs_that_are_ended import Evaluations, cpu_s, descendants, left_of, small_evaluations
 
-_SHM: Final = Path("/dev/shm")
+# Not those of other libraries, which all processes share.
+_SEGMENTS: Final = "/dev/shm/fast"
 _MAX_END_S: Final = 1.0
 _NODE_START_S: Final = 4.0
 _EXIT_INTERRUPTED: Final = 130
@@ -79,7 +80,7 @@ def signals(rounds: Rounds) -> Iterator[Figure]:
 
     What Python does before it runs any program is seen beside them, in one that does nothing.
     """
-    shared = set(_SHM.iterdir())
+    left: set[str] = set()
     with small_evaluations() as evaluations:
         simulated = evaluations.folder / "simulated"
         program = [sys.executable, "-m", "mnsf_ros.cli"]
@@ -95,22 +96,38 @@ def signals(rounds: Rounds) -> Iterator[Figure]:
         ends: dict[str, list[tuple[float, float]]] = {name: [] for name in commands}
         for number, random in rounds:
             name = list(commands)[number % len(commands)]
-            for left in (evaluations.out, simulated):
-                shutil.rmtree(left, ignore_errors=True)
+            for folder in (evaluations.out, simulated):
+                shutil.rmtree(folder, ignore_errors=True)
             one = (signal.SIGINT, signal.SIGTERM)[number // len(commands) % 2]
             command, statuses = commands[name]
             delay_s = random.uniform(0, longest_s[name])
-            fate, *end = _signalled(command, one, delay_s, statuses)
-            found[name][fate] += 1
-            ends[name].append((end[0], end[1]))
+            end = _signalled(command, one, delay_s, statuses)
+            found[name][end.fate] += 1
+            ends[name].append((end.after_s, end.cpu_s))
+            left |= end.left
     for name, counts in found.items():
         yield fates(f"{name} ({longest_s[name]:.1f} s)", counts)
         if ends[name]:
             (longest, cpu), median_s = max(ends[name]), np.median([end for end, _ in ends[name]])
             text = f"{longest:.2f} s at most ({cpu:.2f} s of CPU), median {median_s:.2f} s"
             yield "ends in", text, longest <= _MAX_END_S
-    left = len(set(_SHM.iterdir()) - shared)
-    yield "left in /dev/shm", str(left), left == 0
+    yield "left in /dev/shm", " ".join(sorted(left)) or "nothing", not left
+
+
+class _End(NamedTuple):
+    """What became of a command after a signal.
+
+    Attributes:
+        fate: In words.
+        after_s: How long it took to end.
+        cpu_s: CPU time that this took.
+        left: Shared memory of the process that was there when it had ended.
+    """
+
+    fate: str
+    after_s: float
+    cpu_s: float = 0.0
+    left: Set[str] = frozenset()
 
 
 def _duration_s(command: Sequence[str]) -> float:
@@ -123,14 +140,14 @@ def _duration_s(command: Sequence[str]) -> float:
 
 def _signalled(
     command: Sequence[str], number: int, delay_s: float, statuses: Sequence[int]
-) -> tuple[str, float, float]:
-    """What became of a command, and how long it took to end: seconds, and of CPU time."""
+) -> _End:
+    """Starts a command and sends it a signal."""
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
         )
         time.sleep(delay_s)
-        family = descendants(process.pid)
+        family, shared = descendants(process.pid), _shared(process.pid)
         before_s = _ended_cpu_s() + cpu_s(process.pid)
         start_s = time.monotonic()
         process.send_signal(number)
@@ -139,19 +156,30 @@ def _signalled(
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-            return f"wrong: not within 10 s, {delay_s:.2f} s after the start", 10.0, 0.0
-        end = time.monotonic() - start_s, _ended_cpu_s() - before_s
+            return _End(f"wrong: not within 10 s, {delay_s:.2f} s after the start", 10.0)
+        after_s, took_s = time.monotonic() - start_s, _ended_cpu_s() - before_s
         said.seek(0)
         text = said.read().decode(errors="replace")
-    if left := left_of(family)[0]:
-        return left, *end
-    if status == -number and not text:
-        return "before the program began", *end
-    if "KeyboardInterrupt" in text and "mnsf_ros/" not in text:
-        return "in Python's own code", *end
-    if status not in statuses or "Traceback" in text:
-        return f"wrong: status {status}, {delay_s:.2f} s after the start: {text[-200:]}", *end
-    return f"status {status}", *end
+    fate = left_of(family)[0] or _fate_by_signal(status, number, text, status in statuses)
+    return _End(fate, after_s, took_s, {path for path in shared if Path(path).exists()})
+
+
+def _fate_by_signal(status: int, number: int, said: str, is_expected: bool) -> str:
+    if status == -number and not said:
+        return "before the program began"
+    if "KeyboardInterrupt" in said and "mnsf_ros/" not in said:
+        return "in Python's own code"
+    if not is_expected or "Traceback" in said:
+        return f"wrong: status {status}: {said[-300:]}"
+    return f"status {status}"
+
+
+def _shared(pid: int) -> set[str]:
+    """Shared memory that a process has now."""
+    with suppress(OSError):
+        maps = Path("/proc", str(pid), "maps").read_text().split()
+        return {word for word in maps if word.startswith(_SEGMENTS)}
+    return set()
 
 
 def _ended_cpu_s() -> float:

@@ -10,7 +10,7 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -19,15 +19,15 @@ from hostile_clouds import KINDS, hostile
 from online_live import FIRST_NS, LiveNode, live_node, serialized, with_stamp
 from online_recordings import INTERVAL_NS, simulated_sweeps, to_and_fro
 from promises import Figure, Promise, Rounds, fates
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Float64
 
 from mnsf_ros.demo.node_process import node_process
-from mnsf_ros.demo.replay import ReplayLog
-from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.node.environment import prepare_environment, remove_dead_segments
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.sweeps.sweep import Sweep
 
 _FLOW_TIMEOUT_S: Final = 60
-_SHM: Final = Path("/dev/shm")
 _NODE_START_S: Final = 4.0
 _OLD_S: Final = 61
 # Two segments.
@@ -76,12 +76,12 @@ def soak(rounds: Rounds) -> Iterator[Figure]:
 
 
 def large_clouds(rounds: Rounds) -> Iterator[Figure]:
-    """Full sweeps, then five clouds of two million points, then full sweeps again."""
+    """Full sweeps, until nothing grows, five clouds of two million points, full sweeps again."""
     with live_node(OFTEN) as node:
         clouds, huge = _clouds(), serialized(_huge_sweep())
         for _ in rounds:
             states = []
-            for number, cloud in ((100, None), (5, huge), (200, None)):
+            for number, cloud in ((200, None), (5, huge), (200, None)):
                 for _ in range(number):
                     node.process.check()
                     node.publish(cloud or next(clouds))
@@ -103,40 +103,43 @@ def _huge_sweep() -> Sweep:
 
 
 def overload(rounds: Rounds) -> Iterator[Figure]:
-    """20 Hz of full sweeps, more than the machine manages: latency stays bounded."""
-    with live_node(OFTEN) as node:
+    """20 Hz of full sweeps, more than the machine manages: latency stays bounded.
+
+    Latency and estimates are what the node says of each flow, and the flow is heard as the small
+    cloud of what moves: on a busy machine this process is slower than the node.
+    """
+    times_ms: dict[str, list[float]] = {"processing_time": [], "pipeline_latency": []}
+    with live_node(OFTEN, flow_topic="/scene_flow/flow/moving") as node:
+        for name, values in times_ms.items():
+            node.link.subscribe(
+                f"/scene_flow/debug/{name}_ms",
+                "std_msgs/msg/Float64",
+                lambda raw, values=values: values.append(deserialize_message(raw, Float64).data),
+                depth=100,
+            )
         clouds, start_s = _clouds(), time.monotonic()
+        due_s = start_s
         for _ in rounds:
-            node.link.spin_for(start_s + node.num_published / 20 - time.monotonic())
+            node.link.spin_for(due_s - time.monotonic())
             node.process.check()
             node.publish(next(clouds), INTERVAL_NS // 2)
+            # A lidar does not make up for lost time.
+            due_s = max(due_s + 1 / 20, time.monotonic())
+        rate_hz = node.num_published / (time.monotonic() - start_s)
         node.settle()
-        latencies_ms, num_sweeps = node.replay.latencies_ms, len(node.replay.published_s)
-        dropped = num_sweeps - len(latencies_ms)
-        flows = f"{len(latencies_ms):,}, without {dropped:,}"
-        yield "flows", flows, bool(latencies_ms) and dropped > _MIN_DROPPED * num_sweeps
-        yield "latency", f"{_percentiles(latencies_ms, '.0f')} ms", True
-        ratios = list(_over_two_estimates(node.replay))
-        is_bounded = bool(ratios) and float(np.percentile(ratios, 99)) <= 1
-        yield "over the time of two estimates", _percentiles(ratios, ".2f"), is_bounded
+        flows, sweeps = node.link.counts.get("flows_out", 0), node.num_published
+        text = f"{flows:,} of {sweeps:,} sweeps at {rate_hz:.1f} Hz"
+        yield "flows", text, flows > 0 and sweeps - flows > _MIN_DROPPED * sweeps
+        for percentile in (50, 95, 99):
+            estimate_ms, latency_ms = (
+                float(np.percentile(values or [math.nan], percentile))
+                for values in times_ms.values()
+            )
+            text = f"{latency_ms:.0f} ms, an estimate takes {estimate_ms:.0f} ms"
+            yield f"latency, {percentile}th percentile", text, latency_ms <= 2 * estimate_ms
+        outside_ms = float(np.median(node.replay.latencies_ms or [math.nan]))
+        yield "from publication to arrival, median", f"{outside_ms:.0f} ms", True
         yield from node.balance()
-
-
-def _over_two_estimates(replay: ReplayLog) -> Iterator[float]:
-    """Latency of each flow over the time since the flow two before it arrived.
-
-    That is what two estimates take, as long as there is always a triplet that waits; on a machine
-    that others use, too, both are longer.
-    """
-    following = dict(itertools.pairwise(replay.published_s))
-    arrivals = list(replay.arrived_s.items())
-    for (_, before_s), (stamp, arrived_s) in zip(arrivals, arrivals[2:], strict=False):
-        yield (arrived_s - replay.published_s[following[stamp]]) / (arrived_s - before_s)
-
-
-def _percentiles(values: Sequence[float], layout: str) -> str:
-    median, high, highest = np.percentile(values, (50, 95, 99)) if values else 3 * [math.nan]
-    return f"{median:{layout}}, {high:{layout}}, {highest:{layout}} (50th, 95th, 99th percentile)"
 
 
 def clouds(rounds: Rounds) -> Iterator[Figure]:
@@ -184,7 +187,6 @@ def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
     good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
     arguments = ["-r", "~/points:=/points"]
     found: Counter[str] = Counter()
-    before = _shared_mb()
     arrived: list[int] = []
     link = ReplayLink("/points", "/scene_flow/flow", lambda f: arrived.append(f.stamp_ns), id)
     with tempfile.TemporaryDirectory() as folder, link:
@@ -210,13 +212,9 @@ def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
         time.sleep(_OLD_S)
         with node_process(arguments, log):
             link.spin_for(_NODE_START_S)
+            left_mb = remove_dead_segments() / 1e6
     yield fates("node killed", found)
-    growth_mb = _shared_mb() - before
-    yield "left in /dev/shm", f"{growth_mb:.0f} MB", growth_mb < _MAX_SHARED_MB
-
-
-def _shared_mb() -> float:
-    return sum(file.stat().st_blocks * 512 for file in _SHM.iterdir()) / 1e6
+    yield "left in /dev/shm by the killed", f"{left_mb:.0f} MB", left_mb < _MAX_SHARED_MB
 
 
 def killed_publishers(rounds: Rounds) -> Iterator[Figure]:
@@ -270,8 +268,8 @@ PROMISES: Final = {
         *(1, "times", large_clouds),
     ),
     "overload": Promise(
-        "1 h at 20 Hz, more than the machine manages: 99 % of latencies at most the time of two "
-        "estimates, every triplet out or counted",
+        "1 h at 20 Hz, more than the machine manages: latency at most that of two estimates, "
+        "every triplet out or counted",
         *(72_000, "sweeps", overload),
     ),
     "soak": Promise(
