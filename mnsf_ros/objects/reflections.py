@@ -16,6 +16,10 @@ _MIN_ALONG: Final = 0.9
 # It goes as far as the sensor, up to this plus this share.
 _SAME_MOTION_M: Final = 0.1
 _SAME_MOTION_SHARE: Final = 0.2
+# Of a row of panes the frames stay: what is seen goes along more slowly, by down to this share of
+# the sensor's motion. It is longer than this.
+_MIN_SHARE: Final = 0.4
+_ROW_M: Final = 2.0
 # A sensor that hardly moves along the pane takes nothing along.
 _MIN_SENSOR_M: Final = 0.05
 # Glass returns light about its normal, that is, as far as this beside the foot of the sensor, as a
@@ -53,6 +57,8 @@ def reflections(
     x, y = objects.centers[:, 0], objects.centers[:, 1]
     slides = (thick < _MAX_THICKNESS_M) & (along(motions) > _MIN_ALONG * lengths)
     goes_along = along(motions - sensor) < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
+    shares = (motions @ sensor) / np.maximum((sensor**2).sum(), _MIN_SENSOR_M**2)
+    goes_along |= (shares > _MIN_SHARE) & (shares < 1) & (wide > _ROW_M)
     aside = np.abs(y * cosines - x * sines)
     goes_along &= slides & (along(sensor) > _MIN_SENSOR_M)
     from_foot = along(objects.centers)

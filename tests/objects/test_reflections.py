@@ -22,6 +22,12 @@ def test_a_pane_beside_the_sensor_that_goes_as_fast_is_one():
     assert reflects((0.85, 0.01, 0.02), **PANE) == [2]
 
 
+def test_a_row_of_panes_is_one_though_it_goes_more_slowly():
+    assert reflects((0.45, 0.0, 0.0), **PANE) == [2]
+    assert reflects((-0.45, 0.0, 0.0), **PANE) == [0]
+    assert reflects((0.45, 0.0, 0.0), **{**PANE, "size": (1.5, 0.05, 1.5)}) == [0]
+
+
 def test_a_long_flat_side_beside_the_sensor_is_one_in_part_only():
     lorry = {"center": (1.0, 3.0, 0.5), "size": (9.0, 0.05, 2.5)}
     assert reflects((0.8, 0.0, 0.0), **lorry) == [1]
@@ -30,7 +36,7 @@ def test_a_long_flat_side_beside_the_sensor_is_one_in_part_only():
 @pytest.mark.parametrize(
     ("change", "motion", "sensor"),
     [
-        ({}, (0.3, 0.0, 0.0), SENSOR),
+        ({}, (0.2, 0.0, 0.0), SENSOR),
         ({}, (0.0, 0.8, 0.0), SENSOR),
         ({}, (0.0, 0.0, 0.0), np.zeros(3)),
         ({"size": (3.0, 1.7, 1.5)}, (0.8, 0.0, 0.0), SENSOR),
