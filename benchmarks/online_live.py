@@ -36,7 +36,8 @@ _WARM_UP_S: Final = 3
 _FLOW_TIMEOUT_S: Final = 60
 _QUIET_STATUSES: Final = 5
 FIRST_NS: Final = 10**18
-# Each cloud that is published is counted by the node as one of these.
+# Each cloud that is published is counted by the node as one of these; those that the transport
+# reports as lost are among the missed.
 _CLOUD_EVENTS: Final = ("sweeps_received", "clouds_undecodable", "clouds_empty", "clouds_missed")
 _NEVER_DROPS_MS: Final = 100
 # Serialized: four bytes say the encoding, then the stamp comes.
@@ -260,7 +261,9 @@ class LiveNode:
         """Whether every cloud and every triplet is accounted for."""
         counts = self.link.counts
         counted = sum(counts.get(event, 0) for event in _CLOUD_EVENTS)
+        lost = counts.get("sweeps_lost_in_transport", 0)
         clouds = f"{self.num_published:,} published, {counted:,} counted"
+        clouds += f", {lost:,} of them as lost in transport" if lost else ""
         yield "clouds accounted for", clouds, counted == self.num_published
         formed, ended = (
             counts.get("triplets_formed", 0),
