@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.continuity import Continuity
-from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings
+from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Continuity, Event, Findings
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import (

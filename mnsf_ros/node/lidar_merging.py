@@ -13,8 +13,8 @@ from std_msgs.msg import Header
 from mnsf_ros.geometry.transforms import mounted_at
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.lidar_groups import LidarGroup, LidarGroups, LidarSweep
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.lidar_groups import ArrivedSweep, LidarGroup, LidarGroups
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps_io.merged_cloud import merged_sweep
 
 
@@ -46,12 +46,12 @@ class LidarMerging:
         """Forgets all sweeps."""
         self._groups.clear()
 
-    def add(self, index: int, sweep: Sweep, settings: Settings) -> None:
+    def add(self, index: int, item: ArrivedSweep, settings: Settings) -> None:
         """Takes the sweep of a lidar."""
-        self._groups.add(index, LidarSweep(sweep, time.monotonic()), settings.lidars)
+        self._groups.add(index, item, settings.lidars)
 
-    def due(self, settings: Settings, transforms: Transforms | None) -> Iterator[tuple[Sweep, int]]:
-        """Yields merged sweeps, and when the first of each arrived, `time.monotonic_ns()`."""
+    def due(self, settings: Settings, transforms: Transforms | None) -> Iterator[ArrivedSweep]:
+        """Yields merged sweeps, which arrived when the sweep of the reference did."""
         for group in self._groups.due(time.monotonic(), settings.lidars):
             poses = self._poses(group, settings, transforms)
             self._tell_missing(group, poses)
@@ -61,7 +61,7 @@ class LidarMerging:
                 header = Header(frame_id=settings.lidars.frame)
                 header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
                 sweep = merged_sweep(sweeps, poses, stamp_ns, header)
-                yield sweep, round(group.reference.arrived_s * NANOSECONDS)
+                yield ArrivedSweep(sweep, group.reference.arrived_ns)
 
     def _poses(
         self, group: LidarGroup, settings: Settings, transforms: Transforms | None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Final, TypeAlias
 
@@ -19,6 +19,7 @@ from mnsf_ros.node.lidar_merging import LidarMerging
 from mnsf_ros.node.subscriptions import Guard, InputSubscription, OdometrySubscription
 from mnsf_ros.node.transforms import ListenedTransforms, TransformError
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.lidar_groups import ArrivedSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
@@ -31,14 +32,6 @@ _POLL_PERIOD_S: Final = 0.02
 _MAX_WAITING: Final = 50
 # A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
 _JUMP_NS: Final = NANOSECONDS
-
-
-@dataclass(frozen=True, eq=False)
-class _Arrived:
-    """A sweep, and when it came: `time.monotonic_ns()`."""
-
-    sweep: Sweep
-    arrived_ns: int
 
 
 class SweepInput:
@@ -72,7 +65,7 @@ class SweepInput:
             node.get_logger(), report, lambda: node.get_clock().now().nanoseconds
         )
         self._odometry = OdometrySubscription(node, "~/odometry", report, guarded)
-        self._waiting: deque[_Arrived] = deque()
+        self._waiting: deque[ArrivedSweep] = deque()
         self._last_ns = 0
         self._guarded = guarded
         # Without anything that asks for odometry or transforms.
@@ -144,24 +137,26 @@ class SweepInput:
         sweep = self._intake.sweep(message, self._settings.time)
         if sweep is None:
             return
+        item = ArrivedSweep(sweep, arrived_ns)
         if self._merging is None:
-            self._queue(sweep, arrived_ns)
+            self._queue(item)
         else:
-            self._merging.add(index, sweep, self._settings)
+            self._merging.add(index, item, self._settings)
         self._release()
 
-    def _queue(self, sweep: Sweep, arrived_ns: int) -> None:
-        if self.transforms is not None and sweep.stamp_ns < self._last_ns - _JUMP_NS:
+    def _queue(self, item: ArrivedSweep) -> None:
+        stamp_ns = item.sweep.stamp_ns
+        if self.transforms is not None and stamp_ns < self._last_ns - _JUMP_NS:
             self.transforms.forget()
-        self._last_ns = sweep.stamp_ns
-        self._waiting.append(_Arrived(sweep, arrived_ns))
+        self._last_ns = stamp_ns
+        self._waiting.append(item)
 
     def _release(self) -> None:
         """Hands out what need not wait any more, and comes back as long as something waits."""
         if self._merging is not None:
             transforms = self.transforms if self._settings.lidars.poses == "tf" else None
-            for sweep, arrived_ns in self._merging.due(self._settings, transforms):
-                self._queue(sweep, arrived_ns)
+            for item in self._merging.due(self._settings, transforms):
+                self._queue(item)
         self._hand_out()
         if self._waiting or (self._merging is not None and self._merging.is_waiting):
             self._timer.reset()

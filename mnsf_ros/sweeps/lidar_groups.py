@@ -15,21 +15,26 @@ _MAX_SWEEPS: Final = 12
 
 
 @dataclass(frozen=True, eq=False)
-class LidarSweep:
-    """A sweep of one of several lidars, and when it arrived, in seconds of a steady clock."""
+class ArrivedSweep:
+    """A sweep, and when it arrived: nanoseconds of a steady clock."""
 
     sweep: Sweep
-    arrived_s: float
+    arrived_ns: int
+
+    @property
+    def arrived_s(self) -> float:
+        """When it arrived, in seconds."""
+        return self.arrived_ns / NANOSECONDS
 
 
 @dataclass(frozen=True, eq=False)
 class LidarGroup:
     """Sweeps of one revolution: number of the lidar, from 0, to its sweep, the reference first."""
 
-    sweeps: dict[int, LidarSweep]
+    sweeps: dict[int, ArrivedSweep]
 
     @property
-    def reference(self) -> LidarSweep:
+    def reference(self) -> ArrivedSweep:
         """The sweep whose stamp is that of the group."""
         return next(iter(self.sweeps.values()))
 
@@ -44,7 +49,7 @@ class LidarGroups:
 
     def __init__(self, num_lidars: int) -> None:
         """Starts without a sweep."""
-        self._queues: list[deque[LidarSweep]] = [
+        self._queues: list[deque[ArrivedSweep]] = [
             deque(maxlen=_MAX_SWEEPS) for _ in range(num_lidars)
         ]
         self.clear()
@@ -62,7 +67,7 @@ class LidarGroups:
         self._heard_s: list[float] | None = None  # when each lidar has sent last
         self._last_ns: int | None = None  # of the last group
 
-    def add(self, index: int, item: LidarSweep, settings: LidarsSettings) -> None:
+    def add(self, index: int, item: ArrivedSweep, settings: LidarsSettings) -> None:
         """Takes a sweep of a lidar."""
         if self._heard_s is None:
             # The first one waits for the others as if they had just sent something.
@@ -114,12 +119,12 @@ class LidarGroups:
             if index != reference and index not in self._left_out
         ]
 
-    def _may_come(self, index: int, first: LidarSweep) -> bool:
+    def _may_come(self, index: int, first: ArrivedSweep) -> bool:
         """Whether a lidar may still send the sweep that is nearest to the reference's."""
         queue = self._queues[index]
         return not queue or queue[-1].sweep.stamp_ns < first.sweep.stamp_ns
 
-    def _group(self, reference: int, first: LidarSweep, settings: LidarsSettings) -> LidarGroup:
+    def _group(self, reference: int, first: ArrivedSweep, settings: LidarsSettings) -> LidarGroup:
         stamp_ns = first.sweep.stamp_ns
         sweeps = {reference: first}
         for index, queue in enumerate(self._queues):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mnsf_ros.evaluation.continuity import Continuity
+from mnsf_ros.evaluation.findings import Continuity
 
 STEP_NS = 100_000_000
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.lidar_groups import LidarGroups, LidarSweep
+from mnsf_ros.sweeps.lidar_groups import ArrivedSweep, LidarGroups
 from mnsf_ros.sweeps.sweep import Sweep
 
 SETTINGS = Settings().lidars
@@ -27,7 +27,7 @@ class Robot:
         """Takes events: steady time, number of the lidar, stamp; all in seconds."""
         for now_s, index, stamp_s in sorted(events):
             sweep = Sweep(np.zeros((1, 3), np.float32), stamp_ns=round(stamp_s * 1e9))
-            self._groups.add(index, LidarSweep(sweep, now_s), self._settings)
+            self._groups.add(index, ArrivedSweep(sweep, round(now_s * 1e9)), self._settings)
             self.ask(now_s)
         return self.found
 
@@ -114,7 +114,7 @@ def test_memory_is_bounded_and_clear_forgets():
     groups = LidarGroups(2)
     for number in range(1000):
         sweep = Sweep(np.zeros((1, 3), np.float32), stamp_ns=number * 10**8)
-        groups.add(0, LidarSweep(sweep, 0.0), SETTINGS)
+        groups.add(0, ArrivedSweep(sweep, 0), SETTINGS)
     assert groups.is_waiting
     assert len(list(groups.due(1e9, SETTINGS))) <= 12
     groups.clear()
