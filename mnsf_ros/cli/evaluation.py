@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
-from typing import Final
 
 from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
@@ -19,9 +17,9 @@ from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progre
 from mnsf_ros.errors import LibraryError, MnsfError, SettingsError
 from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
 from mnsf_ros.evaluation.options import (
-    MAX_SWEEPS,
     EvaluatedMethod,
     EvaluationOptions,
+    EvaluationTask,
     evaluated_methods,
 )
 from mnsf_ros.evaluation.recordings import inspected_recordings, path_text, short_name
@@ -34,8 +32,6 @@ from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 from mnsf_ros.report.run_tables import RunTables, tables_of
-
-_PAIR: Final = 2
 
 
 def evaluate(options: argparse.Namespace, console: Console) -> bool:
@@ -63,28 +59,38 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
             *(options.points, options.truth, options.odometry),
             watching=partial(checking_progress, console),
         )
-        num_sweeps = max(evaluation.num_sweeps, *(one.traits.num_sweeps for one in methods))
-        num_sweeps = _PAIR if options.pairs else min(num_sweeps, MAX_SWEEPS)
-        evaluation = replace(evaluation, num_sweeps=num_sweeps)
+        evaluation = evaluation.for_methods(methods, pairs=options.pairs)
         session = SessionRecord.now(sys.argv)
         tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
         console.say(f"Results folder: {path_text(folder.path)}")
         for key in sorted(folder.anew):
             console.say(f"{task_title(key)}: cannot go on in the middle, starts again")
-        given_up: list[str] = []
         try:
-            with EvaluationProgress(console, tasks, evaluation.every) as progress:
-                for task, event in execute(tasks, evaluation):
-                    folder.take(task, event)
-                    progress.watch(task, event)
-                    if isinstance(event, TaskFailed):
-                        given_up.append(f"gave up {task_title(task.key)}: {event.reason}")
+            given_up = _run_tasks(tasks, evaluation, execute, folder, console)
         finally:
             # Also after Ctrl-C: what is finished is worth a table.
             is_complete = folder.has_results and _conclude(folder, evaluation.num_pictured, console)
     for text in (*given_up, *unreadable):
         console.warn(text)
     return is_complete and not given_up and not unreadable
+
+
+def _run_tasks(
+    tasks: Sequence[EvaluationTask],
+    evaluation: EvaluationOptions,
+    execute: Executor,
+    folder: RunFolder,
+    console: Console,
+) -> list[str]:
+    """Writes down what tasks give as it gets ready; returns which were given up, and why."""
+    given_up: list[str] = []
+    with EvaluationProgress(console, tasks, evaluation.every) as progress:
+        for task, event in execute(tasks, evaluation):
+            folder.take(task, event)
+            progress.watch(task, event)
+            if isinstance(event, TaskFailed):
+                given_up.append(f"gave up {task_title(task.key)}: {event.reason}")
+    return given_up
 
 
 def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:

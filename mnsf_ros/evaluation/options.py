@@ -26,6 +26,7 @@ SET_BY_EVALUATOR: Final = ("compute.seed", "compute.num_threads")
 
 # The paper's largest ablation uses five sweeps: t-3 to t+1.
 MAX_SWEEPS: Final = 5
+_PAIR: Final = 2
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,11 @@ class EvaluationOptions:
             **{name: getattr(self, name) for name in others},
         }
 
+    def for_methods(self, methods: Iterable[EvaluatedMethod], *, pairs: bool) -> EvaluationOptions:
+        """Returns the options with as many sweeps for an example as a method looks at, or two."""
+        number = max([self.num_sweeps, *(one.traits.num_sweeps for one in methods)])
+        return replace(self, num_sweeps=_PAIR if pairs else min(number, MAX_SWEEPS))
+
     def is_scored(self, place: int) -> bool:
         """Whether an example, by its place among those of its recording, is to be scored."""
         return place % self.every == 0
@@ -170,4 +176,4 @@ def evaluated_methods(
 
 def num_sweeps_needed(options: EvaluationOptions, there: int) -> int:
     """Returns the minimum number of sweeps of an example; all if a recording has fewer."""
-    return max(2, min(options.num_sweeps, there))
+    return max(_PAIR, min(options.num_sweeps, there))

@@ -51,10 +51,7 @@ def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> 
 def results_markdown(results: RunResults, tables: RunTables) -> str:
     """Returns all tables with what they are tables of."""
     parts = ["# Scene flow evaluation", *results.protocol]
-    parts += [
-        table.markdown().rstrip("\n")
-        for table in (*tables.main, *tables.consistency, *tables.comparison, *tables.further)
-    ]
+    parts += [table.markdown().rstrip("\n") for table in tables.listed]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
     *earlier, last = results.record.sessions
@@ -69,22 +66,7 @@ def results_latex(results: RunResults, tables: RunTables) -> str:
     """Returns all tables for LaTeX, with what they are tables of as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].command_line
-    return "\n".join(
-        [
-            *head,
-            f"% {command}",
-            "",
-            *(
-                one.latex()
-                for one in (
-                    *tables.main,
-                    *tables.consistency,
-                    *tables.comparison,
-                    *tables.further,
-                )
-            ),
-        ]
-    )
+    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables.listed)])
 
 
 def results_csv(results: RunResults) -> str:

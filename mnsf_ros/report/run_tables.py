@@ -52,6 +52,11 @@ class RunTables(NamedTuple):
     worst: list[TextTable]
     missed: list[TextTable]
 
+    @property
+    def listed(self) -> list[TextTable]:
+        """Those of all methods, in the order of files."""
+        return [*self.main, *self.consistency, *self.comparison, *self.further]
+
 
 def tables_of(results: RunResults) -> RunTables:
     """Returns the tables of a run."""
