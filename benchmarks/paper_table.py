@@ -42,8 +42,14 @@ from rich.console import Console
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_files import read_json, replace_file
-from mnsf_ros.evaluation.run_folder import RUN_FILE, RunFolder
+from mnsf_ros.evaluation.run_files import (
+    ROWS_FILE,
+    RUN_FILE,
+    cut_off_unfinished_line,
+    read_json,
+    replace_file,
+)
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
@@ -92,7 +98,7 @@ def main() -> None:
 
 def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:
     """Computes the rows that are not there yet, and those of the methods to compute again."""
-    folder.cut_off_unfinished_lines()
+    cut_off_unfinished_line(folder.path / ROWS_FILE)
     folder.drop({(job.recording, job.method) for job in jobs if job.method in again})
     done = done_jobs(list(folder.rows))
     todo = [job for job in jobs if job not in done]

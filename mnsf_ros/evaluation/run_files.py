@@ -16,12 +16,43 @@ from typing import Final
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
 
-DRAFT: Final = ".{}.new"
-LOCK_FILE: Final = ".lock"
+RUN_FILE: Final = "run.json"
+ROWS_FILE: Final = "rows.jsonl"
+TASKS_FILE: Final = "tasks.jsonl"
+_LOCK_FILE: Final = ".lock"
+_DRAFT: Final = ".{}.new"
+# What a run leaves that was killed before it was written down.
+_START: Final = {_LOCK_FILE, _DRAFT.format(RUN_FILE)}
 
 
 class WritingError(EvaluationError):
     """A file of a run cannot be written, as on a full disk; what was there before still is."""
+
+
+def check_folder(out: Path, *, resume: bool) -> None:
+    """Makes sure that nothing would be overwritten.
+
+    Raises:
+        EvaluationError: The folder holds something and `resume` is not set, or is none.
+    """
+    if out.exists() and not out.is_dir():
+        raise EvaluationError(f"{out}: is not a folder")
+    if holds_something(out) and not resume:
+        raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
+
+
+def holds_something(out: Path) -> bool:
+    """Returns whether there is more in a folder than what a run that never began leaves."""
+    return out.is_dir() and any(entry.name not in _START for entry in out.iterdir())
+
+
+def remove_if_unused(folder: Path) -> None:
+    """Takes the folder of a run away if it holds nothing but the start of one."""
+    start = {RUN_FILE, *_START}
+    if {entry.name for entry in folder.iterdir()} <= start:
+        for name in start:
+            (folder / name).unlink(missing_ok=True)
+        folder.rmdir()
 
 
 @contextmanager
@@ -34,7 +65,7 @@ def locked(folder: Path) -> Iterator[None]:
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    with (folder / LOCK_FILE).open("a", encoding="utf-8") as file:
+    with (folder / _LOCK_FILE).open("a", encoding="utf-8") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -64,7 +95,7 @@ def replace_file(file: Path, parts: Iterable[str]) -> None:
     Raises:
         WritingError: That fails; the old file is still there.
     """
-    draft = file.with_name(DRAFT.format(file.name))
+    draft = file.with_name(_DRAFT.format(file.name))
     with writing(file):
         try:
             with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:

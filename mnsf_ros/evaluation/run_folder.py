@@ -12,7 +12,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Final
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
@@ -21,13 +20,17 @@ from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskK
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_files import (
-    DRAFT,
-    LOCK_FILE,
+    ROWS_FILE,
+    RUN_FILE,
+    TASKS_FILE,
     append_line,
+    check_folder,
     cut_off_unfinished_line,
+    holds_something,
     locked,
     read_json,
     read_lines,
+    remove_if_unused,
     replace_file,
     writing,
 )
@@ -35,10 +38,6 @@ from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
 from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
-
-RUN_FILE: Final = "run.json"
-# By a run that was killed before it was written down.
-_LEFT_BY_A_START: Final = {LOCK_FILE, DRAFT.format(RUN_FILE)}
 
 
 class RunFolder:
@@ -60,7 +59,7 @@ class RunFolder:
         self.before: RunRecord | None = None
         self.flows = ShownFlows(path)
         self.anew: frozenset[TaskKey] = frozenset()
-        self._rows, self._tasks = path / "rows.jsonl", path / "tasks.jsonl"
+        self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
         self._session = ExitStack()
         self._num_pictured = 0
         self._done: dict[TaskKey, set[int]] = {}
@@ -75,7 +74,7 @@ class RunFolder:
                 is none.
         """
         check_folder(self.path, resume=resume)
-        if _holds_something(self.path):
+        if holds_something(self.path):
             self.before = self.read_record()
         with self._session:
             yield self
@@ -94,12 +93,14 @@ class RunFolder:
         if self.before is not None:
             whole = record.resuming(self.before, self.path)
         self._session.enter_context(locked(self.path))
-        if self.before != (self.read_record() if _holds_something(self.path) else None):
+        file = self.path / RUN_FILE
+        if self.before != (read_json(file, RunRecord) if holds_something(self.path) else None):
             raise EvaluationError(f"{self.path}: another process has just written to it")
-        self._session.callback(self._remove_if_unused)
+        self._session.callback(remove_if_unused, self.path)
         if self.before is not None:
-            self.cut_off_unfinished_lines()
-        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
+            for lines in (self._rows, self._tasks):
+                cut_off_unfinished_line(lines)
+        replace_file(file, [to_json(whole, indent=2), "\n"])
         return self._left(record)
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
@@ -180,35 +181,6 @@ class RunFolder:
         """Takes the rows of some tasks away."""
         rows = (row for row in self.rows if (row.recording, row.method) not in keys)
         replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
-
-    def cut_off_unfinished_lines(self) -> None:
-        """Takes away what was being written when a run was killed."""
-        for file in (self._rows, self._tasks):
-            cut_off_unfinished_line(file)
-
-    def _remove_if_unused(self) -> None:
-        """Takes the folder away if it holds nothing but the start of a run."""
-        start = {RUN_FILE, *_LEFT_BY_A_START}
-        if {entry.name for entry in self.path.iterdir()} <= start:
-            for name in start:
-                (self.path / name).unlink(missing_ok=True)
-            self.path.rmdir()
-
-
-def check_folder(out: Path, *, resume: bool) -> None:
-    """Makes sure that nothing would be overwritten.
-
-    Raises:
-        EvaluationError: The folder holds something and `resume` is not set, or is none.
-    """
-    if out.exists() and not out.is_dir():
-        raise EvaluationError(f"{out}: is not a folder")
-    if _holds_something(out) and not resume:
-        raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
-
-
-def _holds_something(out: Path) -> bool:
-    return out.is_dir() and any(entry.name not in _LEFT_BY_A_START for entry in out.iterdir())
 
 
 def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:

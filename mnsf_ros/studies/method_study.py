@@ -22,7 +22,8 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_files import check_folder
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results

@@ -14,8 +14,8 @@ from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_files import WritingError, locked, replace_file
-from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_files import WritingError, check_folder, locked, replace_file
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.report.notes import NoteKind
