@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -45,97 +45,73 @@ _ERROR_COLORS: Final = LinearSegmentedColormap.from_list(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class PicturedFlow:
-    """What one method found.
-
-    Attributes:
-        method: Its name.
-        flow: (N, 3) metres per sweep; rows that are not finite have none.
-        error_m: (N,) how wrong it is, see `PicturedExample.error_name`; NaN where unknown.
-    """
-
-    method: str
-    flow: NDArray[Any]
-    error_m: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class PicturedExample:
-    """One sweep with the flows of some methods.
-
-    Attributes:
-        recording: Name of the recording.
-        number: Place of the sweep in the recording.
-        stamp_ns: Stamp of the sweep.
-        xyz: (N, 3) metres, the points to draw, sensor frame.
-        truth: (N, 3) metres per sweep, NaN where unknown; None if there is none at all.
-        next_from_current: (4, 4) ego motion; None if it is to be fitted.
-        flows: What the methods found.
-        error_name: What the errors are: the distance to the true flow, or, where there is no
-            truth, that of the moved points to the next sweep.
-    """
-
-    recording: str
-    number: int
-    stamp_ns: int
-    xyz: NDArray[np.float32]
-    truth: NDArray[np.float32] | None = None
-    next_from_current: NDArray[np.float64] | None = None
-    flows: list[PicturedFlow] = field(default_factory=list)
-    error_name: str = "end point error"
-
-    @property
-    def key(self) -> tuple[str, int]:
-        """Recording and number of the sweep."""
-        return self.recording, self.number
-
-
 class ExamplePainter:
-    """Draws the flows of one example as PNG files, all with the same scales."""
+    """Draws the flows of one sweep as PNG files, all with the same scales."""
 
-    def __init__(self, example: PicturedExample) -> None:
-        self._example = example
-        self._finite = np.isfinite(example.xyz).all(axis=1)
-        self._xy = example.xyz[self._finite, :2].astype(np.float64)
+    def __init__(
+        self,
+        xyz: NDArray[np.float32],
+        flows: Sequence[NDArray[Any]],
+        truth: NDArray[np.float32] | None,
+        next_from_current: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Takes what all pictures have in common.
+
+        Args:
+            xyz: (N, 3) metres, the points to draw, sensor frame.
+            flows: Those of all pictures, (N, 3) metres per sweep; rows that are not finite have
+                none.
+            truth: (N, 3) metres per sweep, NaN where unknown; None if there is none at all.
+            next_from_current: (4, 4) ego motion; None if it is to be fitted.
+        """
+        self._xyz, self._truth, self._motion = xyz, truth, next_from_current
+        self._finite = np.isfinite(xyz).all(axis=1)
+        self._xy = xyz[self._finite, :2].astype(np.float64)
         self._view_m = _view(self._xy)
         # The truth sets the scale: a method that went astray must not make all others grey.
-        flows = [item.flow for item in example.flows] if example.truth is None else [example.truth]
-        parts = zip(*map(self._parts, flows), strict=True)
+        parts = zip(*map(self._parts, flows if truth is None else [truth]), strict=True)
         self._speeds_m = [full_speed(list(part)) for part in parts]
+
+    @property
+    def error_name(self) -> str:
+        """What errors are: to the true flow, or without truth of moved points to the next sweep."""
+        return "distance to next sweep" if self._truth is None else "end point error"
 
     def truth(self) -> bytes | None:
         """Returns the picture of the true flow; None if there is none."""
-        if self._example.truth is None:
+        if self._truth is None:
             return None
         figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
-        self._draw_flow(figure, "truth", self._example.truth)
+        self._draw_flow(figure, "truth", self._truth)
         return png_bytes(figure)
 
-    def method(self, item: PicturedFlow) -> bytes:
-        """Returns the picture of the flow of a method, and of how wrong it is."""
+    def method(self, name: str, flow: NDArray[Any], error_m: NDArray[np.floating[Any]]) -> bytes:
+        """Returns the picture of the flow of a method, and of how wrong it is.
+
+        `error_m` (N,) is the `error_name` in metres; NaN where unknown.
+        """
         figure = pixel_figure(_WHOLE_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
-        self._draw_flow(figure, item.method, item.flow)
+        self._draw_flow(figure, name, flow)
         axes = pixel_axes(figure, _LEFTS_PX[2], _BOTTOM_PX, _SIDE_PX)
-        errors_m = item.error_m[self._finite]
-        draw_floor(axes, self._example.error_name, _error_note(errors_m), self._view_m)
+        errors_m = error_m[self._finite].astype(np.float64)
+        draw_floor(axes, self.error_name, _error_note(errors_m), self._view_m)
         _without_labels(axes)
         _draw_errors(axes, self._xy, errors_m)
         _draw_error_scale(figure)
         return png_bytes(figure)
 
-    def around(self, item: PicturedFlow, place_m: tuple[float, float]) -> bytes | None:
+    def around(self, name: str, flow: NDArray[Any], place_m: tuple[float, float]) -> bytes | None:
         """Returns what moves near a place (x, y), in truth and by a method; None without truth."""
-        if self._example.truth is None:
+        if self._truth is None:
             return None
         figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, BACKGROUND)
         view_m = max(self._view_m, *(abs(value) + _AROUND_M for value in place_m))
         limits = [(value - _AROUND_M, value + _AROUND_M) for value in place_m]
-        flows = {"truth": self._example.truth, item.method: item.flow}
-        for left, (name, flow) in zip(_LEFTS_PX, flows.items(), strict=False):
+        both = (("truth", self._truth), (name, flow))
+        for left, (whose, motion) in zip(_LEFTS_PX, both, strict=False):
             axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
-            title = f"{shortened(name, _MOST_LETTERS)}: what moves"
-            panel = Panel(title, "", self._xy, self._parts(flow)[1], 16.0, 1.5)
+            title = f"{shortened(whose, _MOST_LETTERS)}: what moves"
+            panel = Panel(title, "", self._xy, self._parts(motion)[1], 16.0, 1.5)
             draw_panel(axes, panel, full_speed_m=self._speeds_m[1], view_m=view_m)
             axes.scatter(*place_m, s=3000, facecolors="none", edgecolors=INK, linewidths=1.0)
             axes.set(xlim=limits[0], ylim=limits[1])
@@ -158,11 +134,10 @@ class ExamplePainter:
 
     def _parts(self, flow: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The flow (N, 2) as it is, and without ego motion."""
-        example = self._example
-        motion = example.next_from_current
+        motion = self._motion
         if motion is None:
-            motion = fit_rigid_motion(example.xyz, flow if example.truth is None else example.truth)
-        own = residual_flow(example.xyz, flow, motion)
+            motion = fit_rigid_motion(self._xyz, flow if self._truth is None else self._truth)
+        own = residual_flow(self._xyz, flow, motion)
         return flow[self._finite, :2].astype(np.float64), own[self._finite, :2].astype(np.float64)
 
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mnsf_ros.drawing.example_pictures import ExamplePainter, PicturedExample, PicturedFlow
+from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.report.run_results import MissedMover, RunResults
@@ -75,20 +75,21 @@ def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card 
         return None
     rivals = [other for other in results.rows if other.sweep == row.sweep and other is not row]
     found = [(row, own), *((one, flow) for one in rivals if (flow := flows.find(one)) is not None)]
-    example = _example(row, [flow for _, flow in found])
-    painter = ExamplePainter(example)
+    painter = _painter([flow for _, flow in found])
     where = f"sweep {row.number} of {row.recording}"
     pictures = []
     if true_picture := painter.truth():
         alt = f"True flow of {where} in top view, and what moves without ego motion."
         pictures.append(Picture(_uri(true_picture), alt, "Truth", is_truth=True))
-    for (one, _), item in zip(found, example.flows, strict=True):
+    for one, item in found:
         if one is not row and not np.nan_to_num(item.flow).any():
             continue
         said = f"{one.method}: {_figures(one)}"
-        alt = f"Flow of {where} by {one.method} and its {example.error_name}, top view. {said}."
-        pictures.append(Picture(_uri(painter.method(item)), alt, said))
-    subtitle = f"{row.stamp_ns / _NANOSECONDS:.3f} s, {len(example.xyz):,} points"
+        alt = f"Flow of {where} by {one.method} and its {painter.error_name}, top view. {said}."
+        pictures.append(
+            Picture(_uri(painter.method(one.method, item.flow, item.error_m)), alt, said)
+        )
+    subtitle = f"{row.stamp_ns / _NANOSECONDS:.3f} s, {len(own.xyz):,} points"
     return Card(f"{row.recording}, sweep {row.number}", subtitle, pictures)
 
 
@@ -98,8 +99,7 @@ def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
     flow = flows.find(row, item.object_id)
     if flow is None:
         return None
-    example = _example(row, [flow])
-    png = ExamplePainter(example).around(example.flows[0], item.place_m)
+    png = _painter([flow]).around(row.method, flow.flow, item.place_m)
     if png is None:
         return None
     caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
@@ -112,18 +112,9 @@ def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
     return Card(title, subtitle, [Picture(_uri(png), alt, caption)])
 
 
-def _example(row: ResultRow, flows: Sequence[ShownFlow]) -> PicturedExample:
+def _painter(flows: Sequence[ShownFlow]) -> ExamplePainter:
     first = flows[0]
-    return PicturedExample(
-        row.recording,
-        row.number,
-        row.stamp_ns,
-        xyz=first.xyz,
-        truth=first.truth,
-        next_from_current=first.ego_motion,
-        flows=[PicturedFlow(one.method, one.flow, one.error_m.astype(np.float64)) for one in flows],
-        error_name="distance to next sweep" if first.truth is None else "end point error",
-    )
+    return ExamplePainter(first.xyz, [one.flow for one in flows], first.truth, first.ego_motion)
 
 
 def _figures(row: ResultRow) -> str:

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from mnsf_ros.drawing.charts import band_chart, curve_chart, stage_bars, stage_names, time_text
-from mnsf_ros.drawing.example_pictures import (
-    ExamplePainter,
-    PicturedExample,
-    PicturedFlow,
-    error_colors,
-)
+from mnsf_ros.drawing.example_pictures import ExamplePainter, error_colors
 from mnsf_ros.drawing.figures import DARK, LIGHT, SERIES
 from mnsf_ros.drawing.flow_panel import MISSING
 
@@ -144,13 +138,12 @@ def test_pictures_are_png_and_the_same_each_time():
     random = np.random.default_rng(3)
     xyz = random.uniform(-20, 20, (300, 3)).astype(np.float32)
     truth = np.tile(np.float32([-0.8, 0, 0]), (300, 1))
-    flow = PicturedFlow(BAD, truth + np.float32(0.1), np.full(300, 0.17))
-    example = PicturedExample("street", 3, 0, xyz, truth, flows=[flow])
-    for draw in (lambda p: p.truth(), lambda p: p.method(flow)):
-        picture = draw(ExamplePainter(example))
+    flow = truth + np.float32(0.1)
+    for draw in (lambda p: p.truth(), lambda p: p.method(BAD, flow, np.full(300, 0.17))):
+        picture = draw(ExamplePainter(xyz, [flow], truth))
         assert picture.startswith(b"\x89PNG")
-        assert draw(ExamplePainter(example)) == picture
-    assert ExamplePainter(replace(example, truth=None)).truth() is None
+        assert draw(ExamplePainter(xyz, [flow], truth)) == picture
+    assert ExamplePainter(xyz, [flow], None).truth() is None
 
 
 def test_curves_stand_over_the_numbers_of_their_sweeps():
