@@ -179,7 +179,9 @@ def _made(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     source = f"method {plug_in.name!r} of {_package(plug_in)}"
     try:
         make = plug_in.load()
-    except (ImportError, AttributeError) as error:
+    except ImportError as error:
+        raise LibraryError(f"{source}: cannot load {plug_in.value!r}: {error}") from error
+    except AttributeError as error:
         raise SettingsError(f"{source}: cannot load {plug_in.value!r}: {error}") from error
     if not callable(make):
         raise SettingsError(f"{source}: got {make!r}, expected a class or function of settings")
