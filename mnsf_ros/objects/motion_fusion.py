@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_field import MotionField
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.target import Target
+from mnsf_ros.objects.point_grid import PointGrids
+from mnsf_ros.objects.target import TRUNCATION_M, Target
 
 # A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
@@ -97,6 +98,24 @@ class Targets:
     near: Sequence[Target]
     past: Sequence[Target]
 
+    @cached_property
+    def grids(self) -> PointGrids:
+        """The points of all of them."""
+        targets = (*self.near, *self.past)
+        grids = [target.sweep.grid for target in targets]
+        transforms = [target.from_current for target in targets]
+        return PointGrids(grids, transforms, len(self.near), TRUNCATION_M)
+
+    def shifts(self, objects: ObjectPoints, candidates: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (T, C, K, 3) metres, how far objects have moved by the time of each target.
+
+        Args:
+            objects: K objects.
+            candidates: (C, K, 3) metres, motions to the next sweep.
+        """
+        targets = (*self.near, *self.past)
+        return np.stack([target.shifts(objects, candidates) for target in targets])
+
 
 def judge(
     objects: ObjectPoints,
@@ -116,15 +135,13 @@ def judge(
     """
     if disagreement is None:
         disagreement = np.zeros(len(objects), np.float32)
-    left = np.full(len(objects), np.inf) if limit is None else limit
-    parts = []
-    for group in (targets.near, targets.past):
-        residuals = np.zeros((len(objects), len(group)))
-        for column, target in enumerate(group):
-            residuals[:, column] = target.unexplained(objects, motions, left * len(group))
-            left = left - residuals[:, column] / len(group)
-        parts.append(residuals)
-    return JudgedMotions(motions, parts[0], parts[1], disagreement)
+    if not (targets.near or targets.past):
+        none = np.zeros((len(objects), 0))
+        return JudgedMotions(motions, none, none, disagreement)
+    limits = np.full(len(objects), np.inf) if limit is None else limit
+    shifts = targets.shifts(objects, motions[None])
+    residuals = targets.grids.residuals(objects.as_columns, shifts, limits)
+    return _with_residuals(targets, motions, residuals, disagreement)
 
 
 def with_past(
@@ -155,11 +172,31 @@ def best_of(
         others: (K, 3) metres each, further candidates.
         share: They must leave less than this share of the residual.
     """
-    best = first
-    for motions in others:
-        limit = best.limit(motions, share)
-        best = best.better(judge(objects, targets, motions, first.disagreement, limit), share)
-    return best
+    tried = [*others]
+    if not tried:
+        return first
+    candidates = np.stack(tried)
+    motions, residuals = targets.grids.choose(
+        objects.as_columns,
+        first.motions,
+        np.concatenate([first.near, first.past], axis=1),
+        candidates,
+        targets.shifts(objects, candidates),
+        share,
+        _MIN_BETTER_M,
+    )
+    return _with_residuals(targets, motions, residuals, first.disagreement)
+
+
+def _with_residuals(
+    targets: Targets,
+    motions: NDArray[np.float32],
+    residuals: NDArray[np.float64],
+    disagreement: NDArray[np.float32],
+) -> JudgedMotions:
+    """Returns motions (K, 3) with their residuals (K, T) on all targets."""
+    near, past = np.split(residuals, [len(targets.near)], axis=1)
+    return JudgedMotions(motions, near, past, disagreement)
 
 
 def fuse_motions(

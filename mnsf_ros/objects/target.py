@@ -16,7 +16,7 @@ from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # The residual of a point is limited to this.
-_TRUNCATION_M: Final = 0.5
+TRUNCATION_M: Final = 0.5
 # A point farther off than this is that of something else.
 _NEAR_M: Final = 0.25
 # An object that was measured at the end of one sweep and at the beginning of the next has hardly
@@ -119,39 +119,43 @@ class Target:
         return free, hidden
 
     def unexplained(
-        self,
-        objects: ObjectPoints,
-        motions: NDArray[np.float32] | None = None,
-        limits_m: NDArray[np.float64] | None = None,
+        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
     ) -> NDArray[np.float64]:
         """How far objects are from the target, beyond the spacing of its points.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep; none if not given.
-            limits_m: (K,) metres; what is farther off is only known to be so.
 
         Returns:
-            (K,) metres, mean over each object's points, truncated; infinite above the limit.
+            (K,) metres, mean over each object's points, truncated.
         """
-        if limits_m is None:
-            limits_m = np.full(len(objects), np.inf)
-        most = limits_m * objects.counts
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
             self._shifts(objects, motions),
             self.from_current,
             objects.spacing,
-            _TRUNCATION_M,
-            most,
+            TRUNCATION_M,
         )
-        return np.where(sums > most, np.inf, sums / objects.counts)
+        return np.asarray(sums / objects.counts, np.float64)
+
+    def shifts(self, objects: ObjectPoints, candidates: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (C, K, 3) metres, how far objects have moved by the time of the target.
+
+        Args:
+            objects: K objects.
+            candidates: (C, K, 3) metres, motions to the next sweep.
+        """
+        if self.current.clock is None or self.sweep.clock is None:
+            return np.asarray(np.float32(self.steps) * candidates, np.float32)
+        return np.stack([self.steps_of(objects, each) * each for each in candidates])
 
     def _shifts(
         self, objects: ObjectPoints, motions: NDArray[np.float32] | None
     ) -> NDArray[np.float32]:
-        """Returns (K, 3) metres, how far objects have moved by the time of the target."""
+        """Returns (K, 3) metres, the same for one motion, or for none."""
         if motions is None:
             return np.zeros((len(objects), 3), np.float32)
-        return self.steps_of(objects, motions) * motions
+        shifts: NDArray[np.float32] = self.shifts(objects, motions[None])[0]
+        return shifts

@@ -300,6 +300,17 @@ class TestFusion:
         np.testing.assert_array_equal(found.near, expected.near)
         np.testing.assert_array_equal(found.past, expected.past)
 
+    def test_residuals_are_those_of_each_target_alone(self, objects, near):
+        motions = rows(MOTION * 0.8)
+        judged = judge(objects, Targets(near, near[::-1]), motions)
+        each = np.stack([item.unexplained(objects, motions) for item in near], axis=1)
+        np.testing.assert_array_equal(judged.near, each)
+        np.testing.assert_array_equal(judged.past, each[:, ::-1])
+
+    def test_without_others_the_first_is_best(self, objects, near):
+        first = judge(objects, Targets(near, ()), rows(MOTION))
+        assert best_of(objects, Targets(near, ()), first, []) is first
+
     def test_cost_is_the_mean_of_both_neighbors(self, objects, near):
         standing = judge(objects, Targets(near, near[:1]), rows((0, 0, 0)))
         each = [float(item.unexplained(objects)[0]) for item in near]
