@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Install list of the package, for colcon (ament_python) and for pip."""
 
 from __future__ import annotations

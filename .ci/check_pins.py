@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Resolves the pins of constraints.txt for every supported Python version, from wheels alone.
 
     python .ci/check_pins.py [3.10 3.14 ...]

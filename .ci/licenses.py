@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Prints the licences of all libraries that the project needs, directly or not, as a table.
 
     python .ci/licenses.py

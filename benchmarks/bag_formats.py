@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small simulated recordings in each format that can be read, for `mutated_bags.py`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fits the confidence of the online method to its errors, and shows how well it holds.
 
     python benchmarks/confidence.py [--sweeps N] [--document FILE]

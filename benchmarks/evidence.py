@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fits how likely objects move to evidence for it: the numbers of mnsf_ros/objects/evidence.py.
 
     python benchmarks/evidence.py [--seeds N ...]

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the fields of the output cost: CPU of building the serialized cloud of a full sweep.
 
 python benchmarks/flow_columns.py

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds as a broken driver or an attacker sends them, made from a good one."""
 
 from __future__ import annotations

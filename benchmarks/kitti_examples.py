@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Four moments of KITTI raw drive 0005: as the authors' triplets of 8,192 points, and in full.
 
 The triplets are npz files in the layout of the authors of FNSF and MNSF: pc1, pc2, pc3 (N, 3) and

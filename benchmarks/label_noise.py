@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How far the labels of real movers jump from sweep to sweep: what bounds errors measured by them.
 
     python benchmarks/label_noise.py

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Memory and time of `mnsf evaluate` on a recording of any size, which is written first.
 
     python benchmarks/large_recording.py [--gigabytes 50] [--folder DIR]

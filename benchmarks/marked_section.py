@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sections of a Markdown file that programs write, between two comments that name them."""
 
 from __future__ import annotations

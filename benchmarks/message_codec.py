@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Time of decoding and encoding one sweep of 130,000 points, in several layouts.
 
 Run as `python benchmarks/message_codec.py`. Needs NumPy only. Prints medians in milliseconds; the

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How well movers are found and followed, against the targets of the project.
 
     python benchmarks/movers.py [--half tuned reported] [--sweeps N] [--document FILE]

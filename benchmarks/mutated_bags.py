@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Evaluates damaged recordings by the thousand, for `reliability.py recordings`.
 
 Small recordings of each format are damaged at random: flipped bytes, cuts, wrong lengths, blocks

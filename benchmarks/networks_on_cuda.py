@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Everything about the networks on CUDA in one run: correctness, time, memory.
 
     python benchmarks/networks_on_cuda.py [--document FILE] [--sweeps N] [--device cuda]

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Errors of the online preset beside FNSF, MNSF and ego motion alone, on the same sweeps."""
 
 from __future__ import annotations

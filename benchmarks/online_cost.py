@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the online method costs: CPU beside KISS-ICP on the same sweeps, memory, and the start."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The live node over DDS: latency and drops, from publication to arrival, with room to spare."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The sweeps that the online benchmark runs on: real ones, and simulated streets."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method against its targets: speed, accuracy, memory, reproducibility.
 
     python benchmarks/online_targets.py [--parts accuracy resources cost live] [--document FILE]

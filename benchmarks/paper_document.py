@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The tables of `paper_table.py`: for the terminal, and as a section of docs/performance.md."""
 
 from __future__ import annotations

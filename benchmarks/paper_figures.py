@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the rows of `paper_table.py` say of a method: means over moments and seeds.
 
 And what the authors' own released code makes of the four triplets of 8,192 points: their solvers

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What `paper_table.py` estimates, in which order, and what of it is done.
 
 With which settings the rows of each method were computed is kept, too: others belong into another

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The paper's tables on four moments of KITTI raw drive 0005, beside what the authors' code gets.
 
     python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:mnsf:1]

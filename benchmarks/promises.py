@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What a promise of docs/reliability.md is, and the rounds in which it is tried."""
 
 from __future__ import annotations

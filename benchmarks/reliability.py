@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Measures promises of docs/reliability.md: `python benchmarks/reliability.py PROMISE`.
 
 Each is tried in rounds. The table has a line for each figure; a document gets a row for each

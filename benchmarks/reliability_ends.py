@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Promises on how commands end, for `reliability.py`: kills, signals, full folders."""
 
 from __future__ import annotations

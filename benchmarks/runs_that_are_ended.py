@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Runs of `mnsf evaluate` on a small recording, for `reliability_ends.py`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is called dynamic in the merged cloud of two lidars, and in that of each one.
 
     python benchmarks/several_lidars.py [--seeds 0 1] [--sweeps 16]

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What a map of KISS-ICP is like with all points, and with the static ones of `~/flow/standing`.
 
     python benchmarks/slam_map.py [--scenarios street crowd] [--sweeps 100] [--document FILE]

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Whether moving points stop a robot in time, as nav2's collision monitor would use them.
 
     python benchmarks/stop_zone.py [--seeds 0 1] [--beams 32] [--columns 1024] [--document FILE]

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Starts the scene flow node.
 
 ros2 launch mnsf_ros scene_flow.launch.py points:=/lidar/points

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Decompression with one limit, for everything that reads files of other people.
 
 A few kilobytes of a damaged or hostile file can expand to all memory there is, and the size that a

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The errors that callers of this package may catch. All of them say what was found."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Named sets of settings: `online`, the default; `neural`, the networks of the paper made fast.
 
 And for comparison `paper`, the published method, and `authors`, what their code does.

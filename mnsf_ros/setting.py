@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """One setting: what is declared of it, and what it accepts."""
 
 from __future__ import annotations

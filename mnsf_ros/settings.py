@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Every setting of the project, declared once: type, default, unit, range and meaning.
 
 ROS parameters, the YAML files in `config/`, command-line help and the table in

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """sensor_msgs/PointCloud2 as the bytes that go over the wire: CDR, little-endian."""
 
 from __future__ import annotations

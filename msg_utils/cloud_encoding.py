@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A cloud that is to be encoded: its layout, and what is written into its bytes."""
 
 from __future__ import annotations

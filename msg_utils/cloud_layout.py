@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where the points of a cloud lie in its data, and NumPy views of them."""
 
 from __future__ import annotations

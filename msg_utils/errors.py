@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The one error of this package, and the check of integers, which in Python may be anything."""
 
 from __future__ import annotations

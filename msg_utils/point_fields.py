@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Field list of a point cloud <-> NumPy structured dtype."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """When each point of a cloud was measured, from the field in which its driver says so."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A small street whose true flow is known; what needs PyTorch is skipped where there is none."""
 
 from __future__ import annotations

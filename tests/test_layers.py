@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Who may import whom, and who may end the process.
 
 The contracts are in pyproject.toml: import-linter's for imports, ruff's (`make lint`) for print,

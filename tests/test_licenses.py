@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The table of licences in docs/security.md is that of the libraries that are installed."""
 
 from __future__ import annotations

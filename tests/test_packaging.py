@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What colcon, pip and ROS need to find agrees with each other."""
 
 import ast

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Nothing that is read may run code: no pickle, no eval, no YAML with objects in it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The files for viewers show what the node publishes."""
 
 from __future__ import annotations

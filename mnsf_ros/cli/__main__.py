@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf` and `python -m mnsf_ros.cli` run a subcommand.
 
 Nothing is imported before signals are handled: Python would answer one with a traceback.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How subcommands declare their arguments, and the arguments that several of them have."""
 
 from __future__ import annotations

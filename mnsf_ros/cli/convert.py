@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf convert`: a sequence of a public data set as a recording with truth."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf demo`: a recording through the live node, with tables and a picture at the end."""
 
 from __future__ import annotations

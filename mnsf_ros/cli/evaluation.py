@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What `mnsf evaluate` does and prints: inspect, run, report."""
 
 from __future__ import annotations

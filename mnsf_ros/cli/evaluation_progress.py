@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How far `mnsf evaluate` is: a bar for each recording that is checked, and one for all tasks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf flow`: the flow of one sweep, from and to single files."""
 
 from __future__ import annotations

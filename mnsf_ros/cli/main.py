@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The `mnsf` command: one subcommand for each thing that a user does."""
 
 from __future__ import annotations

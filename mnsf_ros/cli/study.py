@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf study`: the paper's ablation tables and case studies."""
 
 from __future__ import annotations

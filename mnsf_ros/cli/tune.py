@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf tune`: the best settings of the method online for some recordings."""
 
 from __future__ import annotations

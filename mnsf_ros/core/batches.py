@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Random rows to optimize on, and networks applied to many rows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where tensors live, how precisely networks compute, and how many threads may work.
 
 PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The Adam loop of `optimization.minimize` without the host: no step waits for a number to be read.
 
 The loss is judged where it is computed. Several networks that are one stack are optimized in the

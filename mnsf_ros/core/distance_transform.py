@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Distance transform of a target sweep: a grid of distances, built once, looked up everywhere.
 
 Section 2 of the paper, after FNSF. Exact (Euclidean) at the grid nodes, up to the rounding of the

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What an estimate adds to the points of its sweep: one row of a table for each column."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What an estimate gives: the flow, and how it came about."""
 
 from __future__ import annotations

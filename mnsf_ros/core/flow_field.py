@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow field g(p; theta): a small network from positions to flow, fitted to two sweeps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fitting g_f toward the next sweep and g_b toward the previous one (section 3, steps 1 and 2)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A network with its optimizer, and what its loss may be."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How much memory networks and grids need, checked before any of it is taken.
 
 Without this check the system ends the process, or another one, when memory runs out.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """g_invert: the flow back to the previous sweep, turned into a flow to the next one."""
 
 from __future__ import annotations

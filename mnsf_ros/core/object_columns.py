@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is said of a tracked object: one row of a table for each value."""
 
 from __future__ import annotations

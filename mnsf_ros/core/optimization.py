@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The one Adam loop of the project: make a network's loss small, keep the best weights."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep made ready for the estimate: its kept points, on the device, with its D."""
 
 from __future__ import annotations

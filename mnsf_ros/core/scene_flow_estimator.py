@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What every method of estimating scene flow offers, ours and those of other packages."""
 
 from __future__ import annotations

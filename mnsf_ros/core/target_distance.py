@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """D(p, S): how far positions are from a target sweep, by a grid or by a search."""
 
 from __future__ import annotations

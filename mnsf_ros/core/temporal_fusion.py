@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """g_fusion: forward flow f and inverted backward flow f' become one flow (section 3, step 4).
 
 With more than three sweeps there are more inverted flows; all of them are fused at once.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What one triplet hands to the next: networks and their optimizers. Not in the paper."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What every method works on: the sweeps made ready, randomness, a clock, and the fits so far."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Argoverse 2 sensor data set: a log of Feather files, with boxes or with flow labels."""
 
 from __future__ import annotations

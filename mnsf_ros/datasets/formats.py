@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """All formats that can be read, by the name a user calls them, and what to say about a source.
 
 Each opener raises a DatasetError if something that is needed is missing or damaged; so does

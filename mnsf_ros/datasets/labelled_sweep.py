@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What every data set is turned into: sweeps with what is known about their motion."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps in npz files: the project's own layout, and that of the authors of NSFP, FNSF and MNSF."""
 
 from __future__ import annotations

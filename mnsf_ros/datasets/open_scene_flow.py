@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sequences that OpenSceneFlow prepared: HDF5 files with one group for each sweep."""
 
 from __future__ import annotations

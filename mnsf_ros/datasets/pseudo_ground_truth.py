@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The true flow of sweeps, as far as poses, tracked boxes or given flow tell it."""
 
 from __future__ import annotations

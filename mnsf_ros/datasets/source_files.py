@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Files of data sets: found, read and checked, with one line of text for all that goes wrong.
 
 Every function here raises a DatasetError that names the file if that is missing or damaged.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The categories of the data sets in the project's own table of surfaces."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Waymo Open: range images as sweeps, and the second edition, Parquet files of a segment."""
 
 from __future__ import annotations

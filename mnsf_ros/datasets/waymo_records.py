@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Waymo Open, first edition: a TFRecord file of `Frame` messages for each segment."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The demo: a recording goes through the live node; its flow is recorded, scored and drawn."""
 
 from __future__ import annotations

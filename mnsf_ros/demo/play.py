@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Plays a recording to whoever listens, as `ros2 bag play` does."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Plays a recording to the live node at its recorded pace and records the flow."""
 
 from __future__ import annotations

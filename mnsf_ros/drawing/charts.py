@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The charts of the report: values over bands, and the time of each stage."""
 
 from __future__ import annotations

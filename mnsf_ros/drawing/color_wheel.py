@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The colours of motion, the same in pictures and in clouds: direction is the hue."""
 
 from __future__ import annotations

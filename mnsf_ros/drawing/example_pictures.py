@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Pictures of a flow and of its error, in the manner of figures 3 and 5 of the paper."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Figures without any display, and what they become: PNG bytes or SVG for an HTML page."""
 
 from __future__ import annotations

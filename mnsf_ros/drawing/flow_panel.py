@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Flow seen from above: one panel of points and arrows, and the wheel of its colours."""
 
 from __future__ import annotations

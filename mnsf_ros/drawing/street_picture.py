@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """One picture of a sweep in perspective: what moves is coloured, with boxes and speeds."""
 
 from __future__ import annotations

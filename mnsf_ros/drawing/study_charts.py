@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The charts of the studies, each as the bytes of a PNG file on white ground."""
 
 from __future__ import annotations

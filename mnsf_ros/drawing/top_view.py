@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A picture of a flow from above: with and without ego motion."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A sweep made ready for registration: fewer points, and which of them stand on the ground."""
 
 from __future__ import annotations

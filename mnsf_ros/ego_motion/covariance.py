@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Covariances of the sensor's pose and of its motion from sweep to sweep.
 
 They are those of nav_msgs/Odometry, (6, 6) float64: x, y, z in metres, then rotations about x, y

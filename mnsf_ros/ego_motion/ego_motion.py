@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where the sensor was at each sweep: by odometry where there is some, else by registration."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Surfaces of points in cells: fitted to their moments, and compared with other points.
 
 A surface has a center and a (3, 3) matrix of weights: 1 across a smooth plane, 0 along it. An

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How the sensor moved while it took a sweep, and points as if they were measured in one moment."""
 
 from __future__ import annotations

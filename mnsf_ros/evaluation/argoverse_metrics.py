@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The two metrics of the Argoverse 2 scene flow challenge.
 
 * Three-way EPE (2023): the mean of the EPE of foreground dynamic, foreground static and background

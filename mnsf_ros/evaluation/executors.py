@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Who runs the tasks: this process one after the other, or processes on this machine side by side.
 
 `dispatched` is for all who run them elsewhere, see `ray_cluster.py`, too.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What was noticed while a recording was read: counts of events, and damage."""
 
 from __future__ import annotations

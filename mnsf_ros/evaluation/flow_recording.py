@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The estimated flow of a task as a recording: estimate, error and truth clouds."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The errors of an estimated flow against pseudo ground truth, as the paper computes them.
 
 The formulas are those of the paper's own code, at its edges too:

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How well movers are found and followed over time, from what was said of them sweep by sweep."""
 
 from __future__ import annotations

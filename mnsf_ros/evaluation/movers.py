@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What an estimate says of movers, beside the truth: points, false movers, confidence, objects.
 
 The figures are those of what the node publishes: the flag `dynamic`, the confidence, the tracked

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is evaluated, and how: all that a task needs, small enough to be sent anywhere."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Whether one method is better than another on the same sweeps, and how sure that is."""
 
 from __future__ import annotations

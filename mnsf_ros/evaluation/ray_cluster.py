@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tasks on a Ray cluster: one Ray task per recording and method.
 
 The recordings must be at the same path on all machines, and this package installed there. Ray

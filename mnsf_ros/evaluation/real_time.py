@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the live node would have estimated, by arithmetic on measured run times."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The recordings of a run: what is in them, which topics are used, and what they are called."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rows, one for each estimate, and from them one summary for each method."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 r"""Files of a run: each is there as a whole at any time, or grows by whole lines.
 
 All are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is

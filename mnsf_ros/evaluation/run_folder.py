@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The folder of a run: what is run, its rows, and what was noticed, written as it comes.
 
 `run.json` says what is run, `rows.jsonl` has one row per line, in the order in which they got

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The records of a run as JSON and back, also those that earlier versions have written.
 
 A number that is not finite is `null`, so that any program can read it.

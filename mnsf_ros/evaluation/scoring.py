@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """From an example and the estimate of its flow to a result row."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flows that a report shows, kept while a run goes on, so that pictures show what was scored.
 
 Of each method these are the worst ones, and the surroundings of the movers that it missed in most

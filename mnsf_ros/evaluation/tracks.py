@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps of a recording and what belongs to them, read along in the order of their stamps."""
 
 from __future__ import annotations

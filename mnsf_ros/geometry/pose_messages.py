@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses in messages, live and recorded, <-> (4, 4) matrices, with one tolerance."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The poses of the last minutes, and the pose at the stamp of a sweep."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow that one rigid motion gives, and the rigid motion that most of a flow follows."""
 
 from __future__ import annotations

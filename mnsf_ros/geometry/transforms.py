@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rigid transforms as (4, 4) float64 matrices, named `destination_from_source`."""
 
 from __future__ import annotations

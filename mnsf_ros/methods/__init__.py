@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The methods of estimating scene flow, by name."""
 
 from mnsf_ros.methods.registry import check_method as check_method

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Methods that are other programs: learned networks with weights that the user has.
 
 The command gets three more arguments, CURRENT.npy, NEXT.npy and FLOW.npy. The first two are

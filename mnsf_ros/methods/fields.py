@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The two kinds of flow field that the compared methods fit: a perceptron, or a linear one."""
 
 from __future__ import annotations

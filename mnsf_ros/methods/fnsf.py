@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """FNSF: one field, fitted with the distance D to the target sweep, and its variants."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """MNSF, the method of the paper: from three sweeps to the flow of the middle one.
 
 `mnsf` follows section 3 step by step. Variants (ablations, more sweeps, the authors' code) are

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The estimator of all methods that fit networks: each method is one function on a workbench.
 
 With `ego_motion.removed` the sweeps are first moved into the frame of the current one, so that

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """NSFP: a field and its inverse, fitted with the Chamfer distance and a cycle term."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Predictions that another program wrote, as a method among the others: `file:FOLDER`.
 
 Two layouts are read. Both have one file for each sweep, named by its stamp in nanoseconds, in the

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Name of a method to its estimator: our methods, and those of other installed packages.
 
 Another package registers a method with an entry point in the group `mnsf_ros.methods`. Its name

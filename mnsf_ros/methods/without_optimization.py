@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reference rows for every table: zero flow, and the flow of a static world."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`scene_flow_node`, `scene_flow_lifecycle_node` and `python -m mnsf_ros.node` run the node.
 
 Nothing is imported before signals are handled: Python would answer one with a traceback.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """From received clouds to sweeps, and what is said of clouds that are none."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Messages of ROS for parts of sweeps, and for encoded clouds."""
 
 from __future__ import annotations

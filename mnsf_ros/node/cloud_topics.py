@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which topic the lidar publishes on, where the user does not say."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the node needs around it: ROS, a transport for large clouds, quiet threads."""
 
 from __future__ import annotations

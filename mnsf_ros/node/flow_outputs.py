@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the node publishes of an estimate, and how long it took."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds of several lidars as one sweep in a common frame."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the node says in the log of ROS: its settings, faults, silence, and what the package logs.
 
 Faults may come ten times a second: each kind is logged at once, then at a low rate.

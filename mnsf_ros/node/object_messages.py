@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tracked objects -> messages: a table, a picture, and those of Autoware and nav2 if installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How the process keeps memory: what each sweep needs stays, what a large one left goes back."""
 
 from __future__ import annotations

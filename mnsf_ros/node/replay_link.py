@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The robot's side of the node's topics: publishes sweeps, receives flow and diagnostics."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the node is made of, whatever kind of node it is: sweeps in, flow out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The subscriptions to the lidar and, where the settings want it, to the robot's odometry."""
 
 from __future__ import annotations

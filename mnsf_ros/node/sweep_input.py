@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is in front of the buffer: from topics to sweeps that know where the sensor was."""
 
 from __future__ import annotations

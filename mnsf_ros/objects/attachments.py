@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points that belong to a mover but not to its object: fragments, and cut-off bottoms."""
 
 from __future__ import annotations

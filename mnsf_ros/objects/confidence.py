@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The probability that a flow is less than 0.1 m off, fitted to recordings with ground truth."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What an estimate decided about the objects of a sweep, and from what."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where the fits start: the best of several guesses of each motion."""
 
 from __future__ import annotations

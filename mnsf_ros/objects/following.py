@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which track each thing that moves belongs to, and what that makes of the tracks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The forward and the backward field: one translation for each object, fitted to one target."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fusion: the best of forward flow, inverted backward flow and their mean for all sweeps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A first guess of each object's motion: the shift on which both neighbouring sweeps agree."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which movers are one thing: close to each other, with the same motion."""
 
 from __future__ import annotations

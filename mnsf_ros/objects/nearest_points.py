@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Loops over the points of objects and what is nearest to them, by cells; see `point_grid`."""
 
 from __future__ import annotations

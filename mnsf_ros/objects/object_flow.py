@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method: from three sweeps to the flow of the middle one, step by step."""
 
 from __future__ import annotations

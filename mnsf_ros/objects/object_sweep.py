@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A prepared sweep: its objects above the ground, and a grid of its points."""
 
 from __future__ import annotations

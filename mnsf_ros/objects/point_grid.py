@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The points of a sweep in cells: how far, and in which direction, they are from objects."""
 
 from __future__ import annotations

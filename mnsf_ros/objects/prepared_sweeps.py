@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The last sweeps made ready, each once, in the order in which they came."""
 
 from __future__ import annotations

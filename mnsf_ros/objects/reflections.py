@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What goes along with the sensor: a window is seen only where it faces the sensor."""
 
 from __future__ import annotations

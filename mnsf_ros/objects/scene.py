@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The three sweeps of one estimate, seen from the middle one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What one estimate saw moving: measurements for the tracks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is long is not simply static: parts of it came lately, or all of it moves."""
 
 from __future__ import annotations

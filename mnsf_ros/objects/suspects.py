@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects may move: those that other sweeps do not support as static."""
 
 from __future__ import annotations

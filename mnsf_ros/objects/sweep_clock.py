@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """When a turning lidar measured which direction, and what it saw a second time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Another sweep, seen from the current one: what moved points are measured against."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the tracks say of each object that moves: its box, velocity and age."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is followed from sweep to sweep: identity, place, velocity, and how sure they are."""
 
 from __future__ import annotations

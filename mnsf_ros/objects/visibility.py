@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the other sweeps could see where objects are: free space, and what was hidden."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Cells around points, with room for shifts: which of them other sweeps occupy."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """From a stream of sweeps to a stream of flows: buffer, two workers, estimator. No ROS in it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What has happened so far: a count for every event, and the figures of recent estimates."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the counts of a node tell: clouds that were missed, no flow and why, a computer too busy."""
 
 from __future__ import annotations

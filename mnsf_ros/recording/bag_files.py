@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which files make up the recording at a path, and whether two of them are the same one."""
 
 from __future__ import annotations

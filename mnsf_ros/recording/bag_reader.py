@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reading recordings of any ROS version: rosbag2 (mcap, sqlite3) and ROS 1 bags."""
 
 from __future__ import annotations

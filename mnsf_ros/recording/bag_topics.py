@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The topics of a recording: their usual names and types, and which of them are used.
 
 `docs/recordings.md` explains them.

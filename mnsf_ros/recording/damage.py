@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is wrong with a recording, and where; and what the bag libraries raise on such files.
 
 A recording without checksums can still contradict itself: in its counts, in its tables.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The true flow of one sweep, and its point cloud message."""
 
 from __future__ import annotations

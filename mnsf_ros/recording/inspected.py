@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What reading a recording once has shown, and how far the reading is."""
 
 from __future__ import annotations

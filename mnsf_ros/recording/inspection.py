@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is in a recording, found out by reading all of it once."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Parts of an mcap file: its index at the end, and the records in a chunk, with their checksums."""
 
 from __future__ import annotations

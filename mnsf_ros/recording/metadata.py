@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The metadata.yaml of a rosbag2 folder: checked before it is used, and written."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording, folder or single file, that appears complete or not at all."""
 
 from __future__ import annotations

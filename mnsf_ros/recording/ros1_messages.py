@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """ROS 1 messages in the wire format of ROS 2."""
 
 from __future__ import annotations

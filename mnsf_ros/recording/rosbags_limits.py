@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """rosbags with the project's limit on decompression: it has none of its own.
 
 The names below are all the places at which rosbags 0.11 decompresses or takes what a file claims.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The charts of a run: errors by range and speed, over the sweeps and the points, and run times."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What to know beside the figures of a run: how they were made, and what casts doubt on them."""
 
 from __future__ import annotations

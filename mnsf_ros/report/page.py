@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The report of a run: one HTML file that needs nothing else, neither network nor scripts."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The results of a run as files: Markdown for people, CSV and JSON for programs."""
 
 from __future__ import annotations

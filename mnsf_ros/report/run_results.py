@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """All that a run gave, computed once from its rows: summaries, comparisons, worst sweeps, notes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """All tables of a run: of its methods, of these on the same sweeps, and of the worst sweeps."""
 
 from __future__ import annotations

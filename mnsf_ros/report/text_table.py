@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A table of finished cells, the same on the terminal and in Markdown."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rigid things of the scene: solid shapes, where rays enter them, and where they are.
 
 A shape sits at the origin of its own frame. Rays are given in that frame as one common origin

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where rays meet the asphalt, the sidewalks and the curbs, and how bright points look."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A spinning lidar: its rays, and what each of them hits first."""
 
 from __future__ import annotations

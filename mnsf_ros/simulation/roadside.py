@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Everything at rest along the street: houses, trees, lamps, furniture and parked cars."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where things drive and walk: routes, speeds along them, and that they do not meet."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The staged scenarios of `mnsf simulate`: what stands where, what moves how, and how it is seen.
 
 Places are metres in the world: the ego vehicle starts near (0, -2) and looks along +x, y is left.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Scenes of staged scenarios: from what is declared to bodies in the world."""
 
 from __future__ import annotations

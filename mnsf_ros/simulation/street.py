@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The ground plan: a gently winding street, the side streets that cross it, and their lanes.
 
 World frame: z = 0 is the asphalt, the street runs roughly along +x, traffic keeps to the right.

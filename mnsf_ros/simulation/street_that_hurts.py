@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Movers that are hard to find: close to walls and parked cars, slow, stopping, flat-sided."""
 
 from __future__ import annotations

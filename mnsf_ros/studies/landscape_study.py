@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The loss landscape of FNSF against that of MNSF: is the optimum of fused flow a flatter one?
 
 A step along a direction is measured in the size of the weights themselves ("filter normalization",

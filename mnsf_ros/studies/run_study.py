@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Doing a study by its name, and writing a page in Markdown, numbers as CSV, and a chart."""
 
 from __future__ import annotations

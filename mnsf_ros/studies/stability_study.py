@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How much a result changes when a single point of the sweeps is another one.
 
 The paper's theorem bounds the change of the loss by a term that falls with one over the number of

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which points are ground: those close above a height map from which objects were removed."""
 
 from __future__ import annotations

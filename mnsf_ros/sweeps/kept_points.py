@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The points of a sweep that fields are fitted to: inside the crop, and not ground."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which sweeps of several lidars belong together, as they arrive."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What a sweep is, and the three of them that one estimate needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Arrays in npy, npz and Feather files, never larger than a sweep can be.
 
 Errors are those of NumPy and zipfile, or a ValueError: see `files.UNREADABLE`.

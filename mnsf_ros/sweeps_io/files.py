@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Files of other people: read with one line of text for all that may be wrong with them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PointCloud2 -> Sweep, and flow -> PointCloud2: the same for messages of ROS and of recordings."""
 
 from __future__ import annotations

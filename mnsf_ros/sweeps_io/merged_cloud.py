@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps of several lidars as one sweep in a common frame, with a cloud of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PCD files of the Point Cloud Library: ascii, binary and binary_compressed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """PLY files: ascii, and binary with either byte order."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps in single files, whatever their format.
 
 Every reader raises a SweepFileError if a file is missing, damaged, or laid out in another way.

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The flow of one sweep in a file: npz, npy or ply. Row i belongs to row i of the sweep's file."""
 
 from __future__ import annotations

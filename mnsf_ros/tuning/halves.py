@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The halves of recordings: settings are chosen on the first one and judged on the second one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What settings are worth: a cost, lower is better, and the figures behind it."""
 
 from __future__ import annotations

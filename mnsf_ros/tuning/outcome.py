@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What a search has found: the settings that are worth changing, and what each of them gains."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The search: trials of settings, chosen by Optuna, kept in a file so that it can be continued."""
 
 from __future__ import annotations

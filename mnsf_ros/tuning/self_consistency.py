@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What settings are worth without labels: do points land where a later sweep has a surface?
 
 A point with its motion over ground is followed for about 0.3 s, at constant velocity, into a sweep

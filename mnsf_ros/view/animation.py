@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """An animation of the flow of a recording, for a page or a talk."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The topics of a running node, shown as they are: each only while somebody looks at it."""
 
 from __future__ import annotations

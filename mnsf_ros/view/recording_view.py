@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording is played, estimated and shown, with the names of topics that the node has."""
 
 from __future__ import annotations

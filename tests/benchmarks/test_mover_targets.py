@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script of `make benchmark-movers`: what is scored, and how it is judged."""
 
 from __future__ import annotations

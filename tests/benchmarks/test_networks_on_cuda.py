@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script that checks and times everything on CUDA, tried on the CPU."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The scripts of `make benchmark`: what is planned, what is summarized, and how it is judged."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script that measures promises: its rounds, its verdicts, and the rows that it writes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The script that measures how moving points stop a robot, and that they do."""
 
 from __future__ import annotations

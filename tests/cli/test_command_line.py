@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the `mnsf` command says and which status it ends with."""
 
 from pathlib import Path

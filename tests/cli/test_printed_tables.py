@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tables as they are printed: names and figures are whole on a terminal of any width."""
 
 import io

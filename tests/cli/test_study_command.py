@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf study` as users run it, on a street that is simulated in a second."""
 
 from collections.abc import Callable

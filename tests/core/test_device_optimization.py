@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The Adam loop that the host does not wait for gives what the other one gives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The grid of distances against brute force. Cells of 0.5 m: its nodes are exact in binary."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The rule of early stopping, on losses made up by hand; all of them exact in binary."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The table of columns: a row is all that a new field of the output needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The network of a field: what its depth counts, and where its first weights come from."""
 
 from __future__ import annotations

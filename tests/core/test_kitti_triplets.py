@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The preset `paper` against the authors' own code, on real sweeps. Skips where they are absent."""
 
 import os

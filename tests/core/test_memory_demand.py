@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings that need more memory than there is are refused before any of it is taken."""
 
 from __future__ import annotations

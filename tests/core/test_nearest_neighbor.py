@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Distance to the nearest point, against brute force."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The table of what is said of an object: a row is all that a new field of `~/objects` needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The Adam loop, on networks that are one vector of weights."""
 
 from __future__ import annotations

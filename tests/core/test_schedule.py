@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How long each network is optimized, and with which steps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """D(p, S): which of the two ways computes it, and where it ends."""
 
 from __future__ import annotations

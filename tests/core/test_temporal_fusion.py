@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fusion of forward flow f and inverted backward flow f': mean, weighted sum, network."""
 
 from __future__ import annotations

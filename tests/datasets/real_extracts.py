@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Where extracts of real data sets lie, if they do."""
 
 from __future__ import annotations

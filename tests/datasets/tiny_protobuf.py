@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Just enough of protocol buffers and TFRecord to write files for tests."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The tiny world through the range images of two lidars, as Waymo Open has it."""
 
 from __future__ import annotations

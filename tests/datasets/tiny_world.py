@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A vehicle, a car that drives, one that is parked and one that is gone after the first sweep.
 
 Tests write it in the layout of a data set, convert it, and compare what comes out with laws: the

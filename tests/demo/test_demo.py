@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The demo with a small simulated street: the real node over real DDS."""
 
 import fcntl

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A recording is published as it was recorded, by the real command over real DDS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The end of a replay: every sweep is accounted for, however late the node says so."""
 
 import itertools

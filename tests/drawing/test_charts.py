@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Charts and pictures of examples: what is drawn where, at known values."""
 
 from __future__ import annotations

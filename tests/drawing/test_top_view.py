@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Pictures of flow from above: their size, the colors at known places, and odd inputs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses of a sensor on a street of boxes, by registration, by odometry, and when either is lost."""
 
 from __future__ import annotations

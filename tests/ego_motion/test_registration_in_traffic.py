@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Registration on streets full of traffic, at speed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Surfaces of a map against plain answers, and clouds that are compared with them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps that do not fit their neighbours are counted, where no damage says so."""
 
 from __future__ import annotations

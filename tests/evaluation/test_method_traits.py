@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A method is treated by what it says of itself, not by how it is called."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The row `online` of an evaluation is what the live node gives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tasks on a Ray cluster of two nodes, one of which is killed half-way."""
 
 from __future__ import annotations

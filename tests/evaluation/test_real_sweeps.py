@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A few real sweeps of a 64-beam lidar with pseudo ground truth, where they are at hand."""
 
 from __future__ import annotations

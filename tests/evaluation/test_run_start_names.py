@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What recordings are called when a run goes on, and which of them are the same."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tasks in processes of their own give what they give in this one, to the last digit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Settings and metadata.yaml of any content: a value that fits, or one line that says why not."""
 
 from __future__ import annotations

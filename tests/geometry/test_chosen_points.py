@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Points by a mask, against NumPy."""
 
 from __future__ import annotations

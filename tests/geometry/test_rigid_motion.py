@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rigid motions: what their flow is, and that a fit finds them again."""
 
 from __future__ import annotations

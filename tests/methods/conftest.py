@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A street seen from a sensor that moves."""
 
 from __future__ import annotations

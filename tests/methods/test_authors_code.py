@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The settings that reproduce what the authors' code does and the paper does not say."""
 
 from __future__ import annotations

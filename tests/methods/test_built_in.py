@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Every built-in method on sweeps whose flow is known; ablations do what their names say."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """NSFP's loss, against brute force and by hand."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds of three kinds: of rclpy, of rosbags, and a plain class for what neither can hold."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The view of all fields: values against struct, and the contract about memory."""
 
 from __future__ import annotations

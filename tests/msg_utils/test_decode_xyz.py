@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Positions: one mask for all columns, own memory, and floats that are not finite."""
 
 from __future__ import annotations

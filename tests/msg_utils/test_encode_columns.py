@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Clouds from columns alone; bytes compared with struct. Columns that no cloud can hold."""
 
 from __future__ import annotations

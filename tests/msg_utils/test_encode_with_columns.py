@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """New clouds from old ones; bytes compared with struct, never with a decoder."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Field lists: datatypes, names, counts and offsets, against dtypes written out by hand."""
 
 from __future__ import annotations

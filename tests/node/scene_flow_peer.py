@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The other end of the scene flow node: a lidar, a listener and a parameter client in one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The lidar's topic is found where there is only one."""
 
 from __future__ import annotations

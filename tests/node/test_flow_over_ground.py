@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the node says beside the flow: what moves over ground, and how the sensor itself does."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The clouds with flow: built for those that subscribe to them, and for nobody else."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The node with a life cycle, through the services that `ros2 lifecycle` uses."""
 
 from __future__ import annotations

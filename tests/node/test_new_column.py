@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A new field of the output cloud is one row in the table of columns."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Signals in the middle of work: the node ends in order, whatever it is doing."""
 
 from __future__ import annotations

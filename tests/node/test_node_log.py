@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Faults that go on are logged at once, then at a low rate with their count; so is silence."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A node in a namespace, with a frame and qualities of service of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the messages of objects hold, whatever made the objects."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The policy for SROS 2 allows what the node has, and nothing else."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Two lidars on one robot: one flow cloud in the frame of the robot."""
 
 from __future__ import annotations

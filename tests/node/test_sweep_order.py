@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps that do not continue the stream: counted, logged, and the flow goes on."""
 
 from __future__ import annotations

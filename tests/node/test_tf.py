@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Poses by TF: what was measured on which frame, with the real tf2 where it is installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """docs/troubleshooting.md explains every message and level of `/diagnostics`."""
 
 from __future__ import annotations

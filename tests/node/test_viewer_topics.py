@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The files for RViz and Foxglove show topics of the node, each with a type that is shown so."""
 
 from __future__ import annotations

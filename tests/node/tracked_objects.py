@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Objects as the method makes them, of any id, place and motion."""
 
 from __future__ import annotations

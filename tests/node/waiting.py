@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How long the tests wait for what must happen."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps of a few boxes in empty space, made ready without ground removal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fragments and cut-off bottoms: what goes with a mover, and what does not."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online method on sweeps whose points have times: flow of the points as they came."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How sure a motion is: of a flat side that slides along itself it is a guess."""
 
 from __future__ import annotations

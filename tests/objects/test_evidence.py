@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """How likely objects move: what speaks for it, and what does not."""
 
 from __future__ import annotations

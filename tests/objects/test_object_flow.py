@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The online estimator on a street of boxes, one of which drives while the sensor does, too."""
 
 from __future__ import annotations

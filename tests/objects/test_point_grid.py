@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Nearest points by cells, against a tree of scipy."""
 
 from __future__ import annotations

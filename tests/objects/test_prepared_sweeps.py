@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The last sweeps made ready, and which of them an estimate looks back at."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Free space: what a sweep saw through, by a wall and a pole before it."""
 
 from __future__ import annotations

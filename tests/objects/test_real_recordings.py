@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Ego motion and flow on real recordings. Skips where they are absent."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Windows are seen where they face the sensor: what they show goes along with it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The same sweeps give the same flow, bit for bit: in any run, with any number of threads."""
 
 from __future__ import annotations

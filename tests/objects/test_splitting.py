@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Long objects: what touches them is another object, and what is new as a whole may move."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Which objects may move, and what speaks for it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps cut by time: which points were seen a second time, and objects at their own times."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Another sweep as a target, votes for a shift, and the fields that settle it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Objects of a drive: identity, box, velocity, age, and what is told of hidden ones."""
 
 from __future__ import annotations

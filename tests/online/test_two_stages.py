@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps are prepared while the last estimate is under way, which changes no flow."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Told are: no flow though clouds come, dropped triplets, and clouds that nobody has seen."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Small files that expand to gigabytes: an error with the limit in it, and little memory."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tiny recordings of every kind, written where a test wants them."""
 
 from __future__ import annotations

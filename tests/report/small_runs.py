@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Rows and the record of a small run, without any file."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Figures of the report: bands, times, best values and worst sweeps at known values."""
 
 from __future__ import annotations

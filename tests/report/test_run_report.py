@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The report of a run's folder: where its pictures come from, and what it says without any."""
 
 from __future__ import annotations

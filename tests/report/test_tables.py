@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Tables: what is in the cells, and that no text of a cell is taken for markup."""
 
 from __future__ import annotations

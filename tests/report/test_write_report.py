@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The report says what was run and found, is a page by itself, and lets nothing in or out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Staged scenarios: they hold what they declare, and their truth is exact, whoever looks how."""
 
 from __future__ import annotations

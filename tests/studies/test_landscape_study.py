@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The loss around an optimum: known bowls have known rises, and weights stay as they were."""
 
 from __future__ import annotations

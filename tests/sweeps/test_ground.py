@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Ground is what is close above the widest things; the defaults: 8 m window, 0.2 m margin."""
 
 from __future__ import annotations

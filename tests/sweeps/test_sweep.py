@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweeps and triplets: what comes in is checked once, and the intervals are right."""
 
 from __future__ import annotations

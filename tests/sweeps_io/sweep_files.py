@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Sweep files of every format, written byte by byte as their documents say."""
 
 from __future__ import annotations

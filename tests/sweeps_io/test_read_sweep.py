@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Every format gives the same points; whatever else is in a file gives one kind of error."""
 
 from __future__ import annotations

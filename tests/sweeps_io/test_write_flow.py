@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Flow in files: what was written is what is read, complete or not at all."""
 
 from __future__ import annotations

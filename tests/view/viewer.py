@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """A viewer as Foxglove is one: the protocol foxglove.sdk.v1 over a WebSocket."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What is left in a recording that is damaged, has no index or is not in the order of time."""
 
 from __future__ import annotations

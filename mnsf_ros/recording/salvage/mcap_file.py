@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The messages of an mcap file in the order of the file, also of a damaged one.
 
 Nothing here trusts an index: a file that was cut short has none, and a damaged one may lie. Where

@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The messages of a ROS 1 bag from front to end, for bags whose index is lost.
 
 A recorder writes the index last. A bag that was cut short, or never closed, has none, and no reader

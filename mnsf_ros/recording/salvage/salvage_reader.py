@@ -1,3 +1,4 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Reading storage files from front to end, around whatever is damaged."""
 
 from __future__ import annotations
