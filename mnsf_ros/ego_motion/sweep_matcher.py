@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
+from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.cloud import Cloud
 from mnsf_ros.ego_motion.surface_map import Comparison, SurfaceMap
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
@@ -197,7 +198,7 @@ class SweepMatcher:
                 gradient[:3] += _EXPECTED_POINTS * (pose[:3, 3] - expected[:3, 3])
                 curvature[:3, :3] += _EXPECTED_POINTS * np.eye(3)
             curvature += np.diag(_LEAST_CURVATURE * (1 + np.diag(curvature)))
-            step = -np.linalg.solve(curvature, gradient)
+            step = -solved(np.ascontiguousarray(curvature), np.ascontiguousarray(gradient))
             pose[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix() @ pose[:3, :3]
             pose[:3, 3] += step[:3]
             if np.abs(step[:3]).max() + _FAR_M * np.abs(step[3:]).max() < _LAST_STEP_M:
@@ -208,3 +209,23 @@ class SweepMatcher:
 def _is_explained(cloud: Cloud, there: Comparison) -> bool:
     is_held = there.num_on_surfaces >= _MIN_ON_SURFACES * len(cloud)
     return is_held and there.num_explained >= _MIN_EXPLAINED * len(cloud)
+
+
+@compiled("float64[::1](float64[:, ::1], float64[::1])")
+def solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (N,) x with matrix x = right, for a positive definite (N, N) matrix, by elimination.
+
+    The digits of a BLAS may depend on its threads, even for six unknowns.
+    """
+    left, result = matrix.copy(), right.copy()
+    for pivot in range(len(result)):
+        for row in range(pivot + 1, len(result)):
+            factor = left[row, pivot] / left[pivot, pivot]
+            result[row] -= factor * result[pivot]
+            for column in range(pivot, len(result)):
+                left[row, column] -= factor * left[pivot, column]
+    for row in range(len(result) - 1, -1, -1):
+        for column in range(row + 1, len(result)):
+            result[row] -= left[row, column] * result[column]
+        result[row] /= left[row, row]
+    return result

@@ -8,6 +8,7 @@ import pytest
 from box_street import BoxStreet, angle_deg, distance_m, pose, unrelated_sweep
 
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
+from mnsf_ros.ego_motion.sweep_matcher import solved
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -284,3 +285,14 @@ def test_the_map_forgets_and_the_path_goes_on():
     for index in range(8):
         found = ego_motion.pose_of(sweep_at(path, index))
     assert_near(found.world_from_sensor, path(7), within_m=0.05)
+
+
+def test_six_unknowns_are_solved():
+    generator = np.random.default_rng(0)
+    for scale in (1e-6, 1.0, 1e6):
+        half = generator.normal(size=(6, 8))
+        matrix, right = scale * half @ half.T, generator.normal(size=6)
+        given = matrix.copy(), right.copy()
+        assert solved(matrix, right) == pytest.approx(np.linalg.solve(*given), rel=1e-6)
+        assert np.array_equal(matrix, given[0])
+        assert np.array_equal(right, given[1])
