@@ -9,13 +9,14 @@ allows. `tests/test_licenses.py` compares the table in docs/security.md with it.
 
 from __future__ import annotations
 
+import importlib
 import re
 import sys
 from collections.abc import Iterator
-from distutils.core import run_setup
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
+import setuptools  # noqa: F401 - has distutils, which Python has no longer
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -52,7 +53,8 @@ EXCEPTIONS = ("edt", "tqdm")
 
 def wanted() -> Iterator[Requirement]:
     """Yields what setup.py asks for."""
-    package = run_setup(str(ROOT / "setup.py"), stop_after="init")
+    distutils = importlib.import_module("distutils.core")
+    package = distutils.run_setup(str(ROOT / "setup.py"), stop_after="init")
     lines = [
         *package.install_requires,
         *(x for name in EXTRAS for x in package.extras_require[name]),

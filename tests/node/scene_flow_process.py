@@ -75,7 +75,8 @@ class SceneFlowProcess:
                 stdout=log,
                 stderr=log,
                 cwd=_CHECKOUT,
-                env={name: value for name, value in os.environ.items() if name not in _PREPARED},
+                env={name: value for name, value in os.environ.items() if name not in _PREPARED}
+                | {"PYTHONFAULTHANDLER": "1"},
             )
 
     @property
@@ -96,7 +97,13 @@ class SceneFlowProcess:
 
     def wait(self):
         """Exit status, once the process has ended by itself."""
-        return self._process.wait(PATIENCE_S)
+        try:
+            return self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            # All its threads write where they are.
+            self._process.send_signal(signal.SIGABRT)
+            self._process.wait()
+            raise AssertionError(self.log) from None
 
     def stop(self, number=signal.SIGINT):
         """Sends a signal and returns the exit status."""
