@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 # Together with the rest of the shutdown this stays below the second that users grant a Ctrl-C.
 _CLOSE_TIMEOUT_S = 0.5
+# On a signal, rclpy wakes the executor before it shuts the context down: one that waits again by
+# then, and has no timer, would wait for ever.
+_SPIN_S = 0.2
 
 _EXIT_USAGE = 2
 
@@ -136,7 +139,7 @@ def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
         leave_signals()
         node = SceneFlowLifecycleNode() if has_life_cycle else SceneFlowNode()
         executor.add_node(node)
-        _spin(executor, node)
+        spin(executor, node)
     except (SettingsError, ParameterException) as error:
         get_logger(_LOGGER_NAME).fatal(str(error))
         status = _EXIT_USAGE
@@ -163,12 +166,11 @@ def _init_ros() -> None:
         raise SettingsError(f"cannot start ROS: {type(error).__name__}: {text}") from None
 
 
-def _spin(executor: SingleThreadedExecutor, node: SceneFlowNode | SceneFlowLifecycleNode) -> None:
+def spin(executor: SingleThreadedExecutor, node: SceneFlowNode | SceneFlowLifecycleNode) -> None:
     """Runs the node's callbacks until a signal comes."""
-    import rclpy
-
-    while rclpy.ok():
+    while executor.context.ok():
         try:
-            executor.spin()
+            executor.spin_once(timeout_sec=_SPIN_S)
         except Exception as error:  # noqa: BLE001 - rclpy's parameter services raise what they like
-            node.report_error("executor", error)
+            if executor.context.ok():
+                node.report_error("executor", error)

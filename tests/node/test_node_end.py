@@ -5,11 +5,18 @@ from __future__ import annotations
 
 import itertools
 import signal
+import threading
 import time
 
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from scene_flow_process import ENDLESS, LONG_CALLS, QUICK
 from synthetic_clouds import Drive, surfaces, xyz_message
+from waiting import PATIENCE_S
+
+from mnsf_ros.node.main import spin
 
 _POINTS = "/points_of_all"
 
@@ -85,3 +92,19 @@ def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
     assert process.wait() == 0
     assert "Traceback" not in process.log
     assert "ERROR" not in process.log
+
+
+def test_a_node_without_timers_ends_when_nothing_wakes_it():
+    context = Context()
+    rclpy.init(args=[], context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = rclpy.create_node("without_timers", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    spinning = threading.Thread(target=spin, args=(executor, node), daemon=True)
+    spinning.start()
+    # It waits by now, or does so a little later and sees that it has to end.
+    time.sleep(0.5)
+    # As rclpy does it on a signal, after it has woken the executor.
+    context.handle.shutdown()
+    spinning.join(PATIENCE_S)
+    assert not spinning.is_alive()
