@@ -12,11 +12,11 @@ wheels take gigabytes.
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import subprocess
 import sys
 import tempfile
-from distutils.core import run_setup
 from pathlib import Path
 
 from setuptools import Distribution
@@ -47,7 +47,9 @@ sys.exit(main(arguments))
 
 def main() -> int:
     """Checks the versions that are named on the command line, or all of them."""
-    package = run_setup(str(ROOT / "setup.py"), stop_after="init")
+    # setuptools has it, which Python has no longer.
+    distutils = importlib.import_module("distutils.core")
+    package = distutils.run_setup(str(ROOT / "setup.py"), stop_after="init")
     status = 0
     with tempfile.TemporaryDirectory() as folder:
         # The one dependency (of the ROS wheels) that has no wheel; it is pure Python.

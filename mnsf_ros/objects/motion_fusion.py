@@ -66,19 +66,14 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
-    def limit(self, motions: NDArray[np.float32], share: float = 1.0) -> NDArray[np.float64]:
+    def limit(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Returns (K,) metres; `motions` (K, 3) are better if they leave less, see `better`."""
         is_same = (motions == self.motions).all(axis=1)
-        return np.where(is_same, -np.inf, share * self.total - _MIN_BETTER_M)
+        return np.where(is_same, -np.inf, self.total - _MIN_BETTER_M)
 
-    def better(self, other: JudgedMotions, share: float = 1.0) -> JudgedMotions:
-        """Returns for each object its own motion, or the other one if that is clearly better.
-
-        Args:
-            other: Other motions.
-            share: They must leave less than this share of the residual.
-        """
-        wins = other.total < self.limit(other.motions, share)
+    def better(self, other: JudgedMotions) -> JudgedMotions:
+        """Returns for each object its own motion, or the other one if that is clearly better."""
+        wins = other.total < self.limit(other.motions)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
