@@ -291,7 +291,4 @@ def live_node(*parameters: str, flow_topic: str = "/scene_flow/flow") -> Iterato
         link = ReplayLink("/points", flow_topic, on_flow, lambda raw: None)
         node = LiveNode(process, stack.enter_context(link), log)
         wait_for_node(link, process)
-        while not link.num_statuses:
-            process.check()
-            link.spin_for(0.1)
         yield node

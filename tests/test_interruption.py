@@ -42,7 +42,7 @@ def interrupted(command: str, module: str, *arguments: str) -> subprocess.Comple
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
 
@@ -64,7 +64,7 @@ _WITHIN_CALLBACK = """
     callback = lambda _: [os.kill(os.getpid(), signal.SIGINT), [i for i in range(1000)]]
     reference = weakref.ref(owner, callback)
     del owner
-    time.sleep(20)
+    time.sleep(300)
 """
 
 
@@ -87,7 +87,7 @@ main.main(["parameters"])
         env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert (ended.returncode, ended.stderr) == (130, "mnsf: interrupted\n")

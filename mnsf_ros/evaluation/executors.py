@@ -183,8 +183,8 @@ def _start(process: BaseProcess) -> None:
                 raise EvaluationError(
                     f"worker processes cannot be started, tried {MAX_ATTEMPTS} times: {error}"
                 ) from error
-            # Until the system knows that it has ended.
-            time.sleep(_DEAD_S)
+            # Until the system knows that it has ended; a busy one takes its time.
+            time.sleep(_DEAD_S * 10**attempt)
 
 
 def _slow_imports() -> list[str]:

@@ -74,7 +74,9 @@ class ReplayLink(RawTopics):
     @property
     def is_connected(self) -> bool:
         """Whether the scene flow node listens and will be heard."""
-        return self.is_heard and self.num_publishers(self._flow_topic) > 0
+        is_seen = self.is_heard and self.num_publishers(self._flow_topic) > 0
+        # It works only for subscribers that it sees, too; its first diagnostics tell that it does.
+        return is_seen and self.num_statuses > 0
 
     @property
     def is_heard(self) -> bool:

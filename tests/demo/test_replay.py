@@ -2,18 +2,43 @@
 """The end of a replay: every sweep is accounted for, however late the node says so."""
 
 import itertools
+import time
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
 from mnsf_ros.demo import replay as replay_module
 from mnsf_ros.demo.demo_run import drop_hint, figures_table, verdict
 from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.node.replay_link import ReceivedFlow
+from mnsf_ros.node.raw_topics import RawTopics
+from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 NUM_SWEEPS = 6
+
+
+def test_a_node_is_there_when_it_sees_us_too(own_domain):
+    """Seen from here alone it would be too early: it works only for whom it sees."""
+    with (
+        RawTopics("node_of_the_test") as node,
+        ReplayLink("/points", "/flow", lambda _: None, lambda _: None) as link,
+    ):
+        node.subscribe("/points", CLOUD_TYPE, lambda _: None)
+        node.publisher("/flow", CLOUD_TYPE)
+        diagnostics = node.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        give_up_s = time.monotonic() + 300
+        while not (link.is_heard and link.num_publishers("/flow")):
+            assert time.monotonic() < give_up_s
+            link.spin_for(0.02)
+        assert not link.is_connected
+        while not link.is_connected:
+            assert time.monotonic() < give_up_s
+            diagnostics.publish(DiagnosticArray(status=[DiagnosticStatus(name="scene_flow: flow")]))
+            link.spin_for(0.02)
 
 
 class LateLink:

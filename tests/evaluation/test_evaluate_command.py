@@ -469,7 +469,7 @@ def shell(line, arguments, **environment):
         capture_output=True,
         text=True,
         errors="backslashreplace",
-        timeout=120,
+        timeout=300,
         check=False,
     )
 

@@ -58,7 +58,7 @@ def test_runs_in_the_pipeline_of_the_node(registered):
     give_up = time.monotonic() + 300
     while not (estimates or failures) and time.monotonic() < give_up:
         time.sleep(0.01)
-    assert pipeline.close(60.0)
+    assert pipeline.close(300.0)
     ((job, estimate),) = estimates
     assert estimate.flow.shape == job.triplet.current.xyz.shape
 
@@ -68,7 +68,7 @@ def test_can_be_chosen_while_the_node_runs(registered):
     pipeline.change_settings(SETTINGS)
     with pytest.raises(SettingsError, match=r"nearset.*did you mean nearest"):
         pipeline.change_settings(SETTINGS.changed({"method.name": "nearset"}))
-    assert pipeline.close(60.0)
+    assert pipeline.close(300.0)
 
 
 def test_is_scored_by_the_evaluator(registered, tmp_path):

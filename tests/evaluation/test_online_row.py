@@ -42,7 +42,7 @@ def live_flows(street, settings):
             pipeline.add_sweep(sweep, time.monotonic_ns())
             while pipeline.load:
                 time.sleep(0.005)
-    assert pipeline.close(60.0)
+    assert pipeline.close(300.0)
     assert not failures
     return flows
 

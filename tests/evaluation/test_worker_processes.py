@@ -87,7 +87,7 @@ def evaluate_with_another_torch(folder, bag, torch, *arguments):
     subprocess.run(
         [sys.executable, script, bag, *arguments],
         check=True,
-        timeout=120,
+        timeout=300,
         env=os.environ | {"PYTHONPATH": paths},
     )
 
@@ -114,33 +114,39 @@ found.touch()
     assert killed.exists()
 
 
-class KillFirst(WorkerProcesses):
-    """Kills processes at their first row, as the kernel does that has no memory left."""
+class DiesOnce(frozenset):
+    """Skips nothing; whoever comes to the second sweep is killed, as if no memory were left.
 
-    def __init__(self, times):
-        super().__init__(1)
-        self.times = times
+    That is in the process of a worker, which has sent the first row by then.
+    """
 
-    def __call__(self, runs, options):
-        import multiprocessing
-
-        for task, event in super().__call__(runs, options):
-            if isinstance(event, ResultRow) and self.times:
-                self.times -= 1
-                for child in multiprocessing.active_children():
-                    os.kill(child.pid, signal.SIGKILL)
-                    child.join()
-            yield task, event
+    def __contains__(self, number):
+        if number == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().__contains__(number)
 
 
-# Slow enough to be caught at it: the zero method would be done before it is killed.
-SLOW = {"optimization.max_iterations": 600, "field.hidden_width": 64}
+class DiesAlways(DiesOnce):
+    """Whoever takes the task over is killed, too."""
+
+    def union(self, *others):
+        return type(self)(super().union(*others))
+
+
+class Waits(frozenset):
+    """Whoever comes to the second sweep waits for ever."""
+
+    def __contains__(self, number):
+        if number == 2:
+            signal.pause()
+        return super().__contains__(number)
 
 
 def test_process_that_dies_is_replaced_and_nothing_is_lost(bag):
-    options = small.options(SLOW)
+    options = small.options()
     runs = [small.task_at(bag, "fnsf")]
-    events = events_by_task(KillFirst(1), runs, options)["drive", "fnsf"]
+    dying = [replace(runs[0], skipped=DiesOnce())]
+    events = events_by_task(WorkerProcesses(1), dying, options)["drive", "fnsf"]
     kinds = [type(event) for event in events]
     assert kinds.count(TaskRestarted) == 1
     assert isinstance(events[-1], Findings)
@@ -156,9 +162,8 @@ def test_process_that_dies_is_replaced_and_nothing_is_lost(bag):
 
 
 def test_task_that_always_dies_is_given_up(bag):
-    runs = [small.task_at(bag, "fnsf")]
-    options = small.options({**SLOW, "warm_start.enabled": True, "warm_start.max_iterations": 600})
-    events = events_by_task(KillFirst(MAX_ATTEMPTS), runs, options)["drive", "fnsf"]
+    runs = [replace(small.task_at(bag, "fnsf"), skipped=DiesAlways())]
+    events = events_by_task(WorkerProcesses(1), runs, small.options())["drive", "fnsf"]
     kinds = [type(event) for event in events]
     assert kinds.count(TaskRestarted) == MAX_ATTEMPTS - 1
     assert kinds[-1] is TaskFailed
@@ -168,8 +173,8 @@ def test_task_that_always_dies_is_given_up(bag):
 def test_processes_are_gone_when_nobody_wants_more(bag):
     import multiprocessing
 
-    runs = [small.task_at(bag, method) for method in METHODS]
-    events = WorkerProcesses(2)(runs, small.options(SLOW))
+    runs = [replace(small.task_at(bag, method), skipped=Waits()) for method in METHODS]
+    events = WorkerProcesses(2)(runs, small.options())
     next(events)
     assert multiprocessing.active_children()
     events.close()

@@ -39,8 +39,8 @@ RESTING = QUICK | {"node.always_estimate": "false"}
 
 NETWORK = QUICK | {"method.name": "mnsf"}
 
-# An estimate that takes minutes, in many short steps.
-ENDLESS = NETWORK | {"optimization.max_iterations": 100_000}
+# An estimate that takes minutes on any machine, in many short steps.
+ENDLESS = NETWORK | {"optimization.max_iterations": 100_000, "field.hidden_width": 128}
 
 # An estimate that is most of its time inside one library call, which takes a second or more.
 LONG_CALLS = NETWORK | {"distance.kind": "grid", "distance.cell_size_m": 0.06}

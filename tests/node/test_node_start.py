@@ -155,7 +155,9 @@ class TestCommandLine:
 
     def run(self, *arguments):
         command = [sys.executable, "-m", "mnsf_ros.node", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        )
 
     @pytest.mark.parametrize("arguments", [["--help"], ["--ros-args", "-r", "a:=b", "--", "-h"]])
     def test_help_says_how_to_start_the_node(self, arguments):
@@ -190,11 +192,15 @@ def test_greeting_names_what_differs_from_a_preset():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_libraries_are_loaded_ends_the_node_quietly(start_node, number):
-    process = start_node({})
     give_up = time.monotonic() + PATIENCE_S
-    while not process.has_loaded("_multiarray_umath"):
-        assert time.monotonic() < give_up
-    assert process.stop(number) == 0
+    while True:
+        process = start_node({})
+        while not process.has_loaded("_multiarray_umath"):
+            assert time.monotonic() < give_up
+        assert process.stop(number) == 0
+        # Where this process was held up meanwhile, the node has said what it uses: once more.
+        if "sweeps from" not in process.log:
+            break
     assert process.log == ""
 
 

@@ -4,4 +4,4 @@
 from __future__ import annotations
 
 # Far more than a loaded machine needs: only a failing test waits that long.
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0

@@ -12,7 +12,7 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
 # Only a failing test waits that long.
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 # Metres per sweep.
 MOTION = np.array([0.3, 0.1, 0.0], np.float32)

@@ -7,7 +7,7 @@ import pytest
 
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 class GatedWork:

@@ -15,7 +15,7 @@ from mnsf_ros.errors import SettingsError, SweepError
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 class Recorder:
@@ -184,7 +184,9 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
 
 def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
     """A pipeline with an estimate that lasts for hours and a triplet that waits, and its sweeps."""
-    endless = network_settings.changed({"optimization.max_iterations": 100_000})
+    endless = network_settings.changed(
+        {"optimization.max_iterations": 100_000, "field.hidden_width": 128}
+    )
     pipeline, indices = make_pipeline(endless), itertools.count()
 
     def is_one_waiting():

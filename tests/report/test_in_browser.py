@@ -24,7 +24,7 @@ def browse(tmp_path, page, *options):
     flags += ["--disable-component-update", "--no-first-run", "--enable-logging=stderr", "--v=0"]
     flags += [f"--user-data-dir={tmp_path / 'profile'}", *options, page.as_uri()]
     return subprocess.run(
-        [BROWSER, *flags], capture_output=True, text=True, timeout=120, check=True
+        [BROWSER, *flags], capture_output=True, text=True, timeout=300, check=True
     )
 
 

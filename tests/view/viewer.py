@@ -19,7 +19,7 @@ class Viewer:
 
     def __init__(self, url: str) -> None:
         self._socket: ClientConnection = connect(
-            url, subprotocols=["foxglove.sdk.v1"], max_size=None, open_timeout=120
+            url, subprotocols=["foxglove.sdk.v1"], max_size=None, open_timeout=300
         )
         self.channels: dict[int, dict[str, str]] = {}
         self.messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
@@ -30,7 +30,7 @@ class Viewer:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    def until(self, condition, patience_s: float = 120.0) -> None:
+    def until(self, condition, patience_s: float = 300.0) -> None:
         """Receives until a condition on the viewer holds."""
         give_up_s = time.monotonic() + patience_s
         while not condition(self):
