@@ -48,7 +48,7 @@ _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
 _NUM_LARGE: Final = 2_000_000
 # Until the node remembers no large sweep any more, however many are dropped.
-_FLOWS_AFTER: Final = 16
+_FLOWS_AFTER: Final = 24
 _MOST_SWEEPS: Final = 120
 _START_TIMEOUT_S: Final = 120
 _TOPICS: Final = {
