@@ -18,17 +18,19 @@ from mnsf_ros.objects.suspects import Suspects
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
 # Dynamic objects: constant, per logarithm of the residual, per unit of the score that they move,
 # per logarithm of the thickness, per logarithm of what other motions leave more, per metre of
-# vertical motion, without older sweeps, per metre to the motion that its track expected.
-_MOVING: Final = (1.54, -1.25, 0.33, 0.89, 0.69, -27.93, -1.14, -10.88)
+# vertical motion, per metre to the motion that its track expected, per logarithm of the length of a
+# motion that no track confirms.
+_MOVING: Final = (0.58, -1.43, 0.29, 0.77, 0.69, -22.16, -11.50, -2.24)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
 _DOUBTFUL: Final = (3.08, -9.39, -0.04)
 # Points that were never suspects: constant, per 10 m of range.
 _STANDING: Final = (5.23, -0.27)
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.05
-_NOISE_M: Final = 0.01
+# Residuals count from the spacing of the points on; this share of it is noise.
+_NOISE_SHARE: Final = 0.2
 # Motions that differ by this should explain an object worse: along a flat side they do not.
-_BESIDE_M: Final = 0.1
+_BESIDE_M: Final = 0.2
 # What is farther from the motion that a track expected is no more doubtful.
 _MAX_UNEXPECTED_M: Final = 0.5
 # Beyond this the confidence is 0 or 1, and the exponential would overflow.
@@ -75,16 +77,19 @@ def moving_features(
     movers: Suspects, moving: JudgedMotions, scores: NDArray[np.float64], targets: Targets
 ) -> NDArray[np.float64]:
     """Returns (K, 8) the features of K dynamic objects, see `moving_confidence`."""
-    expected = movers.expected
+    objects, expected = movers.objects, movers.expected
+    noise = _NOISE_SHARE * objects.sums(objects.spacing) / objects.counts
+    lengths = np.sqrt((moving.motions**2).sum(axis=1))
     unexpected = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
     return _with_constant(
-        np.log(moving.cost + _NOISE_M),
+        np.log(moving.cost + noise),
         scores,
-        np.log(movers.objects.thicknesses + _THIN_M),
-        np.log(_sharpness(movers.objects, moving, targets) + _NOISE_M),
+        np.log(objects.thicknesses + _THIN_M),
+        np.log(_sharpness(objects, moving, targets) + noise),
         np.abs(moving.motions[:, 2]),
-        np.full(len(movers), not targets.past),
         np.where(expected.is_known, np.minimum(unexpected, _MAX_UNEXPECTED_M), 0.0),
+        # The farther it goes, the more places match by chance, until its track was seen to move.
+        np.where(expected.is_known & (expected.scores > 0), 0.0, np.log1p(lengths)),
     )
 
 

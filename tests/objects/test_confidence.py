@@ -18,7 +18,7 @@ CAR = {"center": (10.0, 6.0, 0.0), "size": (4.0, 1.8, 1.5)}
 SIDE = {"center": (10.0, 6.0, 0.0), "size": (4.0, 0.05, 1.5)}
 
 
-def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, past=True):
+def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, track_score=3.0):
     """Confidence in a motion of a box that moved otherwise, or whose ends are never seen."""
     center, size = np.array(box["center"]), box["size"]
     current = prepared(surface(center, size=size))
@@ -27,11 +27,11 @@ def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, past=True)
     def seen(steps):
         return target(prepared(surface(center + steps * moved, size=size)), current, steps)
 
-    targets = Targets((seen(1.0), seen(-1.0)), (seen(-3.0),) if past else ())
+    targets = Targets((seen(1.0), seen(-1.0)), (seen(-3.0),))
     known = np.full(len(objects), expected is not None)
     motions = rows((0, 0, 0) if expected is None else expected)
     standing = judge(objects, targets, rows((0, 0, 0)))
-    expectation = Expectation(known, motions, np.zeros(len(objects)))
+    expectation = Expectation(known, motions, np.where(known, track_score, 0.0))
     movers = Suspects(np.arange(len(objects)), objects, standing, expectation)
     moving = judge(objects, targets, rows(motion))
     return moving_confidence(movers, moving, np.full(len(objects), 6.0), targets)
@@ -50,12 +50,33 @@ def test_a_car_with_ends_is_surer_than_a_side_without():
         {"motion": MOTION + np.array([0, 0, 0.15], np.float32)},
         {"motion": MOTION + np.array([0.2, 0, 0], np.float32)},
         {"expected": MOTION + np.array([0.3, 0, 0], np.float32)},
-        {"past": False},
     ],
-    ids=["climbs", "leaves a residual", "unexpected", "no older sweep"],
+    ids=["climbs", "leaves a residual", "unexpected"],
 )
 def test_what_speaks_against_a_motion(worse):
     assert confidence_of(CAR, **worse) < confidence_of(CAR)
+
+
+def test_the_longer_a_motion_the_more_places_match_by_chance():
+    confidences = [
+        confidence_of(CAR, motion=length * MOTION, moved=length * MOTION) for length in (1, 3, 6)
+    ]
+    assert sorted(confidences, reverse=True) == confidences
+    assert 1 - confidences[2] > 5 * (1 - confidences[0])
+
+
+def test_a_track_that_was_seen_to_move_confirms_a_motion():
+    fast = {"motion": 5 * MOTION, "moved": 5 * MOTION}
+    new = confidence_of(CAR, **fast)
+    # One that is only followed, because it may move, says nothing.
+    assert confidence_of(CAR, **fast, expected=5 * MOTION, track_score=-1.0) == new
+    assert confidence_of(CAR, **fast, expected=5 * MOTION) > new
+
+
+def test_far_off_a_small_residual_says_less():
+    # Residuals count from the spacing of the points on, and that grows with the range.
+    far = {**CAR, "center": (60.0, 6.0, 0.0)}
+    assert confidence_of(far) < confidence_of(CAR)
 
 
 def test_no_movers():
