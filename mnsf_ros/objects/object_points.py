@@ -126,17 +126,22 @@ class ObjectPoints:
         return angles
 
     @property
+    def extents(self) -> tuple[NDArray[np.float64], ...]:
+        """Three times (K,) metres: how long, wide and high each object is, as its points spread."""
+        xx, yy, xy, zz = self.variances
+        half, root = (xx + yy) / 2, np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+        # The variance of points spread evenly is a twelfth of the squared size.
+        return tuple(np.sqrt(12 * np.maximum(each, 0.0)) for each in (half + root, half - root, zz))
+
+    @property
     def thicknesses(self) -> NDArray[np.float64]:
         """(K,) metres, the height of each object, or its width if that is smaller.
 
         Strips of walls and single rings on crowns of trees and tables are thin: what is seen of
         them changes from sweep to sweep as if they moved.
         """
-        xx, yy, xy, zz = self.variances
-        across = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-        # The variance of points spread evenly is a twelfth of the squared width.
-        thicknesses: NDArray[np.float64] = np.sqrt(12 * np.maximum(np.minimum(across, zz), 0.0))
-        return thicknesses
+        _, widths, heights = self.extents
+        return np.minimum(widths, heights)
 
     def sums(self, values: NDArray[Any]) -> NDArray[Any]:
         """(K, ...) sums over each object's points of values (P, ...)."""

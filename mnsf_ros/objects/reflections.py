@@ -43,7 +43,6 @@ def reflections(
         motions: (K, 3) metres, their motions to the next sweep.
         sensor: (3,) metres, that of the sensor.
     """
-    xx, yy, xy, _ = objects.variances
     angles = objects.angles
     cosines, sines = np.cos(angles), np.sin(angles)
 
@@ -51,9 +50,7 @@ def reflections(
         parts: NDArray[np.float64] = np.abs(vectors[..., 0] * cosines + vectors[..., 1] * sines)
         return parts
 
-    half, root = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    # The variance of points spread evenly is a twelfth of the squared width.
-    thick, wide = (np.sqrt(12 * np.maximum(half + sign * root, 0.0)) for sign in (-1, 1))
+    wide, thick, _ = objects.extents
     lengths = np.sqrt((motions**2).sum(axis=1))
     x, y = objects.centers[:, 0], objects.centers[:, 1]
     slides = (thick < _MAX_THICKNESS_M) & (along(motions) > _MIN_ALONG * lengths)

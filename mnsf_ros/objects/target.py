@@ -112,21 +112,17 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep; none if not given.
         """
-        moved = objects.positions + self._shifts(objects, motions)[objects.owners]
+        moved = objects.positions
+        if motions is not None:
+            moved = moved + self.shifts(objects, motions[None])[0][objects.owners]
         free, hidden = (
             objects.sums(mask.astype(np.int64)) / objects.counts
             for mask in self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
         )
         return free, hidden
 
-    def unexplained(
-        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
-    ) -> NDArray[np.float64]:
-        """How far objects are from the target, beyond the spacing of its points.
-
-        Args:
-            objects: K objects.
-            motions: (K, 3) metres, to the next sweep; none if not given.
+    def unexplained(self, objects: ObjectPoints) -> NDArray[np.float64]:
+        """How far static objects are from the target, beyond the spacing of its points.
 
         Returns:
             (K,) metres, mean over each object's points, truncated.
@@ -134,7 +130,7 @@ class Target:
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
-            self._shifts(objects, motions),
+            np.zeros((len(objects), 3), np.float32),
             self.from_current,
             objects.spacing,
             TRUNCATION_M,
@@ -151,12 +147,3 @@ class Target:
         if self.current.clock is None or self.sweep.clock is None:
             return np.asarray(np.float32(self.steps) * candidates, np.float32)
         return np.stack([self.steps_of(objects, each) * each for each in candidates])
-
-    def _shifts(
-        self, objects: ObjectPoints, motions: NDArray[np.float32] | None
-    ) -> NDArray[np.float32]:
-        """Returns (K, 3) metres, the same for one motion, or for none."""
-        if motions is None:
-            return np.zeros((len(objects), 3), np.float32)
-        shifts: NDArray[np.float32] = self.shifts(objects, motions[None])[0]
-        return shifts

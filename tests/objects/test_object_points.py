@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from box_street import pose
 from small_scenes import SETTINGS, objects_of, prepared, rows, surface
 
 from mnsf_ros.objects.object_points import ObjectPoints
@@ -52,6 +53,17 @@ class TestByHand:
         assert BY_HAND.thinner(1).spacing.tolist() == [0, 2, 3]
         assert BY_HAND.thinner(2).spacing.tolist() == [0, 1, 2, 3, 5]
         assert BY_HAND.thinner(3).spacing.tolist() == [0, 1, 2, 3, 4, 5]
+
+    @pytest.mark.parametrize("yaw_deg", [0, 37, 90])
+    def test_extents_are_those_of_a_filled_box_however_it_is_turned(self, yaw_deg):
+        size = (4.0, 0.2, 1.5)
+        axes = [(np.arange(40) + 0.5) / 40 * length for length in size]
+        box = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+        positions = (box @ pose(7, -3, 1, yaw_deg=yaw_deg)[:3, :3].T).astype(np.float32)
+        owners = np.zeros(len(box), np.int64)
+        objects = ObjectPoints(owners[:1], positions, owners, np.zeros(len(box), np.float32))
+        assert np.ravel(objects.extents) == pytest.approx(size, rel=1e-3)
+        assert objects.thicknesses == pytest.approx([0.2], rel=1e-3)
 
     def test_none_at_all(self):
         none = BY_HAND.only(np.zeros(3, bool))
