@@ -57,6 +57,7 @@ class _Played:
         latencies_ms: From publication of t+1 to arrival of the flow of t.
         dropped: Sweeps without flow.
         estimate_ms: Median of what an estimate took, as the node says.
+        inside_ms: Median from the arrival of t+1 in the node until the flow of t was published.
         memory_mb: Most memory of its process.
     """
 
@@ -64,6 +65,7 @@ class _Played:
     latencies_ms: Sequence[float]
     dropped: int
     estimate_ms: float
+    inside_ms: float
     memory_mb: float
 
     def percentile_ms(self, percentile: float) -> float:
@@ -86,10 +88,11 @@ def live_tables(*, quick: bool) -> Iterator[TextTable]:
     }
     played = {name: _play(sweeps, duration_s) for name, (sweeps, _) in kinds.items()}
     header = ["10 Hz", "points", "p95 target (ms)"]
-    header += ["p50", "p95", "max", "flows", "dropped", "MB", ""]
+    header += ["p50", "p95", "max", "estimate", "in the node", "flows", "dropped", "MB", ""]
     title = (
         f"Live node, {os.cpu_count()} cores, {duration_s} s, the first {_WARM_UP_S} left out: from "
-        "publication of t+1 to arrival of the flow of t"
+        "publication of t+1 to arrival of the flow of t, ms; medians of an estimate, and of the "
+        "time from arrival in the node to publication of the flow"
     )
     yield TextTable(header, [_row(name, kinds[name][1], played[name]) for name in played], title)
     beside_load = _play(_street(duration_s), duration_s, num_busy=(os.cpu_count() or 1) // 2)
@@ -115,6 +118,8 @@ def _row(name: str, limit_ms: int, played: _Played) -> list[str]:
         f"{played.percentile_ms(50):.0f}",
         f"{p95_ms:.0f}",
         f"{played.percentile_ms(100):.0f}",
+        f"{played.estimate_ms:.0f}",
+        f"{played.inside_ms:.0f}",
         str(len(played.latencies_ms)),
         str(played.dropped),
         f"{played.memory_mb:.0f}",
@@ -170,10 +175,13 @@ def _play(
             node.link.spin_for(start_s + index / rate_hz - time.monotonic())
             node.publish(clouds[index % len(clouds)], 10**9 // rate_hz)
         node.link.spin_for(3.0)
-        estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
+        medians_ms = (
+            float(node.link.flow_values.get(f"{name} median [ms]", np.nan))
+            for name in ("estimate", "latency")
+        )
         replay = node.replay
         fates = _fates(replay.published_s, replay.arrived_s)
-        return _Played(float(np.mean(counts)), *fates, estimate_ms, node.process.memory_mb)
+        return _Played(float(np.mean(counts)), *fates, *medians_ms, node.process.memory_mb)
 
 
 def _fates(published_s: dict[int, float], arrived_s: dict[int, float]) -> tuple[list[float], int]:

@@ -3,6 +3,8 @@
 
     python benchmarks/online_targets.py [--parts accuracy resources cost live] [--document FILE]
 
+Each part has a section of its own in the document.
+
 Everything is measured in this one run: live latency with the real node over DDS, errors beside the
 project's own faithful FNSF and MNSF (preset `paper`) and beside ego motion alone, on the recordings
 beside the checkout (or where the environment variable MNSF_DATA says) and on simulated streets.
@@ -13,6 +15,7 @@ have nothing else to do.
 from __future__ import annotations
 
 import argparse
+import datetime
 import os
 import platform
 from collections.abc import Iterator
@@ -46,21 +49,18 @@ def main() -> None:
     add_document_option(parser)
     options = parser.parse_args()
     console = Console(width=120)
-    texts = [_head()]
     for part in options.parts:
+        texts = [_head()]
         for table in PARTS[part](quick=options.quick):
             console.print(table)
             texts.append(f"{table.markdown()}\n")
-    if options.document:
-        replace_section(options.document, "online targets", "\n".join(texts))
+        if options.document:
+            replace_section(options.document, f"online {part}", "\n".join(texts))
 
 
 def _head() -> str:
-    return (
-        f"Machine: {_processor()}, {os.cpu_count()} cores, no GPU used. The targets on CUDA "
-        "(full sweeps in 30 ms, MNSF of the preset `paper` in 150 ms) are not measured here: the "
-        "online method runs on the CPU, and CUDA needs a machine that has it.\n"
-    )
+    today = datetime.datetime.now(tz=datetime.timezone.utc)
+    return f"{_processor()}, {os.cpu_count()} cores, no GPU used, {today:%Y-%m-%d}.\n"
 
 
 def _processor() -> str:
