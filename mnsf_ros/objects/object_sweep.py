@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
+from mnsf_ros.geometry.bounds import bounds
 from mnsf_ros.geometry.chosen_points import chosen_points
 from mnsf_ros.geometry.thinning import thinned
 from mnsf_ros.objects.point_grid import PointGrid
@@ -96,17 +97,15 @@ class ObjectSweep:
         other.may_move = may_move
         if len(rows) == 0:
             return other
-        chosen = self.thinned[rows]
+        chosen = np.take(self.thinned, rows, axis=0)
         parts = Segmentation(chosen, _PART_CELL_M)
-        low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
+        box = [*map(float, bounds(chosen))]
         is_split = np.zeros(self.num_objects, np.bool_)
         is_split[self.thinned_objects[rows]] = True
 
         def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-            own = np.flatnonzero(is_split[objects])
-            xy = points[own, :2]
-            own = own[((xy >= low) & (xy <= high)).all(axis=1)]
-            numbers, changed = parts.objects_of(points[own]), objects.copy()
+            own = _inside(points, is_split[objects], *box)
+            numbers, changed = parts.objects_of(np.take(points, own, axis=0)), objects.copy()
             changed[own[numbers > 0]] = numbers[numbers > 0] + self.num_objects - 1
             return changed
 
@@ -132,6 +131,26 @@ class ObjectSweep:
 def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
     stride = max(1, -(-len(points) // settings.objects.max_points))
     return thinned(points[::stride], settings.objects.thinning_m)
+
+
+@compiled("int64[::1](float32[:, ::1], boolean[::1], float64, float64, float64, float64)")
+def _inside(
+    points: NDArray[np.float32],
+    wanted: NDArray[np.bool_],
+    low_x: float,
+    low_y: float,
+    high_x: float,
+    high_y: float,
+) -> NDArray[np.int64]:
+    """Returns which of the wanted points (N, 3) are inside a box, seen from above."""
+    rows = np.empty(len(points), np.int64)
+    number = 0
+    for point in range(len(points)):
+        x, y = points[point, 0], points[point, 1]
+        if wanted[point] and low_x <= x <= high_x and low_y <= y <= high_y:
+            rows[number] = point
+            number += 1
+    return rows[:number]
 
 
 @compiled("float32[::1](float32[:, ::1], int64[::1], int64)")
