@@ -106,11 +106,11 @@ def _row(
 
 
 def _draw_writing(figure: Figure, title: str, height_px: int) -> None:
-    left, top, low = _LEFT_PX / _WIDTH_PX, 1 - 12 / height_px, 8 / height_px
+    left, top, low = _LEFT_PX / _WIDTH_PX, 1 - 12 / height_px, 2 / height_px
     # A dollar sign in a title is a dollar sign, not a formula.
     figure.text(left, top, title, color=INK, fontsize=17, weight="bold", va="top", parse_math=False)
     hint = (
         f"colour: direction and speed (grey: slow)  ·  arrow: motion over {SWEEPS_PER_ARROW} sweeps"
         "  ·  white triangle: sensor, pointing ahead"
     )
-    figure.text(left, low, hint, color=FAINT_INK, fontsize=10)
+    figure.text(left, low, hint, color=FAINT_INK, fontsize=9, va="bottom")
