@@ -149,7 +149,7 @@ def _room(
 
 
 @contextmanager
-def _busy_cores(number: int) -> Iterator[None]:
+def busy_cores(number: int) -> Iterator[None]:
     """Keeps some cores busy with something else."""
     command = [sys.executable, "-c", "while True: pass"]
     processes = [subprocess.Popen(command) for _ in range(number)]
@@ -169,7 +169,7 @@ def _play(
     They are played from the first to the last and, where they are too few, again from the first.
     """
     clouds, counts = zip(*((serialized(sweep), len(sweep)) for sweep in sweeps), strict=True)
-    with live_node() as node, _busy_cores(num_busy):
+    with live_node() as node, busy_cores(num_busy):
         start_s = time.monotonic()
         for index in range(duration_s * rate_hz):
             node.link.spin_for(start_s + index / rate_hz - time.monotonic())
