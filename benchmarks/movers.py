@@ -136,10 +136,11 @@ def scored(
         elapsed_ms = (time.process_time() - start_s) * 1e3
         if index in counted:
             times_ms += [] if are_pairs else [elapsed_ms]
-            yield scored_row(_example(name, index, sweeps, triplet), group, estimate, elapsed_ms)
+            yield scored_row(example_of(name, index, sweeps, triplet), group, estimate, elapsed_ms)
 
 
-def _example(name: str, index: int, sweeps: list[TrueSweep], triplet: SweepTriplet) -> Example:
+def example_of(name: str, index: int, sweeps: list[TrueSweep], triplet: SweepTriplet) -> Example:
+    """The current sweep of a triplet with its truth."""
     current, next_ = sweeps[index : index + 2]
     # Including points that were taken for ground, for example the bottoms of vehicles.
     valid = current.scored & crop_mask(current.sweep.xyz, preset("online").crop)
