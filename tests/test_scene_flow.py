@@ -21,6 +21,7 @@ SHORT = Settings().changed(
         "field.hidden_width": 16,
         "optimization.max_iterations": 5,
         "optimization.time_budget_ms": 0,
+        "warm_start.time_budget_ms": 0,
         "fusion.max_iterations": 5,
     }
 )

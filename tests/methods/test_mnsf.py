@@ -26,6 +26,7 @@ SHORT = Settings().changed(
         "optimization.max_iterations": 10,
         "optimization.batch_points": 100,
         "optimization.time_budget_ms": 0,
+        "warm_start.time_budget_ms": 0,
         "fusion.max_iterations": 10,
     }
 )

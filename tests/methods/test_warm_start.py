@@ -29,6 +29,7 @@ SMALL = Settings().changed(
         "fusion.hidden_width": 8,
         "optimization.max_iterations": 5,
         "optimization.time_budget_ms": 0,
+        "warm_start.time_budget_ms": 0,
         "fusion.max_iterations": 4,
         "warm_start.max_iterations": 3,
         "warm_start.max_gap_s": 2,

@@ -26,6 +26,7 @@ QUICK = {
     "optimization.learning_rate": 0.01,
     "optimization.batch_points": 256,
     "optimization.time_budget_ms": 0,
+    "warm_start.time_budget_ms": 0,
     "warm_start.max_iterations": 30,
     "compute.num_threads": 1,
     "compute.device": "cpu",

@@ -76,6 +76,7 @@ def network_settings(quick_settings):
             "optimization.learning_rate": 0.01,
             "optimization.batch_points": 256,
             "optimization.time_budget_ms": 0,
+            "warm_start.time_budget_ms": 0,
             "warm_start.max_iterations": 20,
         }
     )

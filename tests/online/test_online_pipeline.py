@@ -188,6 +188,13 @@ def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
         {"optimization.max_iterations": 100_000, "field.hidden_width": 128}
     )
     pipeline, indices = make_pipeline(endless), itertools.count()
+    estimate, has_begun = pipeline._estimator.estimate, threading.Event()
+
+    def begin(*arguments):
+        has_begun.set()
+        return estimate(*arguments)
+
+    pipeline._estimator.estimate = begin
 
     def is_one_waiting():
         if pipeline._preparing.load > 0:
@@ -198,6 +205,7 @@ def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
         return True
 
     wait_until(is_one_waiting)
+    assert has_begun.wait(PATIENCE_S)
     return pipeline, indices
 
 
