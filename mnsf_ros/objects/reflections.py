@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from mnsf_ros.objects.object_points import ObjectPoints
 
-# A pane is no thicker than this, by noise and frame.
+# A pane is no thicker than this, by noise and frame, nor than this share of its width: pedestrians
+# are thicker for their width.
 _MAX_THICKNESS_M: Final = 0.25
+_MAX_THICKNESS_SHARE: Final = 0.4
 # It slides along itself: this share of its motion is along the pane.
 _MIN_ALONG: Final = 0.9
 # It goes as far as the sensor, up to this plus this share.
@@ -53,7 +55,8 @@ def reflections(
     wide, thick, _ = objects.extents
     lengths = np.sqrt((motions**2).sum(axis=1))
     x, y = objects.centers[:, 0], objects.centers[:, 1]
-    slides = (thick < _MAX_THICKNESS_M) & (along(motions) > _MIN_ALONG * lengths)
+    is_sheet = thick < np.minimum(_MAX_THICKNESS_M, _MAX_THICKNESS_SHARE * wide)
+    slides = is_sheet & (along(motions) > _MIN_ALONG * lengths)
     goes_along = along(motions - sensor) < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
     shares = (motions @ sensor) / np.maximum((sensor**2).sum(), _MIN_SENSOR_M**2)
     goes_along |= (shares > _MIN_SHARE) & (shares < 1) & (wide > _ROW_M)

@@ -23,6 +23,10 @@ def test_a_pane_beside_the_sensor_that_goes_as_fast_is_one():
     assert reflects((0.85, 0.01, 0.02), **PANE) == [2]
 
 
+def test_a_narrow_pane_is_one():
+    assert reflects((0.8, 0.0, 0.0), **{**PANE, "size": (0.4, 0.05, 1.5)}) == [2]
+
+
 def test_a_row_of_panes_is_one_though_it_goes_more_slowly():
     assert reflects((0.45, 0.0, 0.0), **PANE) == [2]
     assert reflects((-0.45, 0.0, 0.0), **PANE) == [0]
@@ -41,10 +45,19 @@ def test_a_long_flat_side_beside_the_sensor_is_one_in_part_only():
         ({}, (0.0, 0.8, 0.0), SENSOR),
         ({}, (0.0, 0.0, 0.0), np.zeros(3)),
         ({"size": (3.0, 1.7, 1.5)}, (0.8, 0.0, 0.0), SENSOR),
+        ({"size": (0.4, 0.18, 1.7)}, (0.14, 0.0, 0.0), SENSOR * 0.2),
         ({"center": (9.0, 12.0, 0.5)}, (0.8, 0.0, 0.0), SENSOR),
         ({"center": (12.0, 1.0, 0.5), "size": (0.05, 1.8, 1.5)}, (0.8, 0.0, 0.0), SENSOR),
     ],
-    ids=["slower", "away", "standing sensor", "car", "far ahead", "rear of a car ahead"],
+    ids=[
+        "slower",
+        "away",
+        "standing sensor",
+        "car",
+        "pedestrian",
+        "far ahead",
+        "rear of a car ahead",
+    ],
 )
 def test_what_moves_otherwise_or_looks_otherwise_is_none(change, motion, sensor):
     assert reflects(motion, sensor, **{**PANE, **change}) == [0]
