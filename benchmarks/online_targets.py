@@ -55,7 +55,12 @@ def main() -> None:
             console.print(table)
             texts.append(f"{table.markdown()}\n")
         if options.document:
-            replace_section(options.document, f"online {part}", "\n".join(texts))
+            replace_section(options.document, section_of(part), "\n".join(texts))
+
+
+def section_of(part: str) -> str:
+    """Returns the name of the section that a part writes."""
+    return f"online {part}"
 
 
 def _head() -> str:

@@ -12,9 +12,12 @@ import pytest
 pytest.importorskip("rclpy")
 
 
+ROOT = Path(__file__).parents[2]
+
+
 @pytest.fixture
 def share_row(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
     return importlib.import_module("online_cost").share_row
 
 
@@ -34,3 +37,12 @@ def test_what_scatters_too_much_is_called_noise(share_row, part_ms, whole_ms, sh
     row = share_row("share", np.array(part_ms, float), np.array(whole_ms, float))
     assert row[2].startswith(share)
     assert row[3] == verdict
+
+
+def test_each_part_of_the_targets_has_a_section(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    targets = importlib.import_module("online_targets")
+    read_section = importlib.import_module("marked_section").read_section
+    for part in targets.PARTS:
+        text = read_section(ROOT / "docs" / "performance.md", targets.section_of(part))
+        assert "| :--- |" in text

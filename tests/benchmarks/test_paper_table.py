@@ -203,7 +203,6 @@ def test_section_of_a_document_is_replaced(load, tmp_path):
     ("script", "document"),
     [
         ("paper_table", "performance.md"),
-        ("online_targets", "performance.md"),
         ("stop_zone", "recipes.md"),
         ("slam_map", "recipes.md"),
     ],
