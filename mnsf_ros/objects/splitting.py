@@ -47,7 +47,8 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
     is_long = sizes >= max_size_m
     rows = np.flatnonzero((is_long | (sizes >= _SHORT_M))[objects])
     points = np.take(current.thinned, rows, axis=0)
-    is_near = np.einsum("pa,pa->p", points, points) < _MAX_RANGE_M**2
+    x, y, z = points.T
+    is_near = x * x + y * y + z * z < _MAX_RANGE_M**2
     rows, points = rows[is_near], chosen_points(points, is_near)
     has_come = np.zeros(len(rows), dtype=bool)
     for target in targets:
