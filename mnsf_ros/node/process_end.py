@@ -1,0 +1,48 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The process ends in time, also when a library never returns while it cleans up."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from typing import Final
+
+# Of signal.h: a thread of its own calls a function.
+_SIGEV_THREAD: Final = 2
+
+
+class _Event(ctypes.Structure):
+    """`struct sigevent` of 64-bit Linux."""
+
+    _fields_ = (
+        ("value", ctypes.c_long),
+        ("signal", ctypes.c_int),
+        ("notify", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("attributes", ctypes.c_void_p),
+        ("padding", ctypes.c_long * 4),
+    )
+
+
+class _Times(ctypes.Structure):
+    """`struct itimerspec`."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_long) for name in ("every_s", "every_ns", "first_s", "first_ns")
+    )
+
+
+def exit_within(seconds: int, status: int) -> None:
+    """Ends the process with a status after some time, if it has not ended by then.
+
+    Without the interpreter: a thread of Python could not run while a library holds its lock. Does
+    nothing where the C library has no such timer.
+    """
+    library = ctypes.CDLL(None)
+    if not hasattr(library, "timer_create"):
+        return
+    function = ctypes.cast(library._exit, ctypes.c_void_p)
+    event = _Event(value=status, notify=_SIGEV_THREAD, function=function.value)
+    timer = ctypes.c_void_p()
+    if library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) == 0:
+        library.timer_settime(timer, 0, ctypes.byref(_Times(first_s=seconds)), None)

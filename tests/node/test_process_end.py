@@ -1,0 +1,24 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""A process in which a library never returns ends all the same."""
+
+import subprocess
+import sys
+
+import pytest
+
+# PyDLL keeps the interpreter's lock: no thread of Python runs any more.
+_HANGS = (
+    "import ctypes; from mnsf_ros.node.process_end import exit_within; "
+    "exit_within(1, {}); ctypes.PyDLL(None).pause()"
+)
+
+
+@pytest.mark.parametrize("status", [0, 2])
+def test_it_ends_with_its_status(status):
+    command = [sys.executable, "-c", _HANGS.format(status)]
+    assert subprocess.run(command, timeout=300, check=False).returncode == status
+
+
+def test_one_that_ends_earlier_is_not_held_up():
+    lines = "from mnsf_ros.node.process_end import exit_within; exit_within(1000, 3)"
+    assert subprocess.run([sys.executable, "-c", lines], timeout=300, check=True).returncode == 0
