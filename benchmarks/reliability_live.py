@@ -70,12 +70,12 @@ class _Growth:
     def figures(self) -> Iterator[Figure]:
         """Whether memory, descriptors, threads and segments are what they were."""
         late = self._node.state()
-        # A short run tells nothing of growth: its first sweeps are under way.
-        is_told = len(self._states) > _WARM_UP_MIN
-        early = self._states[_WARM_UP_MIN - 1] if is_told else late
+        # Of a short run, the first third.
+        warm_up = min(_WARM_UP_MIN, len(self._states) // 3)
+        early = self._states[warm_up - 1] if warm_up else late
         growth_mb = late["MB"] - early["MB"]
-        text = f"{growth_mb:+.1f} MB after the first {_WARM_UP_MIN} min, now {late['MB']:.0f} MB"
-        yield "memory", text if is_told else f"{late['MB']:.0f} MB", growth_mb <= _MAX_GROWTH_MB
+        text = f"{growth_mb:+.1f} MB after the first {warm_up} min, now {late['MB']:.0f} MB"
+        yield "memory", text, growth_mb <= _MAX_GROWTH_MB
         for name in ("descriptors", "threads", "segments"):
             yield name, f"{early[name]:.0f} -> {late[name]:.0f}", late[name] <= early[name]
 
