@@ -109,10 +109,9 @@ def test_time_that_a_promise_leaves_is_for_the_next_ones(reliability, promises, 
     monkeypatch.setattr(reliability, "_write_row", lambda *_: None)
     document = Path("unused")
     monkeypatch.setattr(Path, "read_text", lambda self: "")
-    measured(reliability, monkeypatch, document, minutes=10)
-    first, second = minutes
-    assert first == 5
-    assert 8 < second <= 10
+    # So many that what a slow machine takes for two rounds does not matter.
+    measured(reliability, monkeypatch, document, minutes=1000)
+    assert minutes == [500, pytest.approx(1000, abs=10)]
 
 
 def test_rows_of_the_page_are_those_of_the_script(reliability):
