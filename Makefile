@@ -80,9 +80,14 @@ lint: $(COMPLETE)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# Resolves constraints.txt for every supported Python version; needs a package index.
+# Resolves constraints.txt for every supported Python version, and writes all that a machine without
+# ROS installs with hashes; needs PyPI.
 pins: $(COMPLETE)
 	$(BIN)/python .ci/check_pins.py
+	$(PIP) install uv
+	$(BIN)/uv pip compile --quiet --no-annotate --custom-compile-command 'make pins' \
+		--universal --python-version 3.10 --constraint constraints.txt --generate-hashes \
+		$(patsubst %,--extra %,wheels view datasets tune) --output-file locked.txt setup.py
 
 # The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.
 benchmark: $(COMPLETE)

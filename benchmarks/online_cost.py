@@ -21,7 +21,7 @@ from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.methods import make_method
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.process_memory import keep_memory
+from mnsf_ros.node.process_memory import RETURNED_EVERY, keep_memory
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.online.online_pipeline import SWEEPS_RECEIVED, TRIPLET_ENDS, TRIPLETS_FORMED
 from mnsf_ros.presets import preset
@@ -47,9 +47,9 @@ _MAX_MEMORY_MB: Final = 250
 _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
 _NUM_LARGE: Final = 2_000_000
-# Until the node remembers no large sweep any more, however many are dropped.
-_FLOWS_AFTER: Final = 24
-_MOST_SWEEPS: Final = 120
+# Until the node has returned memory, however many are dropped.
+_FLOWS_AFTER: Final = RETURNED_EVERY + 1
+_MOST_SWEEPS: Final = 4 * RETURNED_EVERY
 _START_TIMEOUT_S: Final = 120
 _TOPICS: Final = {
     "~/flow": "/scene_flow/flow",

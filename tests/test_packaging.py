@@ -28,6 +28,8 @@ from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 PYTHON_VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+# What a machine without ROS needs but for PyTorch, which has an index of its own.
+LOCKED_EXTRAS = ("", "wheels", "view", "datasets", "tune")
 INSTALLED_EXTRAS = ("wheels", "networks", "datasets", "tune", "view", "test", "lint")
 
 
@@ -95,7 +97,7 @@ def test_source_archive_has_what_the_makefile_and_the_tests_need(source_archive:
         *("constraints.txt", "Makefile", "pyproject.toml", "package.xml", "resource/mnsf_ros"),
         *("CONTRIBUTING.md", "docs/recipes.md", "tests/conftest.py", ".ci/check_ros_recipe"),
         *("config/online.yaml", "launch/scene_flow.launch.py", "benchmarks/stop_zone.py"),
-        *("QUALITY_DECLARATION.md", ".gitignore"),
+        *("QUALITY_DECLARATION.md", ".gitignore", "locked.txt"),
     ):
         assert name in names
 
@@ -131,13 +133,15 @@ def test_metadata_says_what_the_package_is(metadata: Message) -> None:
     assert "## Install" in str(metadata.get_payload() or metadata["Description"])
 
 
-def pins(version: str) -> dict[str, list[Requirement]]:
-    """The pins of constraints.txt that hold for a Python version, by the name of the library."""
-    lines = (ROOT / "constraints.txt").read_text().splitlines()
-    all_pins = [Requirement(line) for line in lines if line and not line.startswith("#")]
+def pins(version: str, name: str = "constraints.txt") -> dict[str, list[Requirement]]:
+    """The pins that hold for a Python version on x86-64 Linux, by the name of the library."""
+    # In locked.txt, lines that begin with a space are hashes of the pin above.
+    lines = re.findall(r"^[^#\s][^\\\n]*", (ROOT / name).read_text(), re.MULTILINE)
+    all_pins = [Requirement(line) for line in lines]
     found: dict[str, list[Requirement]] = {canonicalize_name(pin.name): [] for pin in all_pins}
     for pin in all_pins:
-        if not pin.marker or pin.marker.evaluate({"python_version": version}):
+        python = {"python_version": version, "python_full_version": f"{version}.0"}
+        if not pin.marker or pin.marker.evaluate(python):
             found[canonicalize_name(pin.name)].append(pin)
     return found
 
@@ -158,6 +162,27 @@ def test_pins_are_what_setup_py_asks_for(version: str, declared: str) -> None:
             (pin,) = found[canonicalize_name(wanted.name)]
             (exact,) = pin.specifier
             assert wanted.specifier.contains(exact.version), wanted
+
+
+@pytest.mark.parametrize("version", PYTHON_VERSIONS)
+def test_locked_versions_are_those_of_the_pins(version: str, declared: str) -> None:
+    locked, pinned = pins(version, "locked.txt"), pins(version)
+    wanted = [each.name for name in LOCKED_EXTRAS for each in requirements(declared, name)]
+    assert len(wanted) > len(LOCKED_EXTRAS)
+    assert {canonicalize_name(name) for name in wanted} <= set(locked)
+    assert all(len(found) <= 1 for found in locked.values())
+    both = [(*found, *pinned[name]) for name, found in locked.items() if found and name in pinned]
+    assert len(both) > len(LOCKED_EXTRAS)
+    assert all(one.specifier == other.specifier for one, other in both)
+
+
+def test_each_locked_library_has_hashes_of_its_files() -> None:
+    """Without them pip would refuse the whole file."""
+    text = (ROOT / "locked.txt").read_text()
+    entries = re.findall(
+        r"^[^#\s].*(?:\n +--hash=sha256:[0-9a-f]{64}(?: \\)?)+$", text, re.MULTILINE
+    )
+    assert len(entries) == len(re.findall(r"^[^#\s]", text, re.MULTILINE)) > len(LOCKED_EXTRAS)
 
 
 def test_python_versions_are_those_that_the_package_names(metadata: Message) -> None:

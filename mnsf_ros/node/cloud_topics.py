@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import Final
 
-import rclpy
-from rclpy.context import Context
 from rclpy.node import Node
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.raw_topics import RawTopics
 
 _CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 # Clouds that a scene flow node publishes.
@@ -25,7 +23,9 @@ def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
     Raises:
         SettingsError: If there is none, or more than one; it names them.
     """
-    topics = _found_topics(search_s)
+    with RawTopics("scene_flow_search") as ros:
+        ros.spin_for(search_s)
+        topics = cloud_topics(ros.node)
     if len(topics) == 1:
         return topics[0]
     if topics:
@@ -43,16 +43,3 @@ def cloud_topics(node: Node) -> list[str]:
         for name, types in node.get_topic_names_and_types()
         if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
     )
-
-
-def _found_topics(search_s: float) -> list[str]:
-    context = Context()
-    rclpy.init(args=[], context=context)
-    try:
-        node = rclpy.create_node("scene_flow_search", context=context)
-        time.sleep(search_s)
-        topics = cloud_topics(node)
-        node.destroy_node()
-    finally:
-        context.try_shutdown()
-    return topics

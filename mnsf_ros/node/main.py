@@ -19,7 +19,7 @@ from mnsf_ros.node.environment import (
     transport_fault,
 )
 from mnsf_ros.node.node_log import log_to_ros
-from mnsf_ros.node.process_end import exit_within
+from mnsf_ros.node.process_end import END_TIMEOUT_S, exit_within
 from mnsf_ros.node.process_memory import keep_memory
 
 if TYPE_CHECKING:
@@ -32,9 +32,6 @@ _CLOSE_TIMEOUT_S = 0.5
 # On a signal, rclpy wakes the executor before it shuts the context down: one that waits again by
 # then, and has no timer, would wait for ever.
 _SPIN_S = 0.2
-# A participant of Fast DDS that is destroyed while it discovers another one may wait for ever: it
-# holds the lock that the discovery needs to end.
-_END_TIMEOUT_S = 10
 
 _EXIT_USAGE = 2
 
@@ -148,13 +145,13 @@ def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
         get_logger(_LOGGER_NAME).fatal(str(error))
         status = _EXIT_USAGE
         # With the error goes the node that was not finished.
-        exit_within(_END_TIMEOUT_S, status)
+        exit_within(END_TIMEOUT_S, status)
     except Exception:
         # A signal takes the context away at any time, and what is under way then fails.
         if rclpy.ok():
             raise
     finally:
-        exit_within(_END_TIMEOUT_S, status)
+        exit_within(END_TIMEOUT_S, status)
         if node is not None:
             node.close(_CLOSE_TIMEOUT_S)
             node.destroy_node()

@@ -5,7 +5,12 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections.abc import Callable
 from typing import Final
+
+# A participant of Fast DDS that is destroyed while it discovers another one may wait for ever: it
+# holds the lock that the discovery needs to end.
+END_TIMEOUT_S: Final = 10
 
 # Of signal.h: a thread of its own calls a function.
 _SIGEV_THREAD: Final = 2
@@ -32,17 +37,23 @@ class _Times(ctypes.Structure):
     )
 
 
-def exit_within(seconds: int, status: int) -> None:
-    """Ends the process with a status after some time, if it has not ended by then.
+def exit_within(seconds: int, status: int) -> Callable[[], None]:
+    """Ends the process with a status after some time, unless what is returned is called by then.
 
     Without the interpreter: a thread of Python could not run while a library holds its lock. Does
     nothing where the C library has no such timer.
     """
     library = ctypes.CDLL(None)
     if not hasattr(library, "timer_create"):
-        return
+        return _nothing
     function = ctypes.cast(library._exit, ctypes.c_void_p)
     event = _Event(value=status, notify=_SIGEV_THREAD, function=function.value)
     timer = ctypes.c_void_p()
-    if library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) == 0:
-        library.timer_settime(timer, 0, ctypes.byref(_Times(first_s=seconds)), None)
+    if library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
+        return _nothing
+    library.timer_settime(timer, 0, ctypes.byref(_Times(first_s=seconds)), None)
+    return lambda: library.timer_delete(timer)
+
+
+def _nothing() -> None:
+    """Calls off what never began."""

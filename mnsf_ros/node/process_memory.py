@@ -1,11 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How the process keeps memory: what each sweep needs stays, what a large one left goes back."""
+"""How the process keeps memory: what each sweep needs stays, what few need goes back."""
 
 from __future__ import annotations
 
 import ctypes
 import os
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -18,9 +17,9 @@ _MMAP_BYTES: Final = 32 * 2**20
 _TRIM_BYTES: Final = 256 * 2**20
 _OWN_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")
 
-# So many sweeps later, the estimator remembers no large one any more.
-_NUM_SWEEPS: Final = 16
-_LARGER: Final = 2
+# Returning takes some 10 ms, and as much until what is needed is there again. Without it the heap
+# grows for hours, by what the threads of the node happen to need at the same time.
+RETURNED_EVERY: Final = 300
 
 
 def keep_memory(environment: Mapping[str, str] = os.environ) -> None:
@@ -42,19 +41,15 @@ def return_memory() -> None:
         malloc_trim(0)
 
 
-class MemoryOfLargeSweeps:
-    """Returns memory once sweeps are smaller than they were."""
+class MemoryOfSweeps:
+    """Returns memory now and then: what a large sweep took, or what rarely falls together."""
 
     def __init__(self, return_: Callable[[], None] = return_memory) -> None:
         self._return = return_
-        self._recent: deque[int] = deque(maxlen=_NUM_SWEEPS)
-        self._largest = 0
+        self._number = 0
 
-    def after(self, num_points: int) -> None:
-        """To be called when the work on a sweep of so many points has ended."""
-        self._recent.append(num_points)
-        self._largest = max(self._largest, num_points)
-        usual = max(self._recent)
-        if len(self._recent) == _NUM_SWEEPS and self._largest > _LARGER * usual:
+    def after_sweep(self) -> None:
+        """To be called when the work on a sweep has ended."""
+        self._number += 1
+        if self._number % RETURNED_EVERY == 0:
             self._return()
-            self._largest = usual

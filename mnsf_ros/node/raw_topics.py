@@ -17,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.node.process_end import END_TIMEOUT_S, exit_within
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
@@ -47,16 +48,19 @@ def message_class(msgtype: str) -> Any:  # noqa: ANN401 - a class of ROS
 class RawTopics:
     """A ROS node of its own context, driven by the caller: nothing happens outside of `spin_for`.
 
-    Use it as a context manager.
+    Use it as a context manager. A process that cannot leave the ROS graph ends with status 1.
+
+    Attributes:
+        node: The node itself, to ask what there is in the ROS graph.
     """
 
     def __init__(self, name: str) -> None:
         """Joins the ROS graph as a node of this name."""
         self._context = Context()
         rclpy.init(args=[], context=self._context)
-        self._node = rclpy.create_node(name, context=self._context)
+        self.node = rclpy.create_node(name, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
 
     def __enter__(self: Self) -> Self:
         """Returns itself."""
@@ -64,9 +68,11 @@ class RawTopics:
 
     def __exit__(self, *_error: object) -> None:
         """Leaves the ROS graph."""
+        call_off = exit_within(END_TIMEOUT_S, status=1)
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
         self._context.try_shutdown()
+        call_off()
 
     def publisher(self, topic: str, msgtype: str, *, is_latched: bool = False) -> Any:  # noqa: ANN401
         """Returns a reliable publisher; its `publish` takes serialized messages.
@@ -74,7 +80,7 @@ class RawTopics:
         Raises:
             MessageTypeError: The type is not installed.
         """
-        return self._node.create_publisher(message_class(msgtype), topic, _qos(is_latched))
+        return self.node.create_publisher(message_class(msgtype), topic, _qos(is_latched))
 
     def subscribe(
         self, topic: str, msgtype: str, on_message: Callable[[bytes], None], depth: int = _DEPTH
@@ -84,17 +90,17 @@ class RawTopics:
         Raises:
             MessageTypeError: The type is not installed.
         """
-        return self._node.create_subscription(
+        return self.node.create_subscription(
             message_class(msgtype), topic, on_message, _qos(depth=depth), raw=True
         )
 
     def unsubscribe(self, subscription: Any) -> None:  # noqa: ANN401
         """Ends what `subscribe` returned."""
-        self._node.destroy_subscription(subscription)
+        self.node.destroy_subscription(subscription)
 
     def clock(self) -> Callable[[int], None]:
         """Returns what publishes a time in nanoseconds on /clock."""
-        publisher = self._node.create_publisher(Clock, "/clock", _DEPTH)
+        publisher = self.node.create_publisher(Clock, "/clock", _DEPTH)
 
         def publish(time_ns: int) -> None:
             message = Clock()
@@ -105,7 +111,7 @@ class RawTopics:
 
     def num_publishers(self, topic: str) -> int:
         """How many nodes publish on a topic."""
-        return int(self._node.count_publishers(topic))
+        return int(self.node.count_publishers(topic))
 
     def spin_for(self, duration_s: float) -> None:
         """Handles what arrives during some time."""

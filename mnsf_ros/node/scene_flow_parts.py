@@ -21,7 +21,7 @@ from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
-from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
+from mnsf_ros.node.process_memory import MemoryOfSweeps
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
@@ -49,7 +49,7 @@ class SceneFlowParts:
         self._node = node
         self._parameters = parameters
         self._faults = FaultLog(node.get_logger())
-        self._memory = MemoryOfLargeSweeps()
+        self._memory = MemoryOfSweeps()
         self._has_told_renamed = False
         self._has_told_namesake = False
         self._pipeline = OnlinePipeline(
@@ -156,7 +156,7 @@ class SceneFlowParts:
         output = self._settings.output
         self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
-        self._memory.after(len(job.triplet.current))
+        self._memory.after_sweep()
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:

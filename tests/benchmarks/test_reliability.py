@@ -130,3 +130,21 @@ def test_hostile_clouds_are_of_every_kind(benchmarks):
     good = bytes(live.serialized(sweep[0].sweep))
     for kind, (_, random) in itertools.product(clouds.KINDS, benchmarks("promises").Rounds(3, 1)):
         assert isinstance(clouds.hostile(kind, good, random), bytes)
+
+
+@pytest.mark.parametrize(("grown_mb", "is_met"), [(0, True), (15, True), (30, False)])
+def test_memory_that_grows_is_told_from_memory_that_swings(benchmarks, grown_mb, is_met):
+    held = {"descriptors": 23, "threads": 18, "segments": 9}
+    states = [
+        {"MB": 400 + grown_mb * index / 359 + 30 * (index % 6 == 5), **held} for index in range(360)
+    ]
+    figures = benchmarks("reliability_live").growth(states)
+    assert [met for _, _, met in figures] == [is_met, True, True, True]
+
+
+def test_a_thread_more_is_growth_in_a_short_run_too(benchmarks):
+    states = [
+        {"MB": 400, "descriptors": 23, "threads": 18 + extra, "segments": 9} for extra in (0, 1)
+    ]
+    figures = {name: met for name, _, met in benchmarks("reliability_live").growth(states)}
+    assert figures == {"memory": True, "descriptors": True, "threads": False, "segments": True}

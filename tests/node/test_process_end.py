@@ -19,6 +19,24 @@ def test_it_ends_with_its_status(status):
     assert subprocess.run(command, timeout=300, check=False).returncode == status
 
 
+def test_one_that_is_called_off_lives_on():
+    lines = (
+        "import time; from mnsf_ros.node.process_end import exit_within; "
+        "call_off = exit_within(1, 3); call_off(); time.sleep(2)"
+    )
+    assert subprocess.run([sys.executable, "-c", lines], timeout=300, check=True).returncode == 0
+
+
+def test_leaving_the_graph_that_never_ends_ends_the_process(ros):
+    lines = (
+        "import ctypes; from mnsf_ros.node import raw_topics; "
+        "raw_topics.END_TIMEOUT_S = 1; topics = raw_topics.RawTopics('leaves'); "
+        "topics.node.destroy_node = lambda: ctypes.PyDLL(None).pause(); topics.__exit__()"
+    )
+    status = subprocess.run([sys.executable, "-c", lines], timeout=300, check=False).returncode
+    assert status == 1
+
+
 def test_one_that_ends_earlier_is_not_held_up():
     lines = "from mnsf_ros.node.process_end import exit_within; exit_within(1000, 3)"
     assert subprocess.run([sys.executable, "-c", lines], timeout=300, check=True).returncode == 0

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Memory that large clouds left goes back to the system."""
+"""Memory that is not needed goes back to the system."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import sys
 
 import pytest
 
-from mnsf_ros.node.process_memory import MemoryOfLargeSweeps
-
-FULL, LARGE = 120_000, 2_000_000
+from mnsf_ros.node.process_memory import RETURNED_EVERY, MemoryOfSweeps
 
 # Blocks below and above the size that malloc maps by itself, every other one freed last.
 _RETURNED = """
@@ -66,39 +64,12 @@ def printed_mb(script):
     return list(map(float, result.stdout.split()))
 
 
-@pytest.fixture
-def returns():
-    return []
-
-
-@pytest.fixture
-def memory(returns):
-    return MemoryOfLargeSweeps(lambda: returns.append(1))
-
-
-def test_it_is_returned_when_no_large_sweep_is_remembered(memory, returns):
-    for number in (FULL, LARGE, *[FULL] * 15):
-        memory.after(number)
-    assert returns == []
-    memory.after(FULL)
-    assert returns == [1]
-    for _ in range(50):
-        memory.after(FULL)
-    assert returns == [1]
-
-
-def test_sweeps_of_about_the_same_size_keep_it(memory, returns):
-    for index in range(100):
-        memory.after(FULL + 1000 * (index % 7))
-    assert returns == []
-
-
-def test_again_after_another_large_one(memory, returns):
-    for _ in range(3):
-        memory.after(LARGE)
-        for _ in range(20):
-            memory.after(FULL)
-    assert returns == [1, 1, 1]
+def test_it_is_returned_again_and_again():
+    returns = []
+    memory = MemoryOfSweeps(lambda: returns.append(1))
+    for number in range(1, 3 * RETURNED_EVERY + 1):
+        memory.after_sweep()
+        assert len(returns) == number // RETURNED_EVERY
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
