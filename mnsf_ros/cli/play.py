@@ -12,8 +12,6 @@ from typing import Final
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 from mnsf_ros.node.environment import prepare_environment, require_ros
-from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.bag_topics import known_topic
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
@@ -34,6 +32,8 @@ def _run(options: argparse.Namespace) -> None:
     prepare_environment()
     from mnsf_ros.demo.console_progress import counting_progress
     from mnsf_ros.demo.play import PlayOptions, play
+    from mnsf_ros.recording.bag_reader import BagReader
+    from mnsf_ros.recording.bag_topics import known_topic
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.report.run_results import MissedMover, RunResults
 from mnsf_ros.report.text_table import format_number, format_percent
-
-_NANOSECONDS: Final = 1e9
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
 class Picture(NamedTuple):
@@ -90,7 +89,7 @@ def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card 
         pictures.append(
             Picture(_uri(painter.method(one.method, item.flow, item.error_m)), alt, said)
         )
-    subtitle = f"{row.stamp_ns / _NANOSECONDS:.3f} s, {len(own.xyz):,} points"
+    subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {len(own.xyz):,} points"
     return Card(f"{row.recording}, sweep {row.number}", subtitle, pictures)
 
 
@@ -106,7 +105,7 @@ def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
     caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
     alt = f"What moves around the {item.kind} in top view, in truth and by {row.method}. {caption}."
     subtitle = (
-        f"{row.stamp_ns / _NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
+        f"{row.stamp_ns / NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
         f"{item.speed_m_s:.1f} m/s, {item.range_m:.0f} m away"
     )
     title = f"Missed: {item.kind} in {row.recording}"

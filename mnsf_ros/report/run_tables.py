@@ -27,9 +27,9 @@ from mnsf_ros.report.text_table import (
     format_percent,
     made_tables,
 )
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _NUM_LISTED: Final = 10
-_NANOSECONDS: Final = 1e9
 
 
 class RunTables(NamedTuple):
@@ -144,7 +144,7 @@ def worst_table(results: RunResults) -> Table:
 
 _MISSED: Final = (
     Column("sweeps", lambda one: str(one.num_sweeps)),
-    Column("stamp (s)", lambda one: f"{one.row.stamp_ns / _NANOSECONDS:.3f}"),
+    Column("stamp (s)", lambda one: f"{one.row.stamp_ns / NANOSECONDS:.3f}"),
     Column("x, y (m)", lambda one: ", ".join(f"{value:.1f}" for value in one.item.place_m)),
     Column("speed (m/s)", lambda one: f"{one.item.speed_m_s:.1f}"),
     Column("points", lambda one: f"{one.item.num_points:,}"),

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.geometry.chosen_points import chosen_points
 
 NANOSECONDS = 1_000_000_000
 # From sweep to sweep of most lidars, where stamps do not tell.
@@ -59,7 +58,7 @@ class Sweep:
     @property
     def kept_xyz(self) -> NDArray[np.float32]:
         """The kept points, (M, 3) metres; all points if nobody has chosen any."""
-        return self.xyz if self.kept is None else chosen_points(self.xyz, self.kept)
+        return self.xyz if self.kept is None else self.xyz[self.kept]
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Sweep:
         """Returns some points only, by a mask (N,) or their numbers, with all that belongs to them.
