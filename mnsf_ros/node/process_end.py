@@ -37,11 +37,17 @@ class _Times(ctypes.Structure):
     )
 
 
-def exit_within(seconds: int, status: int) -> Callable[[], None]:
+def exit_within(seconds: int, status: int, clock: int = time.CLOCK_MONOTONIC) -> Callable[[], None]:
     """Ends the process with a status after some time, unless what is returned is called by then.
 
     Without the interpreter: a thread of Python could not run while a library holds its lock. Does
     nothing where the C library has no such timer.
+
+    Args:
+        seconds: By the clock.
+        status: Exit status.
+        clock: With `time.CLOCK_PROCESS_CPUTIME_ID` a process that is stopped, or hardly gets to
+            run, has as long as it needs; one that waits without computing then has no end.
     """
     library = ctypes.CDLL(None)
     if not hasattr(library, "timer_create"):
@@ -49,7 +55,7 @@ def exit_within(seconds: int, status: int) -> Callable[[], None]:
     function = ctypes.cast(library._exit, ctypes.c_void_p)
     event = _Event(value=status, notify=_SIGEV_THREAD, function=function.value)
     timer = ctypes.c_void_p()
-    if library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) != 0:
+    if library.timer_create(clock, ctypes.byref(event), ctypes.byref(timer)) != 0:
         return _nothing
     library.timer_settime(timer, 0, ctypes.byref(_Times(first_s=seconds)), None)
     return lambda: library.timer_delete(timer)

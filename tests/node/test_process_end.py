@@ -27,14 +27,23 @@ def test_one_that_is_called_off_lives_on():
     assert subprocess.run([sys.executable, "-c", lines], timeout=300, check=True).returncode == 0
 
 
+# The regular expression computes for ever, and holds the interpreter's lock.
 def test_leaving_the_graph_that_never_ends_ends_the_process(ros):
     lines = (
-        "import ctypes; from mnsf_ros.node import raw_topics; "
+        "import re; from mnsf_ros.node import raw_topics; "
         "raw_topics.END_TIMEOUT_S = 1; topics = raw_topics.RawTopics('leaves'); "
-        "topics.node.destroy_node = lambda: ctypes.PyDLL(None).pause(); topics.__exit__()"
+        "topics.node.destroy_node = lambda: re.match('(a+)+$', 'a' * 99 + 'b'); topics.__exit__()"
     )
     status = subprocess.run([sys.executable, "-c", lines], timeout=300, check=False).returncode
     assert status == 1
+
+
+def test_time_in_which_it_does_not_compute_may_not_count():
+    lines = (
+        "import time; from mnsf_ros.node.process_end import exit_within; "
+        "exit_within(1, 3, time.CLOCK_PROCESS_CPUTIME_ID); time.sleep(2)"
+    )
+    assert subprocess.run([sys.executable, "-c", lines], timeout=300, check=True).returncode == 0
 
 
 def test_one_that_ends_earlier_is_not_held_up():
