@@ -144,8 +144,6 @@ def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
     except (SettingsError, ParameterException) as error:
         get_logger(_LOGGER_NAME).fatal(str(error))
         status = _EXIT_USAGE
-        # With the error goes the node that was not finished.
-        exit_within(END_TIMEOUT_S, status)
     except Exception:
         # A signal takes the context away at any time, and what is under way then fails.
         if rclpy.ok():

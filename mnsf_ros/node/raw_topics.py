@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.node.process_end import END_TIMEOUT_S, exit_within
+from mnsf_ros.node.process_end import leaving_ros
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
@@ -68,13 +68,10 @@ class RawTopics:
 
     def __exit__(self, *_error: object) -> None:
         """Leaves the ROS graph."""
-        # Fast DDS computes while it hangs; there is more to come after this, so that a machine on
-        # which it only takes long must not end the process.
-        call_off = exit_within(END_TIMEOUT_S, 1, time.CLOCK_PROCESS_CPUTIME_ID)
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.try_shutdown()
-        call_off()
+        with leaving_ros():
+            self._executor.shutdown()
+            self.node.destroy_node()
+            self._context.try_shutdown()
 
     def publisher(self, topic: str, msgtype: str, *, is_latched: bool = False) -> Any:  # noqa: ANN401
         """Returns a reliable publisher; its `publish` takes serialized messages.

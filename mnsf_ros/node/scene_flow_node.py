@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
@@ -14,6 +15,7 @@ from std_srvs.srv import SetBool
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.parameters import NodeParameters
+from mnsf_ros.node.process_end import leaving_ros
 from mnsf_ros.node.scene_flow_parts import SceneFlowParts
 
 NODE_NAME = "scene_flow"
@@ -40,8 +42,9 @@ class SceneFlowNode(Node):
             SettingsError: If a parameter was given a value that it cannot have.
         """
         super().__init__(NODE_NAME)
-        self._parts = SceneFlowParts(self, NodeParameters(self))
-        self.create_service(SetBool, "~/set_enabled", self._on_set_enabled)
+        with _destroyed_after_error(self):
+            self._parts = SceneFlowParts(self, NodeParameters(self))
+            self.create_service(SetBool, "~/set_enabled", self._on_set_enabled)
 
     def close(self, timeout_s: float) -> bool:
         """Abandons the estimate under way; False if it could not be interrupted in time."""
@@ -77,7 +80,8 @@ class SceneFlowLifecycleNode(LifecycleNode):
             SettingsError: If a parameter was given a value that it cannot have.
         """
         super().__init__(NODE_NAME)
-        self._own_parameters = NodeParameters(self)
+        with _destroyed_after_error(self):
+            self._own_parameters = NodeParameters(self)
         self._added = _AddedEntities(self)
         self._parts: SceneFlowParts | None = None
         self._refuse_invalid_transitions()
@@ -167,6 +171,17 @@ class SceneFlowLifecycleNode(LifecycleNode):
                 return response
 
         service.callback = answer
+
+
+@contextmanager
+def _destroyed_after_error(node: Node) -> Iterator[None]:
+    """A node that is not finished leaves no shared memory behind."""
+    try:
+        yield
+    except BaseException:
+        with leaving_ros():
+            node.destroy_node()
+        raise
 
 
 class _AddedEntities:

@@ -30,8 +30,8 @@ def test_one_that_is_called_off_lives_on():
 # The regular expression computes for ever, and holds the interpreter's lock.
 def test_leaving_the_graph_that_never_ends_ends_the_process(ros):
     lines = (
-        "import re; from mnsf_ros.node import raw_topics; "
-        "raw_topics.END_TIMEOUT_S = 1; topics = raw_topics.RawTopics('leaves'); "
+        "import re; from mnsf_ros.node import process_end, raw_topics; "
+        "process_end.END_TIMEOUT_S = 1; topics = raw_topics.RawTopics('leaves'); "
         "topics.node.destroy_node = lambda: re.match('(a+)+$', 'a' * 99 + 'b'); topics.__exit__()"
     )
     status = subprocess.run([sys.executable, "-c", lines], timeout=300, check=False).returncode

@@ -5,6 +5,8 @@ import fcntl
 import itertools
 import os
 import shutil
+import subprocess
+import sys
 import time
 import types
 from xml.etree import ElementTree
@@ -153,3 +155,38 @@ def test_only_segments_of_killed_processes_are_removed(tmp_path):
     assert set(tmp_path.iterdir()) == {*living, *young, *others}
     assert not dead[0].exists()
     assert remove_dead_segments(tmp_path / "gone") == 0
+
+
+# What the process has mapped when a node was refused, and when it had none at all.
+_REFUSED = """
+import sys
+sys.modules["torch"] = None
+from mnsf_ros.node.environment import prepare_environment
+prepare_environment()
+import rclpy
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.scene_flow_node import SceneFlowNode
+
+def mapped():
+    maps = open("/proc/self/maps").read().split()
+    return sum(word.startswith("/dev/shm/fast") and "_port" not in word for word in maps)
+
+rclpy.init(args=["--ros-args", "-p", "method.name:=mnsf"])
+try:
+    SceneFlowNode()
+except SettingsError as error:
+    print("torch" in str(error), mapped())
+node = rclpy.create_node("another")
+print(mapped())
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+def test_a_refused_node_leaves_no_shared_memory(ros):
+    # Segments of other nodes, which it would map, too, are not its own.
+    alone = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
+    command = [sys.executable, "-c", _REFUSED]
+    result = subprocess.run(command, env=alone, capture_output=True, text=True, check=True)
+    is_named, left, with_node = result.stdout.split()
+    assert (is_named, left) == ("True", "0")
+    assert int(with_node) > 0
