@@ -39,7 +39,8 @@ _OLD_REFERENCES: Final = ("zero", "ego")
 
 def to_json(value: object, *, indent: int | None = None) -> str:
     """Returns a typed object as JSON, without a newline at its end."""
-    return json.dumps(plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+    values = _CONVERTER.unstructure(value)
+    return json.dumps(values, indent=indent, allow_nan=False, ensure_ascii=False)
 
 
 def from_json(text: str, kind: type[Kind]) -> Kind:
@@ -50,35 +51,14 @@ def from_json(text: str, kind: type[Kind]) -> Kind:
     """
     try:
         values = json.loads(text)
-    except ValueError as error:
-        raise _not_one(kind, str(error), text) from error
-    return structured(values, kind)
-
-
-def plain(value: object) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Returns a typed object as dictionaries, lists and values of JSON."""
-    return _CONVERTER.unstructure(value)
-
-
-def structured(values: Any, kind: type[Kind]) -> Kind:  # noqa: ANN401 - whatever JSON can hold
-    """Returns the typed object of dictionaries and lists; the counterpart of `plain`.
-
-    Raises:
-        EvaluationError: A key is unknown or missing, or a value has another type.
-    """
-    try:
         if not isinstance(values, dict):
             raise TypeError("expected an object with named values")
         return _CONVERTER.structure(_of_this_version(values, kind), kind)
     except Exception as error:  # cattrs raises groups of whatever its hooks raise
         reason = cattrs.transform_error(error, path="", format_exception=_reason)[0]
-        raise _not_one(kind, reason, json.dumps(values, ensure_ascii=False)) from error
-
-
-def _not_one(kind: type, reason: str, text: str) -> EvaluationError:
-    return EvaluationError(
-        f"is not {_NAMES.get(kind, kind.__name__)} ({reason}): {text[:_MAX_SHOWN]!r}"
-    )
+        shown = " ".join(text[:_MAX_SHOWN].split())
+        name = _NAMES.get(kind, kind.__name__)
+        raise EvaluationError(f"is not {name} ({reason}): {shown!r}") from error
 
 
 def _of_this_version(values: dict[str, Any], kind: type) -> dict[str, Any]:
@@ -145,8 +125,8 @@ def _settings(values: dict[str, object], explicit: list[str]) -> Settings:
 
 
 def _reason(error: BaseException, kind: type | None) -> str:
-    """What one of our hooks found, or cattrs itself."""
-    is_ours = isinstance(error, (TypeError, ValueError)) and bool(error.args)
+    """What the JSON parser, one of our hooks or cattrs itself found."""
+    is_ours = isinstance(error, (TypeError, ValueError, RecursionError)) and bool(error.args)
     return str(error) if is_ours else format_exception(error, kind)
 
 

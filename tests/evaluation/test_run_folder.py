@@ -86,6 +86,12 @@ def test_what_is_no_row_is_refused(line):
         from_json(line, ResultRow)
 
 
+@pytest.mark.parametrize("depth", [*range(100, 1000, 20), 200_000])
+def test_what_is_nested_deeply_is_refused(depth):
+    with pytest.raises(EvaluationError, match="is not a result row"):
+        from_json(f'{{"recording": {"[" * depth}{"]" * depth}}}', ResultRow)
+
+
 @pytest.fixture
 def folder(tmp_path):
     return RunFolder(tmp_path)

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import structured
+from mnsf_ros.evaluation.run_json import from_json
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.shown_flows import ShownFlow
 from mnsf_ros.presets import preset
@@ -92,7 +94,7 @@ def run_record(methods=METHODS, truth="/truth/flow"):
             }
         ],
     }
-    return structured(values, RunRecord)
+    return from_json(json.dumps(values), RunRecord)
 
 
 def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):

@@ -18,7 +18,7 @@ from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import plain, structured
+from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlowChooser, ShownFlows
 from mnsf_ros.methods import make_method
@@ -179,7 +179,7 @@ def test_options_come_back_from_the_record(street, tmp_path):
 def test_online_is_run_again_with_the_settings_of_its_row():
     """What was set explicitly comes back from the record, and no more than that."""
     before = EvaluationOptions(preset("paper").changed({"crop.min_range_m": 0.0}))
-    after = structured(plain(before), EvaluationOptions)
+    after = from_json(to_json(before), EvaluationOptions)
     was, now = (make_method("online", one.settings).settings for one in (before, after))
     assert was == now
     assert now.crop.min_range_m == 0.0
