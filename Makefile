@@ -31,7 +31,7 @@ POINTS ?= $(TOPIC)
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
 
-.PHONY: setup complete demo view animation test fuzz lint pins benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup complete demo view animation test fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -88,6 +88,11 @@ pins: $(COMPLETE)
 	$(BIN)/uv pip compile --quiet --no-annotate --custom-compile-command 'make pins' \
 		--universal --python-version 3.10 --constraint constraints.txt --generate-hashes \
 		$(patsubst %,--extra %,wheels view datasets tune) --output-file locked.txt setup.py
+
+# Known vulnerabilities of what locked.txt installs, by PyPI's database.
+audit: $(READY)
+	$(PIP) install pip-audit
+	$(BIN)/pip-audit --strict --disable-pip --requirement locked.txt
 
 # The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.
 benchmark: $(COMPLETE)

@@ -21,7 +21,7 @@ from online_recordings import INTERVAL_NS, real_sweeps, simulated_sweeps, to_and
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.methods import make_method
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.process_memory import RETURNED_EVERY, keep_memory
+from mnsf_ros.node.process_memory import RETURN_PERIOD_S, keep_memory
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.online.online_pipeline import SWEEPS_RECEIVED, TRIPLET_ENDS, TRIPLETS_FORMED
 from mnsf_ros.presets import preset
@@ -47,9 +47,6 @@ _MAX_MEMORY_MB: Final = 250
 _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
 _NUM_LARGE: Final = 2_000_000
-# Until the node has returned memory, however many are dropped.
-_FLOWS_AFTER: Final = RETURNED_EVERY + 1
-_MOST_SWEEPS: Final = 4 * RETURNED_EVERY
 _START_TIMEOUT_S: Final = 120
 _TOPICS: Final = {
     "~/flow": "/scene_flow/flow",
@@ -213,8 +210,8 @@ def _memory_rows(sweeps: Sequence[Sweep]) -> Iterator[list[str]]:
         ]
         _play(link, [_large_cloud(sweeps[0])], 20, 5)
         large_mb = node.resident_mb
-        index, flows = 25, link.counts.get("flows_out", 0)
-        while link.counts.get("flows_out", 0) < flows + _FLOWS_AFTER and index < _MOST_SWEEPS:
+        index, end_s = 25, time.monotonic() + 2 * RETURN_PERIOD_S
+        while time.monotonic() < end_s:
             _play(link, clouds, index, _SWEEPS_PER_TURN)
             index += _SWEEPS_PER_TURN
         after_mb, limit_mb = node.resident_mb, before_mb + _MAX_LEFT_MB

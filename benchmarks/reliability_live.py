@@ -26,7 +26,7 @@ from std_msgs.msg import Float64
 
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.node.environment import prepare_environment, remove_dead_segments
-from mnsf_ros.node.process_memory import RETURNED_EVERY
+from mnsf_ros.node.process_memory import RETURN_PERIOD_S
 from mnsf_ros.node.replay_link import ReplayLink
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -38,6 +38,8 @@ _OLD_S: Final = 61
 _MAX_SHARED_MB: Final = 53
 _HUGE: Final = 2_000_000
 _MAX_KEPT_MB: Final = 100
+# At 10 Hz.
+_NUM_AFTER: Final = round(2 * RETURN_PERIOD_S * 10)
 _PAUSE_S: Final = 0.02
 _LOOK_S: Final = 10
 _WARM_UP_MIN: Final = 10
@@ -114,7 +116,7 @@ def large_clouds(rounds: Rounds) -> Iterator[Figure]:
         clouds, huge = _clouds(), serialized(_huge_sweep())
         for _ in rounds:
             states = []
-            for number, cloud in ((200, None), (5, huge), (2 * RETURNED_EVERY, None)):
+            for number, cloud in ((200, None), (5, huge), (_NUM_AFTER, None)):
                 for _ in range(number):
                     node.process.check()
                     node.publish(cloud or next(clouds))

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
 import rclpy
-from online_live import live_node, serialized
+from online_live import LiveNode, live_node, serialized
 from online_recordings import simulated_sweeps
 from promises import Figure, Promise, Rounds
 from rclpy.context import Context
@@ -22,6 +23,13 @@ from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import declared_settings
 
 _TIMEOUT_S: Final = 120
+_ENDLESS: Final[dict[str, SettingValue]] = {
+    "method.name": "mnsf",
+    "optimization.max_iterations": 100_000,
+    "optimization.time_budget_ms": 0,
+}
+_STATUSES: Final = 5
+_MAX_WAIT_S: Final = 1.0
 
 
 def parameters(rounds: Rounds) -> Iterator[Figure]:
@@ -57,6 +65,47 @@ def parameters(rounds: Rounds) -> Iterator[Figure]:
         yield "flow after the defaults are set, without a restart", str(is_alive), is_alive
         node.settle()
         yield from node.balance()
+
+
+def abandoned(rounds: Rounds) -> Iterator[Figure]:
+    """Settings of an estimate that would last for hours are changed back while it is under way."""
+    good = serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
+    waits_s: list[float] = []
+    with (
+        live_node(OFTEN, "compute.device:=cpu", "node.always_estimate:=true") as node,
+        _Parameters() as client,
+    ):
+        is_answered(node, good)
+        for _, random in rounds:
+            node.process.check()
+            for name, value in _ENDLESS.items():
+                client.set(name, value)
+            # What the node said before the change is not what counts.
+            said = node.link.num_statuses + _STATUSES
+            _publish_until(node, good, lambda said=said: _is_busy(node, said))
+            node.link.spin_for(random.uniform(0, 1))
+            flows, start_s = len(node.replay.arrived_s), time.monotonic()
+            client.set("method.name", "online")
+            _publish_until(node, good, lambda flows=flows: len(node.replay.arrived_s) > flows)
+            waits_s.append(time.monotonic() - start_s)
+        text = f"{np.median(waits_s):.2f} s, {max(waits_s):.2f} s at most"
+        yield "flow after the change", text, max(waits_s) <= _MAX_WAIT_S
+        count = node.link.counts.get("triplets_abandoned", 0)
+        yield "abandoned", f"{count:,}", count >= rounds.done
+        node.settle()
+        yield from node.balance()
+
+
+def _is_busy(node: LiveNode, said: int) -> bool:
+    """Whether a triplet waits for an estimate under way, as messages after some number say."""
+    return node.link.num_statuses > said and node.link.flow_values.get("queue") == "1"
+
+
+def _publish_until(node: LiveNode, good: bytearray, is_there: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + _TIMEOUT_S
+    while not is_there() and time.monotonic() < deadline_s:
+        node.publish(good)
+        node.link.spin_for(0.1)
 
 
 class _Parameters:
@@ -122,5 +171,9 @@ PROMISES: Final = {
         "parameters changed while the node runs, valid and not: nothing refused takes effect, "
         "nothing else changes, nothing needs a restart",
         *(5_000, "changes", parameters),
+    ),
+    "abandoned": Promise(
+        "settings of an estimate that would last for hours, changed back: flow within a second",
+        *(100, "changes", abandoned),
     ),
 }

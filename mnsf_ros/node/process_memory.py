@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 # Of malloc.h of glibc.
@@ -19,7 +19,7 @@ _OWN_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GL
 
 # Returning takes some 10 ms, and as much until what is needed is there again. Without it the heap
 # grows for hours, by what the threads of the node happen to need at the same time.
-RETURNED_EVERY: Final = 300
+RETURN_PERIOD_S: Final = 30.0
 
 
 def keep_memory(environment: Mapping[str, str] = os.environ) -> None:
@@ -39,17 +39,3 @@ def return_memory() -> None:
     malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if malloc_trim is not None:
         malloc_trim(0)
-
-
-class MemoryOfSweeps:
-    """Returns memory now and then: what a large sweep took, or what rarely falls together."""
-
-    def __init__(self, return_: Callable[[], None] = return_memory) -> None:
-        self._return = return_
-        self._number = 0
-
-    def after_sweep(self) -> None:
-        """To be called when the work on a sweep has ended."""
-        self._number += 1
-        if self._number % RETURNED_EVERY == 0:
-            self._return()

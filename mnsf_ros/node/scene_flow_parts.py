@@ -21,7 +21,7 @@ from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
-from mnsf_ros.node.process_memory import MemoryOfSweeps
+from mnsf_ros.node.process_memory import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
@@ -49,7 +49,6 @@ class SceneFlowParts:
         self._node = node
         self._parameters = parameters
         self._faults = FaultLog(node.get_logger())
-        self._memory = MemoryOfSweeps()
         self._has_told_renamed = False
         self._has_told_namesake = False
         self._pipeline = OnlinePipeline(
@@ -119,6 +118,7 @@ class SceneFlowParts:
         for period_s, callback in (
             (_REFRESH_PERIOD_S, self._refresh_input),
             (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
+            (RETURN_PERIOD_S, return_memory),
         ):
             self._node.create_timer(period_s, self._guarded(callback), clock=clock)
 
@@ -156,7 +156,6 @@ class SceneFlowParts:
         output = self._settings.output
         self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
-        self._memory.after_sweep()
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:

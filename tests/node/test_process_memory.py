@@ -8,8 +8,6 @@ import sys
 
 import pytest
 
-from mnsf_ros.node.process_memory import RETURNED_EVERY, MemoryOfSweeps
-
 # Blocks below and above the size that malloc maps by itself, every other one freed last.
 _RETURNED = """
 import numpy as np
@@ -27,6 +25,17 @@ del blocks
 left_mb = resident_mb()
 return_memory()
 print(left_mb - before_mb, resident_mb() - before_mb)
+"""
+
+# A timer of the node does it.
+_TIMER = """
+import rclpy
+from mnsf_ros.node.process_memory import RETURN_PERIOD_S
+from mnsf_ros.node.scene_flow_node import SceneFlowNode
+
+rclpy.init()
+node = SceneFlowNode()
+(timer,) = (one for one in node.timers if one.timer_period_ns == RETURN_PERIOD_S * 1e9)
 """
 
 # The same of what ROS keeps of a message.
@@ -64,17 +73,12 @@ def printed_mb(script):
     return list(map(float, result.stdout.split()))
 
 
-def test_it_is_returned_again_and_again():
-    returns = []
-    memory = MemoryOfSweeps(lambda: returns.append(1))
-    for number in range(1, 3 * RETURNED_EVERY + 1):
-        memory.after_sweep()
-        assert len(returns) == number // RETURNED_EVERY
-
-
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
-def test_the_process_keeps_little_of_what_it_freed():
-    kept_mb, returned_mb = printed_mb(_RETURNED)
+@pytest.mark.parametrize(
+    "script", [_RETURNED, _TIMER + _RETURNED.replace("return_memory()", "timer.callback()")]
+)
+def test_the_process_keeps_little_of_what_it_freed(ros, script):
+    kept_mb, returned_mb = printed_mb(script)
     assert kept_mb > 100
     assert returned_mb < 20
 

@@ -8,10 +8,17 @@ from xml.etree import ElementTree
 
 import pytest
 
+from mnsf_ros.settings import declared_setting
+
+MOST_LIDARS = int(declared_setting("lidars.count").maximum)
 POLICY = Path(__file__).parents[2] / "config" / "security_policy.xml"
-# With use_sim_time, with tf2_ros, the packages of other planners, odometry, and with a life cycle.
+# With several lidars, use_sim_time, tf2_ros, the packages of other planners, odometry, and with a
+# life cycle.
 OPTIONAL = {
-    "subscribe": {"/clock", "/tf", "/tf_static", "~/odometry"},
+    "subscribe": {
+        *("/clock", "/tf", "/tf_static", "~/odometry"),
+        *(f"~/points_{number}" for number in range(2, MOST_LIDARS + 1)),
+    },
     "publish": {"~/objects/autoware", "~/objects/nav2", "~/transition_event", "/tf"},
     "reply": {
         *("~/change_state", "~/get_state", "~/get_available_states"),
