@@ -162,7 +162,9 @@ def _signalled(
         said.seek(0)
         text = said.read().decode(errors="replace")
     fate = left_of(family)[0] or _fate_by_signal(status, number, text, status in statuses)
-    return _End(fate, after_s, took_s, {path for path in shared if Path(path).exists()})
+    # Ports are shared: what another program still uses is not left.
+    left = {path for path in shared if Path(path).exists()} - _shared_by_all()
+    return _End(fate, after_s, took_s, left)
 
 
 def _fate_by_signal(status: int, number: int, said: str, is_expected: bool) -> str:
@@ -181,6 +183,11 @@ def _shared(pid: int) -> set[str]:
         maps = Path("/proc", str(pid), "maps").read_text().split()
         return {word for word in maps if word.startswith(_SEGMENTS)}
     return set()
+
+
+def _shared_by_all() -> set[str]:
+    """Shared memory that any process has now."""
+    return set().union(*(_shared(int(proc.name)) for proc in Path("/proc").glob("[0-9]*")))
 
 
 def _ended_cpu_s() -> float:

@@ -153,20 +153,23 @@ class _Processes:
                 process = self._processes[pipe]
                 # What dies by itself has a status to be told.
                 process.join(timeout=_DYING_S)
-                self._stop(pipe)
+                if process.is_alive():
+                    process.terminate()
+                self._forget(pipe)
                 yield pipe, Ended(f"its process ended with status {process.exitcode}")
 
     def stop_all(self) -> None:
-        """Ends the processes that still run."""
+        """Ends the processes that still run, all at the same time."""
+        for process in self._processes.values():
+            process.terminate()
         for pipe in list(self._processes):
-            self._stop(pipe)
+            self._forget(pipe)
 
-    def _stop(self, pipe: Connection) -> None:
+    def _forget(self, pipe: Connection) -> None:
+        """Waits for one that was told to end."""
         process = self._processes.pop(pipe)
         pipe.close()
-        if process.is_alive():
-            process.terminate()
-            process.join(timeout=_DYING_S)
+        process.join(timeout=_DYING_S)
         if process.is_alive():
             process.kill()
         process.join()
