@@ -72,7 +72,7 @@ setup(
         "numba>=0.61",
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",
-        "apsw>=3.40",
+        "apsw>=3.44",
         "lz4>=4",
         "ruamel.yaml>=0.17",
         'backports.zstd>=1; python_version < "3.14"',

@@ -20,6 +20,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from mnsf_ros.decompression import MAX_BYTES, DecompressionError
+from mnsf_ros.recording.sqlite_limits import DatabaseLimitError
 
 # rosbags reports most damage with its own errors, but parses without a guard everywhere else:
 # a damaged length, name or number then surfaces as the built-in error of the operation that
@@ -45,7 +46,14 @@ UNREADABLE: Final[tuple[type[Exception], ...]] = (
 )
 
 # Errors whose text says enough. That of a built-in error, such as a KeyError, means little.
-_CLEAR: Final = (AnyReaderError, Ros1ReaderError, Ros2ReaderError, OSError, DecompressionError)
+_CLEAR: Final = (
+    AnyReaderError,
+    Ros1ReaderError,
+    Ros2ReaderError,
+    OSError,
+    DecompressionError,
+    DatabaseLimitError,
+)
 # What to do about damage that a tool of the format's own may mend; by words of its error.
 _REMEDIES: Final = {
     "end magic": "the file is cut short; 'mcap recover' may save what was written",
