@@ -3,16 +3,16 @@
 
 from __future__ import annotations
 
-import math
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mnsf_ros.datasets.hdf5 import array, group
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, reading
+from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
-from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.geometry.transforms import FloatArray, invert, rigid_pose
@@ -21,8 +21,6 @@ from mnsf_ros.sweeps_io.files import require
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-    from numpy.typing import DTypeLike, NDArray
 
 # A lidar 1 m before the axis about which a vehicle turns goes so far astray at 1° per second.
 _SAME_PLACE_M: Final = 2e-3
@@ -70,6 +68,7 @@ def _is_same(one: FloatArray, other: FloatArray) -> bool:
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17
+_STAMP: Final = re.compile("[0-9]{1,19}")
 # What comes with flow.
 _FLOW: Final = ("flow_is_valid", "flow_category_indices")
 # Fewer points may all be on one thing, which tells little about a turn.
@@ -84,7 +83,7 @@ def open_file(source: Path) -> SweepSource:
             raise FileNotFoundError(source)
         with h5py.File(source, "r") as file:
             keys = list(file.keys())
-    wrong = [key for key in keys if not key.isdigit()]
+    wrong = [key for key in keys if not _STAMP.fullmatch(key)]
     if wrong or not keys:
         found = f"group {wrong[0]!r}" if wrong else "no group"
         raise DatasetError(f"{source}: has {found}, expected one named by the stamp of each sweep")
@@ -96,47 +95,44 @@ def _sweeps(source: Path, keys: list[str], h5py: Any) -> Iterator[LabelledSweep]
     with reading(source), h5py.File(source, "r") as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
-                sweep = _sweep(int(key), file[key])
-                world_from_vehicle = rigid_pose(file[key]["pose"])
+                held = group(file, key)
+                sweep = _sweep(int(key), held)
+                world_from_vehicle = rigid_pose(array(held, "pose", np.float64))
             motion = None if sweep.given is None else sweep.given.next_from_current
             yield replace(sweep, pose=track.advance(world_from_vehicle, motion))
 
 
-def _sweep(stamp: int, group: Any) -> LabelledSweep:  # noqa: ANN401
-    flow_names = _FLOW if "flow" in group else ()
-    missing = [name for name in ("lidar", "pose", *flow_names) if name not in group]
+def _sweep(stamp: int, held: Any) -> LabelledSweep:  # noqa: ANN401
+    # To ask whether a name is in a group would follow links.
+    names = list(held)
+    flow_names = _FLOW if "flow" in names else ()
+    missing = [name for name in ("lidar", "pose", *flow_names) if name not in names]
     if missing:
-        raise ValueError(f"has no data set {', '.join(missing)}; it has {', '.join(group)}")
-    points = _array(group, "lidar", np.float32)
+        raise ValueError(f"has no data set {', '.join(missing)}; it has {', '.join(names)}")
+    points = array(held, "lidar", np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
-    if "lidar_dt" in group:
-        columns["time_offset"] = _array(group, "lidar_dt", np.float32)
+    if "lidar_dt" in names:
+        columns["time_offset"] = array(held, "lidar_dt", np.float32)
     sweep = LabelledSweep(
         stamp_ns=stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000,
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
-        given=_given(group) if "flow" in group else None,
-        ground=_array(group, "ground_mask", bool) if "ground_mask" in group else None,
+        given=_given(held) if "flow" in names else None,
+        ground=array(held, "ground_mask", bool) if "ground_mask" in names else None,
     )
     if sweep.given is None:
         return sweep
     # What has no category stands still.
-    still = sweep.given.valid & (_array(group, "flow_category_indices", np.int64) == 0)
+    still = sweep.given.valid & (array(held, "flow_category_indices", np.int64) == 0)
     if np.count_nonzero(still) < _MIN_BACKGROUND:
         return sweep
     motion = fit_rigid_motion(sweep.xyz[still], sweep.given.flow[still])
     return replace(sweep, given=replace(sweep.given, next_from_current=motion))
 
 
-def _given(group: Any) -> GivenFlow:  # noqa: ANN401
+def _given(held: Any) -> GivenFlow:  # noqa: ANN401
     return GivenFlow(
-        flow=_array(group, "flow", np.float32),
-        valid=_array(group, "flow_is_valid", bool),
-        class_id=argoverse2_classes(_array(group, "flow_category_indices", np.int64)),
+        flow=array(held, "flow", np.float32),
+        valid=array(held, "flow_is_valid", bool),
+        class_id=argoverse2_classes(array(held, "flow_category_indices", np.int64)),
     )
-
-
-def _array(group: Any, name: str, dtype: DTypeLike) -> NDArray[Any]:  # noqa: ANN401
-    data = group[name]
-    check_size(math.prod((*data.shape, data.dtype.itemsize)), f"data set {name!r}")
-    return as_type(data, dtype)

@@ -55,7 +55,9 @@ def from_json(text: str, kind: type[Kind]) -> Kind:
             raise TypeError("expected an object with named values")
         return _CONVERTER.structure(_of_this_version(values, kind), kind)
     except Exception as error:  # cattrs raises groups of whatever its hooks raise
-        reason = cattrs.transform_error(error, path="", format_exception=_reason)[0]
+        reason = cattrs.transform_error(error, path="", format_exception=_reason)[0].removesuffix(
+            " @ "
+        )
         shown = " ".join(text[:_MAX_SHOWN].split())
         name = _NAMES.get(kind, kind.__name__)
         raise EvaluationError(f"is not {name} ({reason}): {shown!r}") from error
