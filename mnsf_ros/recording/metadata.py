@@ -10,12 +10,18 @@ from typing import Any, Final
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, ScalarEvent
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import METADATA_NAME
 
 # One of 5,000 files; to parse it takes 10 s, and it is parsed twice.
 _MAX_BYTES: Final = 2**20
+# Of what it holds if each alias is replaced by what it stands for; 5,000 files have 80,000 values.
+_MAX_VALUES: Final = 2**18
+_MAX_DEPTH: Final = 50
+_MERGE: Final = "<<"
+_MERGE_TAG: Final = "tag:yaml.org,2002:merge"
 _ROOT: Final = "rosbag2_bagfile_information"
 _NONE: Final = type(None)
 _NAMES: Final = {str: "a text", int: "an integer", list: "a list", dict: "a table", _NONE: "null"}
@@ -66,7 +72,9 @@ def check_metadata(folder: Path) -> None:
     try:
         if file.stat().st_size > _MAX_BYTES:
             raise ValueError(f"it is larger than {_MAX_BYTES} bytes")
-        _check(YAML(typ="safe").load(file.read_text("utf-8")), _SCHEMA, "")
+        text = file.read_text("utf-8")
+        _check_expansion(text)
+        _check(YAML(typ="safe").load(text), _SCHEMA, "")
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = "" if mark is None else f" in line {mark.line + 1}"
@@ -77,6 +85,34 @@ def check_metadata(folder: Path) -> None:
     except (ValueError, TypeError, RecursionError) as error:
         text = " ".join(str(error).split())
         raise RecordingError(f"{file}: cannot be read: {text}") from error
+
+
+def _check_expansion(text: str) -> None:
+    """Refuses what grows when it is read; merge keys double the work with each line."""
+    sizes: dict[str | None, int] = {}
+    unfinished: list[tuple[str | None, int]] = []
+    number = 0
+    for event in YAML(typ="safe").parse(text):
+        if isinstance(event, AliasEvent):
+            number += sizes.get(event.anchor, 0)
+        elif isinstance(event, CollectionEndEvent):
+            anchor, before = unfinished.pop()
+            sizes[anchor] = number - before
+        elif isinstance(event, CollectionStartEvent):
+            unfinished.append((event.anchor, number))
+            # An alias within what it stands for has no end.
+            sizes[event.anchor] = _MAX_VALUES
+            number += 1
+        elif isinstance(event, ScalarEvent):
+            if event.value == _MERGE or event.tag == _MERGE_TAG:
+                line = event.start_mark.line + 1
+                raise ValueError(f"line {line} has the merge key '<<', which is not supported")
+            sizes[event.anchor] = 1
+            number += 1
+        if number > _MAX_VALUES:
+            raise ValueError(f"with its aliases it has more than {_MAX_VALUES} values")
+        if len(unfinished) > _MAX_DEPTH:
+            raise ValueError(f"it is nested more than {_MAX_DEPTH} levels deep")
 
 
 def _check(value: object, schema: object, key: str) -> None:

@@ -79,6 +79,10 @@ def test_metadata_with_values_of_any_type(folder, changes):
     check(folder, (folder / "metadata.yaml").read_bytes())
 
 
-@given(st.binary(max_size=300) | st.text(alphabet="-:[]{}&*!|>'\"#%? \n\tabc019.", max_size=80))
+ALPHABET = st.sampled_from([*"-:[]{}&*!|<>'\"#%? \n\tabc019.", "<<: ", "&a ", "*a", "!!merge "])
+TEXTS = st.lists(ALPHABET, max_size=80).map("".join)
+
+
+@given(st.binary(max_size=300) | TEXTS)
 def test_metadata_of_any_bytes(folder, content):
     check(folder, content if isinstance(content, bytes) else content.encode())

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -266,6 +267,46 @@ def test_metadata_leads_to_no_file_outside_of_its_folder(metadata, name):
     (metadata.parent / "bag.mcap").unlink()
     with pytest.raises(RecordingError, match="cannot be read: "):
         read_all(metadata.parent)
+
+
+MERGES = "a0: &a0 {x: 1}\n" + "".join(
+    f"a{number}: &a{number} {{<<: [*a{number - 1}, *a{number - 1}]}}\n" for number in range(1, 30)
+)
+OPEN = """import sys
+from mnsf_ros.recording.bag_reader import BagReader
+with BagReader(sys.argv[1]):
+    pass"""
+
+
+def test_merge_keys_are_refused_before_they_are_read(metadata):
+    """In a process that can be killed: each line doubles the time."""
+    metadata.write_text(MERGES)
+    command = [sys.executable, "-c", OPEN, metadata.parent]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert ended.stderr.endswith("line 2 has the merge key '<<', which is not supported\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a: {!!merge x: {y: 1}}", "merge key"),
+        ("a: &a [*a]", "with its aliases it has more than 262144 values"),
+        (f"a: &a [{1000 * '1,'}]\nb: [{1000 * '*a,'}]", "more than 262144 values"),
+        ("[" * 51 + "]" * 51, "nested more than 50 levels deep"),
+    ],
+)
+def test_metadata_that_grows_is_refused(metadata, text, reason):
+    metadata.write_text(text)
+    assert_refused(metadata.parent, f"metadata.yaml: cannot be read: .*{reason}")
+
+
+def test_metadata_may_refer_to_what_it_has(metadata):
+    """Python's writers do so for a table or list that occurs twice."""
+    text = metadata.read_text()
+    start = re.search(r"starting_time:\s+(nanoseconds_since_epoch: [0-9]+)", text)
+    text = text.replace(start[0], "starting_time: *id001")
+    metadata.write_text(text.replace("custom_data: null", f"custom_data: &id001 {{{start[1]}}}"))
+    assert len(read_all(metadata.parent)["/points"]) == tiny_bags.NUM_CLOUDS
 
 
 @pytest.mark.parametrize(
