@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -51,11 +52,10 @@ def inspect_recording(
     try:
         with BagReader(path) as reader:
             topics, contradictions = reader.topics, reader.contradictions()
-        return _with(_of_opened(path, topics, watch), contradictions)
+        with suppress(*MCAP_UNREADABLE):
+            return _with(_of_opened(path, topics, watch), contradictions)
     except RecordingError as error:
         problem = error
-    except MCAP_UNREADABLE:
-        pass
     from mnsf_ros.recording.salvage.inspection import inspect_damaged
 
     return _with(inspect_damaged(path, topics, problem, watch), contradictions)

@@ -26,6 +26,7 @@ _ROOT: Final = "rosbag2_bagfile_information"
 _NONE: Final = type(None)
 _NAMES: Final = {str: "a text", int: "an integer", list: "a list", dict: "a table", _NONE: "null"}
 _OPTIONAL: Final = "?"
+_MAX_INTEGER: Final = 2**63 - 1
 
 # What rosbags uses: key -> type, schema of a table, or [schema of each entry]; `?` at the end of a
 # key: may be absent. Types in a tuple are alternatives. Other keys may hold anything.
@@ -63,8 +64,8 @@ def check_metadata(folder: Path) -> None:
     """Checks the metadata.yaml of a folder, if it has one.
 
     Raises:
-        RecordingError: It cannot be read, or a value is missing or of the wrong type; the text
-            names the key.
+        RecordingError: It cannot be read, or a value is missing, of the wrong type or out of range;
+            the text names the key.
     """
     file = folder / METADATA_NAME
     if not file.is_file():
@@ -133,11 +134,14 @@ def _check(value: object, schema: object, key: str) -> None:
 
 
 def _of_type(value: object, types: tuple[Any, ...], key: str) -> Any:  # noqa: ANN401
+    where = f"key {key!r}" if key else "the document"
     # In Python, True is an integer, too.
     if isinstance(value, types) and not isinstance(value, bool):
+        if isinstance(value, int) and not 0 <= value <= _MAX_INTEGER:
+            # Python refuses to write out an integer of thousands of digits.
+            raise ValueError(f"{where} is out of range, expected 0 to {_MAX_INTEGER}")
         return value
     expected = " or ".join(_NAMES[one] for one in types)
-    where = f"key {key!r}" if key else "the document"
     raise ValueError(f"{where} is of type {type(value).__name__}, expected {expected}")
 
 
