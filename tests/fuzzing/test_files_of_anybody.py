@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import importlib.util
+import time
 import tracemalloc
 import warnings
+from contextlib import closing
 
+import apsw
 import numpy as np
 import pytest
 from hypothesis import given
@@ -41,10 +44,22 @@ ROWS = "\n".join(" ".join(map(str, row)) for row in XYZ.tolist()).encode() + b"\
 EDITS = st.lists(
     st.tuples(st.floats(0, 1), st.integers(0, 40), st.binary(max_size=9)), min_size=1, max_size=4
 )
+# The same, but what follows keeps its place: pages of a database would fit no more.
+IN_PLACE = st.lists(
+    st.builds(
+        lambda place, new: (place, len(new), new),
+        st.floats(0, 1),
+        st.binary(min_size=1, max_size=9),
+    ),
+    min_size=1,
+    max_size=4,
+)
 # A Feather file of a kilobyte may claim as much as the largest cloud has, not more.
 MAX_BYTES = LIMIT + 64 * 2**20
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
 NUM_MESSAGES = 4
+# Of CPU; what computes without a limit never ends.
+MAX_SECONDS = 20
 
 
 def edited(content, edits):
@@ -128,6 +143,28 @@ def write_ros1(file):
             writer.write(connection, number + 1, raw)
 
 
+def write_sqlite(file):
+    """With small pages, so that the tables have several."""
+    with closing(apsw.Connection(str(file))) as database:
+        list(
+            database.execute(
+                """PRAGMA page_size = 512;
+                CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
+                INSERT INTO schema VALUES (3, 'humble');
+                CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT,
+                    serialization_format TEXT, offered_qos_profiles TEXT);
+                CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER,
+                    data BLOB);
+                CREATE INDEX timestamp_idx ON messages (timestamp ASC);"""
+            )
+        )
+        topic = (1, "/points", CLOUD_TYPE, "cdr", "")
+        database.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", topic)
+        raw = bytes(JAZZY.serialize_cdr(message(0), CLOUD_TYPE))
+        rows = [(number + 1, 1, number, raw) for number in range(NUM_MESSAGES)]
+        database.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows)
+
+
 def message(number):
     encoded = encode_columns({name: XYZ[:, axis] for axis, name in enumerate("xyz")}, 1, len(XYZ))
     return cloud_message(encoded, number + 1, "lidar", is_dense=True)
@@ -138,6 +175,7 @@ def bags(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bags")
     write_mcap(folder / "bag.mcap")
     write_ros1(folder / "bag.bag")
+    write_sqlite(folder / "bag.db3")
     return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
 
@@ -145,7 +183,7 @@ def bags(tmp_path_factory):
 def test_a_damaged_recording_is_read_or_refused_in_one_line(bags, tmp_path_factory, data):
     name = data.draw(st.sampled_from(sorted(bags)))
     file = tmp_path_factory.getbasetemp() / name
-    file.write_bytes(edited(bags[name], data.draw(EDITS)))
+    file.write_bytes(edited(bags[name], data.draw(EDITS | IN_PLACE)))
     try:
         inspection = inspect_recording(file)
         with inspection.open() as reader:
@@ -154,3 +192,42 @@ def test_a_damaged_recording_is_read_or_refused_in_one_line(bags, tmp_path_facto
                     assert not isinstance(item, Damage) or "\n" not in str(item)
     except RecordingError as error:
         assert "\n" not in str(error)
+
+
+# What a view may be made of.
+QUERIES = st.sampled_from(
+    [
+        *("SELECT 1", "SELECT * FROM messages", "SELECT * FROM schema AS a, messages AS b"),
+        *("WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x FROM c",),
+        *("SELECT zeroblob(1000000000) AS schema_version", "SELECT randomblob(9) AS id"),
+    ]
+)
+HOSTILE = (
+    st.builds("CREATE VIEW {} AS {}".format, st.sampled_from(["schema", "extra"]), QUERIES)
+    | st.builds(
+        "ALTER TABLE {} ADD COLUMN extra AS ({})".format,
+        st.sampled_from(["topics", "messages", "schema"]),
+        st.sampled_from(["hex(zeroblob(100000000))", "1 + 2", "'a' LIKE '%a%b%'"]),
+    )
+    | st.builds("CREATE INDEX extra ON messages ({})".format, st.sampled_from(["-id", "hex(data)"]))
+)
+
+
+@given(HOSTILE, IN_PLACE | st.just([]))
+def test_a_database_that_computes_is_refused_in_one_line(bags, tmp_path_factory, script, edits):
+    file = tmp_path_factory.getbasetemp() / "hostile.db3"
+    file.write_bytes(bags["bag.db3"])
+    with closing(apsw.Connection(str(file))) as database:
+        if script.startswith("CREATE VIEW schema"):
+            database.execute("DROP TABLE schema")
+        database.execute(script)
+    file.write_bytes(edited(file.read_bytes(), edits))
+    start = time.process_time()
+    try:
+        inspect_recording(file)
+    except RecordingError as error:
+        assert "\n" not in str(error)
+    else:
+        # The damage may have hit the definition itself.
+        assert edits
+    assert time.process_time() - start < MAX_SECONDS
