@@ -58,13 +58,13 @@ def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -
 def read_json(path: Path) -> Any:  # noqa: ANN401
     """Returns the content of a JSON file."""
     with reading(path):
-        return json.loads(path.read_bytes())
+        return json.loads(files.content_of(path))
 
 
 def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     """Returns a file of little-endian float32 as (N, `num_columns`)."""
     with reading(path):
-        raw = path.read_bytes()
+        raw = files.content_of(path)
     row_bytes = 4 * num_columns
     if not raw or len(raw) % row_bytes:
         raise DatasetError(f"{path}: is cut short: {len(raw)} bytes, expected rows of {row_bytes}")

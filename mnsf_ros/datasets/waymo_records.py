@@ -19,7 +19,7 @@ from mnsf_ros.datasets.waymo import (
     waymo_box,
     waymo_sweep,
 )
-from mnsf_ros.decompression import decompress
+from mnsf_ros.decompression import check_size, decompress
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.sweeps_io.files import require
@@ -42,7 +42,8 @@ def tf_records(path: Path) -> Iterator[bytes]:
     its content is not, since without a library for it this takes longer than all the rest.
 
     Raises:
-        DatasetError: The file is missing, is none of these, is empty, or is cut short.
+        DatasetError: The file is missing, is none of these, is empty, is cut short, or claims
+            more bytes than a frame has.
     """
     with reading(path), path.open("rb") as file:
         index = 0
@@ -55,6 +56,7 @@ def tf_records(path: Path) -> Iterator[bytes]:
                     f"{path}: checksum of record {index} is wrong; "
                     "it is damaged or no uncompressed TFRecord file"
                 )
+            check_size(length, f"record {index}")
             record = file.read(length)
             if len(record) < length or len(file.read(_FOOTER_BYTES)) < _FOOTER_BYTES:
                 raise DatasetError(f"{path}: is cut short in record {index}")

@@ -14,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
+from mnsf_ros.decompression import MAX_BYTES
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_reader import BagReader
@@ -125,8 +126,9 @@ def _checked(file: Path, progress: Progress) -> _CheckedFile:
     first_ns, last_ns = float("inf"), float("-inf")
     num_chunks, num_indexes, has_checksums = 0, 0, True
     with file.open("rb") as stream:
-        limit = file.stat().st_size
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
+        # A larger record is named by the salvage reader.
+        reader = StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
+        for record in reader.records:
             num_indexes += isinstance(record, MessageIndex)
             if not isinstance(record, Chunk):
                 continue

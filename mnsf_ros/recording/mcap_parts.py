@@ -15,10 +15,10 @@ from typing import BinaryIO, Final
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Footer, Schema
 
-from mnsf_ros.decompression import decompress
+from mnsf_ros.decompression import MAX_BYTES, check_size, decompress
 from mnsf_ros.recording.damage import UNREADABLE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -79,7 +79,7 @@ def read_summary(path: Path) -> Summary:
 
 def _parsed(file: BinaryIO, *, has_checksum: bool) -> Summary:
     file.seek(0)
-    found = make_reader(file).get_summary()
+    found = SeekingReader(file, record_size_limit=MAX_BYTES).get_summary()
     if found is None:
         return Summary()
     counts: Counter[str] | None = None
@@ -107,6 +107,7 @@ def _checksum(file: BinaryIO) -> int | None:
     footer = Footer.read(ReadDataStream(BytesIO(tail[RECORD_HEAD.size :])))
     if not 0 < footer.summary_start < size - _FOOTER_SIZE:
         return None
+    check_size(size - footer.summary_start, "the index")
     if footer.summary_crc == 0:
         return 0
     file.seek(footer.summary_start)

@@ -129,6 +129,7 @@ def read_feather_columns(
         ValueError: pyarrow is not installed, the file lacks a column, or it is too large.
     """
     feather = require("pyarrow.feather")
+    check_size(path.stat().st_size, "the file")
     with path.open("rb") as file:
         # Version 1 of the format, which begins otherwise, has no compression.
         if file.read(len(_ARROW_HEAD)) == _ARROW_HEAD:

@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import MnsfError, SweepFileError
 
 # LookupError and TypeError: on files laid out otherwise. MemoryError: a damaged header may ask for
@@ -65,8 +66,14 @@ def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArra
 
 @contextmanager
 def reading(path: Path, part: str = "", kind: type[MnsfError] = SweepFileError) -> Iterator[None]:
-    """Turns what parsers raise inside the block into one kind of error, with file and part."""
+    """Turns what parsers raise inside the block into one kind of error, with file and part.
+
+    What is there but no regular file is refused before the block: a named pipe would keep it
+    waiting for ever.
+    """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise kind(f"{path}: is not a regular file")
         yield
     except FileNotFoundError as error:
         raise kind(f"{path}: no such file") from error
@@ -93,17 +100,25 @@ def require(module: str, library: str = "") -> Any:  # noqa: ANN401
         ) from error
 
 
+def content_of(path: Path) -> bytes:
+    """Returns all that is in a file; call it inside of `reading`.
+
+    Raises:
+        OSError: It cannot be read.
+        SizeLimitError: It is larger than any cloud.
+    """
+    check_size(path.stat().st_size, "the file")
+    return path.read_bytes()
+
+
 def read_bytes(path: Path) -> bytes:
     """Returns the content of a file.
 
     Raises:
-        SweepFileError: There is none, or it is empty.
+        SweepFileError: There is none, or it is empty or too large.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        # A named pipe would keep us waiting for ever.
-        raise SweepFileError(f"{path}: is not a regular file")
     with reading(path):
-        content = path.read_bytes()
+        content = content_of(path)
     if not content:
         raise SweepFileError(f"{path}: is empty")
     return content

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import struct
 import zlib
 
 import numpy as np
@@ -19,6 +20,8 @@ from mnsf_ros.datasets.waymo import (
     shaped,
     waymo_sweep,
 )
+from mnsf_ros.datasets.waymo_records import tf_records
+from mnsf_ros.decompression import MAX_BYTES
 from mnsf_ros.errors import DatasetError
 
 
@@ -78,6 +81,18 @@ def write_records(path, images, num_sweeps=tiny_world.NUM_SWEEPS, **options):
 def test_records_become_a_recording_with_truth(tmp_path, images):
     path = write_records(tmp_path / "segment.tfrecord", images)
     tiny_waymo.check(convert("waymo-v1", path, tmp_path / "out"), images)
+
+
+def test_record_that_claims_more_than_a_frame_has_is_not_read(tmp_path):
+    path = tmp_path / "segment.tfrecord"
+    length = struct.pack("<Q", MAX_BYTES + 1)
+    crc = crc32c(length)
+    masked = struct.pack("<I", ((crc >> 15 | crc << 17) + 0xA282EAD8) % 2**32)
+    with path.open("wb") as file:
+        file.write(length + masked)
+        file.truncate(MAX_BYTES + 100)
+    with pytest.raises(DatasetError, match=f"record 0 has {MAX_BYTES + 1} bytes, the limit"):
+        next(tf_records(path))
 
 
 def test_records_without_labels_have_no_valid_flow(tmp_path, images):

@@ -1,5 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Small files that expand to gigabytes: an error with the limit in it, and little memory."""
+"""Small files that expand to gigabytes, and sparse ones: an error with the limit in it, and little
+memory.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +39,7 @@ else:
 
 HUGE = 3 * 2**30
 MEBIBYTE = 2**20
+MCAP_GIB = (2**30).to_bytes(8, "little")
 # What a process needs that reads a small recording, and then a few copies of the largest cloud.
 PEAK_MIB = 400 + 3 * MAX_BYTES // MEBIBYTE
 
@@ -171,7 +174,31 @@ def file_bomb(path):
     return bag
 
 
+def sparse_mcap(file, opcode, head):
+    """An mcap file with a record of 1 GiB behind its `head`, without a place on the disk."""
+    whole = next(tiny_bags.write_mcap(file.with_suffix("")).glob("*.mcap")).read_bytes()
+    header = whole[: 8 + 9 + int.from_bytes(whole[9:17], "little")]
+    schema = (1).to_bytes(2, "little") + mcap_text(CLOUD_TYPE) + mcap_text("ros2msg") + bytes(4)
+    channel = (b"\1\0" * 2) + mcap_text("/points") + mcap_text("cdr") + bytes(4)
+    end = mcap_record(Opcode.DATA_END, bytes(4)) + mcap_record(Opcode.FOOTER, bytes(20))
+    with file.open("wb") as stream:
+        stream.write(header + mcap_record(Opcode.SCHEMA, schema))
+        stream.write(mcap_record(Opcode.CHANNEL, channel))
+        stream.write(bytes([opcode]) + (len(head) + 2**30).to_bytes(8, "little") + head)
+        stream.seek(2**30, os.SEEK_CUR)
+        stream.write(end + whole[:8])
+    return file
+
+
+def mcap_text(text):
+    return len(text).to_bytes(4, "little") + text.encode()
+
+
 CRAFTED = {
+    "mcap sparse message": lambda p: sparse_mcap(p, Opcode.MESSAGE, b"\1" + bytes(21)),
+    "mcap sparse chunk": lambda p: sparse_mcap(
+        p, Opcode.CHUNK, bytes(16) + MCAP_GIB + bytes(8) + MCAP_GIB
+    ),
     "mcap zstd, small claim": lambda p: with_bomb_chunk(p, "zstd", zstd_bomb(), 100),
     "mcap zstd, large claim": lambda p: with_bomb_chunk(p, "zstd", zstd_bomb(), HUGE),
     "mcap zstd, cut": lambda p: with_bomb_chunk(p, "zstd", zstd_bomb(), HUGE, is_cut=True),

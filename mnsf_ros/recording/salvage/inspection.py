@@ -55,7 +55,8 @@ def inspect_damaged(
             raise problem
     contents, found, damages = _read_files(files, watch)
     if not any(summary.count for summary in found.values()):
-        raise problem or RecordingError(f"{path}: holds no messages that can be read")
+        causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
+        raise problem or RecordingError("; ".join(causes))
     if problem is None and not damages and found != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)

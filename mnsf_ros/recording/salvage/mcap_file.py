@@ -110,7 +110,10 @@ def _records(path: Path, chunk_offsets: Sequence[int]) -> Iterator[_Record | Dam
                 continue
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 return
-            if opcode == Opcode.CHUNK:
+            if opcode in _NEEDED and length > MAX_BYTES:
+                text = f"this record has {length} bytes, the limit is {MAX_BYTES} bytes"
+                yield Damage(str(path), f"byte {offset}", text)
+            elif opcode == Opcode.CHUNK:
                 yield from _records_of_chunk(path, _Record(offset, opcode, file.read(length)))
             elif opcode in _NEEDED:
                 yield _Record(offset, opcode, file.read(length))
