@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mnsf_ros.datasets.json_entries import NUMBER, TEXT, Kind, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import columns_of, numbered_files, read_json, reading, stacked
 from mnsf_ros.datasets.surface_classes import ARGOVERSE1, UNKNOWN
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
+_OBJECT: Final = Kind("an object", lambda value: type(value) is dict)
+_CATEGORY: Final = Kind(
+    "a text, an object or null", lambda value: value is None or type(value) in (str, dict)
+)
 # What the annotators of a fully occluded object wrote down.
 _OCCLUDED: Final = 100
 
@@ -52,9 +57,13 @@ def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
 
 
 def _read_pose(path: Path) -> NDArray[np.float64]:
-    entry = read_json(path)
+    row = read_json(path)
     with reading(path):
-        return rigid_pose(poses_from_quaternions(entry["rotation"], entry["translation"]))
+        rotation, translation = (
+            entry(row, "rotation", numbers(4)),
+            entry(row, "translation", numbers(3)),
+        )
+        return rigid_pose(poses_from_quaternions(rotation, translation))
 
 
 def _read_boxes(path: Path) -> tuple[Box, ...]:
@@ -63,16 +72,20 @@ def _read_boxes(path: Path) -> tuple[Box, ...]:
         return tuple(_box(label) for label in labels)
 
 
-def _box(label: dict[str, Any]) -> Box:
-    rotation, center = label["rotation"], label["center"]
-    category = label.get("label_class") or ""
-    name = category["name"] if isinstance(category, dict) else category
+def _box(label: Any) -> Box:  # noqa: ANN401
+    rotation, center = entry(label, "rotation", _OBJECT), entry(label, "center", _OBJECT)
+    # Some labels have neither.
+    optional = {"label_class": None, "occlusion": 0, **label}
+    category = entry(optional, "label_class", _CATEGORY)
+    name = entry(category, "name", TEXT) if isinstance(category, dict) else category
+    size = [entry(label, side, NUMBER) for side in ("length", "width", "height")]
     return Box(
         pose=poses_from_quaternions(
-            [rotation[axis] for axis in "wxyz"], [center[axis] for axis in "xyz"]
+            [entry(rotation, axis, NUMBER) for axis in "wxyz"],
+            [entry(center, axis, NUMBER) for axis in "xyz"],
         ),
-        size_m=np.array([label[side] for side in ("length", "width", "height")], np.float64),
-        class_id=ARGOVERSE1.get(name, UNKNOWN),
-        track_id=label["track_label_uuid"],
-        hidden=label.get("occlusion", 0) == _OCCLUDED,
+        size_m=np.array(size, np.float64),
+        class_id=ARGOVERSE1.get(name or "", UNKNOWN),
+        track_id=entry(label, "track_label_uuid", TEXT),
+        hidden=entry(optional, "occlusion", NUMBER) == _OCCLUDED,
     )

@@ -11,7 +11,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import numbered_files, read_float_rows, reading
+from mnsf_ros.datasets.source_files import (
+    numbered_files,
+    read_content,
+    read_float_rows,
+    read_lines,
+    reading,
+)
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
@@ -46,8 +52,7 @@ class _Drive:
         self._source = source
         self._imu_from_lidar = invert(_Calibration(calibration / _IMU_CALIBRATION).rigid())
         self._stamps_file = source / "velodyne_points" / "timestamps.txt"
-        with reading(self._stamps_file):
-            self._stamps = self._stamps_file.read_text(encoding="ascii").splitlines()
+        self._stamps = read_lines(self._stamps_file)
         tracklets = source / "tracklet_labels.xml"
         is_labelled = tracklets.is_file()
         self._boxes = _read_tracklets(tracklets) if is_labelled else None
@@ -89,8 +94,9 @@ class _Drive:
     def _imu_reading(self, number: int) -> tuple[float, ...]:
         """Latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
         path = self._source / "oxts" / "data" / f"{number:010d}.txt"
+        words = " ".join(read_lines(path)).split()[:6]
         with reading(path):
-            values = tuple(float(word) for word in path.read_text(encoding="ascii").split()[:6])
+            values = tuple(float(word) for word in words)
         if len(values) < 6:
             raise DatasetError(f"{path}: has {len(values)} numbers, expected 30")
         if not np.isfinite(values).all():
@@ -106,9 +112,7 @@ class _Calibration:
     """A file with a name and numbers on each line."""
 
     def __init__(self, path: Path) -> None:
-        with reading(path):
-            lines = path.read_text(encoding="ascii").splitlines()
-        pairs = (line.partition(":") for line in lines)
+        pairs = (line.partition(":") for line in read_lines(path))
         self._path = path
         self._entries = {name.strip(): values for name, colon, values in pairs if colon}
 
@@ -154,8 +158,9 @@ class _Camera:
 def _read_tracklets(path: Path) -> Mapping[int, tuple[Box, ...]]:
     """The boxes in the lidar frame by the number of their sweep."""
     boxes: dict[int, tuple[Box, ...]] = defaultdict(tuple)
+    content = read_content(path)
     with reading(path):
-        tracklets = ElementTree.parse(path).getroot().find("tracklets")
+        tracklets = ElementTree.fromstring(content).find("tracklets")
         if tracklets is None:
             raise ValueError("has no element 'tracklets'")
         for track_id, tracklet in enumerate(tracklets.findall("item")):

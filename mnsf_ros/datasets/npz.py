@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from mnsf_ros.datasets.json_entries import NUMBER, TEXT, TRACK, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
     as_type,
@@ -80,19 +81,21 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
     content = read_json(path)
     boxes: dict[int, tuple[Box, ...]] = {}
     with reading(path):
-        for number, entries in content.items():
+        if not isinstance(content, dict):
+            raise ValueError("holds no object with the boxes of each sweep")
+        for number, rows in content.items():
             with reading(path, f"sweep {number}"):
-                boxes[int(number)] = tuple(_box(entry) for entry in entries)
+                boxes[int(number)] = tuple(_box(row) for row in rows)
     return boxes
 
 
-def _box(entry: Mapping[str, Any]) -> Box:
-    x, y, z = entry["center"]
+def _box(row: object) -> Box:
+    x, y, z = entry(row, "center", numbers(3))
     return Box(
-        pose=planar_pose(x, y, entry["yaw"], z),
-        size_m=np.asarray(entry["size"], dtype=np.float64),
-        class_id=KITTI.get(entry["cls"], UNKNOWN),
-        track_id=entry["track_id"],
+        pose=planar_pose(x, y, entry(row, "yaw", NUMBER), z),
+        size_m=np.asarray(entry(row, "size", numbers(3)), dtype=np.float64),
+        class_id=KITTI.get(entry(row, "cls", TEXT), UNKNOWN),
+        track_id=entry(row, "track_id", TRACK),
     )
 
 

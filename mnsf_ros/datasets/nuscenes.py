@@ -12,8 +12,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.json_entries import MICROSECONDS, TEXT, Kind, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, read_float_rows, reading
+from mnsf_ros.datasets.source_files import (
+    as_type,
+    choose,
+    file_inside,
+    read_float_rows,
+    reading,
+    regular,
+)
 from mnsf_ros.datasets.surface_classes import nuscenes_class
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
@@ -30,21 +38,34 @@ if TYPE_CHECKING:
 
 _CHANNEL: Final = "LIDAR_TOP"
 _CHUNK_CHARACTERS: Final = 1 << 20
+# A thousand times what an object of the tables has. To look for the end of a damaged one in all of
+# a table would take minutes.
+_MAX_OBJECT_CHARACTERS: Final = 1 << 20
 _BETWEEN: Final = " \t\r\n,"
 # Half of the vehicle's width and length: what the lidar on its roof sees closer than this, to its
 # sides (x) and to its front and back (y), is the vehicle itself. The same as in OpenSceneFlow.
 _OWN_X_M: Final = 1.730 / 2
 _OWN_Y_M: Final = 4.084 / 2
+# The columns that are used; one that several tables have holds the same kind in all.
+_KINDS: Final[Mapping[str, Kind]] = {
+    **dict.fromkeys(("token", "scene_token", "sensor_token", "category_token", "name"), TEXT),
+    **dict.fromkeys(("sample_token", "instance_token", "calibrated_sensor_token"), TEXT),
+    **dict.fromkeys(("ego_pose_token", "channel", "filename"), TEXT),
+    "timestamp": MICROSECONDS,
+    "rotation": numbers(4),
+    "translation": numbers(3),
+    "size": numbers(3),
+}
 
 
-def json_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Yields the objects of a list, of which only a part is in memory at a time.
+def json_rows(path: Path) -> Iterator[Any]:
+    """Yields the entries of a list, of which only a part is in memory at a time.
 
     Raises:
-        DatasetError: If the file is missing, cut short, or no list of objects.
+        DatasetError: If the file is missing, cut short, or no list, or an entry is too long.
     """
     decoder = json.JSONDecoder()
-    with reading(path), path.open(encoding="utf-8") as file:
+    with reading(path), regular(path).open(encoding="utf-8") as file:
         text = file.read(_CHUNK_CHARACTERS).lstrip()
         if not text.startswith("["):
             raise ValueError("is no JSON list")
@@ -58,13 +79,15 @@ def json_rows(path: Path) -> Iterator[dict[str, Any]]:
                 row, position = decoder.raw_decode(text, position)
             except json.JSONDecodeError:
                 # The rest of this object may be in the next chunk.
+                if len(text) - position > _MAX_OBJECT_CHARACTERS:
+                    raise ValueError(
+                        f"an object is damaged or has over {_MAX_OBJECT_CHARACTERS} characters"
+                    ) from None
                 more = file.read(_CHUNK_CHARACTERS)
                 if not more:
                     raise ValueError("the list has no end, the file is cut short") from None
                 text, position = text[position:] + more, 0
                 continue
-            if not isinstance(row, dict):
-                raise ValueError(f"the list holds {row!r}, expected objects")
             yield row
 
 
@@ -111,12 +134,12 @@ def _boxes_between(earlier: Keyframe, later: Keyframe, micros: int) -> list[Box]
     return boxes
 
 
-def _table(tables: Path, name: str, *entries: str) -> Iterator[tuple[Any, ...]]:
-    """Yields the named entries of each row of a table."""
+def _table(tables: Path, name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
+    """Yields the named columns of each row of a table."""
     path = tables / f"{name}.json"
     for row in json_rows(path):
         with reading(path):
-            values = tuple(row[entry] for entry in entries)
+            values = tuple(entry(row, column, _KINDS[column]) for column in columns)
         yield values
 
 
@@ -220,7 +243,8 @@ def _tables_folder(source: Path) -> Path:
 
 
 def _sweep(tables: Path, row: SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
-    path = tables.parent / row.file_name
+    with reading(tables / "sample_data.json"):
+        path = file_inside(tables.parent, row.file_name)
     points = read_float_rows(path, 5)
     # A split without labels has keyframes, but no object in any of them.
     is_labelled = any(keyframe.boxes for keyframe in keyframes)

@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterable, Mapping
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.sweeps_io import files
 from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
@@ -55,16 +56,66 @@ def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -
     raise DatasetError(f"{place}: holds {problem}; it has {found}")
 
 
+def regular(path: Path) -> Path:
+    """Returns the path of a file that has an end, unlike named pipes and devices.
+
+    Raises:
+        OSError: There is no such file.
+        ValueError: It is something else.
+    """
+    if not path.is_file():
+        if path.exists():
+            raise ValueError("is not a regular file")
+        raise FileNotFoundError(path)
+    return path
+
+
+def limited(path: Path) -> Path:
+    """Returns the path of a regular file that is no larger than a sweep can be.
+
+    Raises:
+        OSError: There is no such file.
+        ValueError: It is something else, or too large.
+    """
+    check_size(regular(path).stat().st_size, "it")
+    return path
+
+
+def file_inside(folder: Path, name: str) -> Path:
+    """Returns the path of a file in a folder of the data set, as a file of the data set names it.
+
+    Raises:
+        ValueError: The name leads out of the folder.
+    """
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts:
+        raise ValueError(f"file name {name!r} leads out of the data set, expected a path in it")
+    return folder / path
+
+
+def read_content(path: Path) -> bytes:
+    """Returns all bytes of a file that is no larger than a sweep can be."""
+    with reading(path):
+        return files.content_of(regular(path))
+
+
+def read_lines(path: Path) -> list[str]:
+    """Returns the lines of an ASCII text."""
+    content = read_content(path)
+    with reading(path):
+        return content.decode("ascii").splitlines()
+
+
 def read_json(path: Path) -> Any:  # noqa: ANN401
     """Returns the content of a JSON file."""
+    content = read_content(path)
     with reading(path):
-        return json.loads(files.content_of(path))
+        return json.loads(content)
 
 
 def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     """Returns a file of little-endian float32 as (N, `num_columns`)."""
-    with reading(path):
-        raw = files.content_of(path)
+    raw = read_content(path)
     row_bytes = 4 * num_columns
     if not raw or len(raw) % row_bytes:
         raise DatasetError(f"{path}: is cut short: {len(raw)} bytes, expected rows of {row_bytes}")
@@ -91,7 +142,7 @@ def read_feather(
 ) -> dict[str, NDArray[Any]]:
     """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there."""
     with reading(path):
-        return read_feather_columns(path, columns, optional)
+        return read_feather_columns(limited(path), columns, optional)
 
 
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading
+from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading, regular
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
 from mnsf_ros.decompression import check_file_size
 from mnsf_ros.errors import DatasetError
@@ -217,7 +217,7 @@ def _frames(
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:
     """Yields the rows of a Parquet file, a few in memory at a time, lists in them as arrays."""
-    with reading(path), require("pyarrow.parquet").ParquetFile(path) as file:
+    with reading(path), require("pyarrow.parquet").ParquetFile(regular(path)) as file:
         found = file.schema_arrow.names
         missing = [name for name in columns if name not in found]
         if missing:

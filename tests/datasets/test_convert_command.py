@@ -95,17 +95,19 @@ def test_gaps_in_the_odometry_come_with_a_warning(tmp_path, capsys):
 
 
 def write_endless_drive(folder):
-    """A drive of KITTI whose second sweep is waited for."""
+    """A drive of KITTI with one sweep so often that its conversion takes many seconds."""
     for name in ("velodyne_points/data", "oxts/data"):
         (folder / name).mkdir(parents=True)
-    for number in range(2):
-        np.ones(4, "<f4").tofile(folder / f"velodyne_points/data/{number:010d}.bin")
-    times = [f"2011-09-26 13:02:2{number}.5\n" for number in range(2)]
+    sweep, reading = folder / "sweep", folder / "reading"
+    np.ones(4, "<f4").tofile(sweep)
+    reading.write_text("49 8.4 100 0 0 0 " + "0 " * 24)
+    for number in range(9000):
+        os.link(sweep, folder / f"velodyne_points/data/{number:010d}.bin")
+        os.link(reading, folder / f"oxts/data/{number:010d}.txt")
+    start = np.datetime64("2011-09-26T13:02:20", "ms")
+    times = [f"{start + 100 * number}\n" for number in range(9000)]
     (folder / "velodyne_points/timestamps.txt").write_text("".join(times))
     (folder / "calib_imu_to_velo.txt").write_text("R: 1 0 0 0 1 0 0 0 1\nT: 0 0 0\n")
-    (folder / "oxts/data/0000000000.txt").write_text("49 8.4 100 0 0 0 " + "0 " * 24)
-    # Whoever opens a pipe to read it waits until somebody writes.
-    os.mkfifo(folder / "oxts/data/0000000001.txt")
     return folder
 
 

@@ -118,7 +118,7 @@ def test_arrays_that_cannot_be_used_are_named(tmp_path, arrays, message):
     [
         ({"size": [4, -2, 1]}, r"its size is \[4\.0, -2\.0, 1\.0\], expected 3 above 0"),
         ({"yaw": math.nan}, "its pose is no rigid motion"),
-        ({"track_id": ["a"]}, "expected a text or an integer"),
+        ({"track_id": ["a"]}, "expected a text, an integer or null"),
     ],
 )
 def test_a_damaged_box_is_named_with_its_sweep(tmp_path, change, message):

@@ -208,17 +208,17 @@ def test_a_scene_is_named(tmp_path):
     [
         ("v1.0-mini/sample.json", lambda raw: raw[:-40], "the list has no end"),
         ("v1.0-mini/sample.json", lambda raw: b"{}", "is no JSON list"),
-        ("v1.0-mini/sample.json", lambda raw: b"[1]", "holds 1, expected objects"),
+        ("v1.0-mini/sample.json", lambda raw: b"[1]", "holds 1, expected an object"),
         (
             "v1.0-mini/sensor.json",
-            lambda raw: b'[{"token": 1}]',
+            lambda raw: b'[{"token": "a"}]',
             "sensor.json: cannot be read: it has no 'c",
         ),
         ("v1.0-mini/ego_pose.json", lambda raw: b"[]", "ego_pose.json: cannot be read: it has no"),
         (
             "v1.0-mini/ego_pose.json",
             lambda raw: raw.replace(b'"rotation": [', b'"rotation": [1,'),
-            r"ego_pose\.json: cannot be read: quaternion \(5,\)",
+            r"ego_pose\.json: cannot be read: 'rotation' is \[1, .*, expected 4 numbers",
         ),
         (
             "v1.0-mini/ego_pose.json",
