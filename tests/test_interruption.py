@@ -68,7 +68,17 @@ _WITHIN_CALLBACK = """
 """
 
 
-@pytest.mark.parametrize("place", [_WITHIN_EXEC, _WITHIN_CALLBACK])
+# As modules in C++ do while they are imported.
+_WITHIN_EXTENSION = """
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(300)
+    except KeyboardInterrupt as error:
+        raise ImportError("initialization failed") from error
+"""
+
+
+@pytest.mark.parametrize("place", [_WITHIN_EXEC, _WITHIN_CALLBACK, _WITHIN_EXTENSION])
 def test_of_the_command_line_where_python_swallows_it_or_ends_itself(
     tmp_path: Path, place: str
 ) -> None:

@@ -91,10 +91,19 @@ def run(arguments: list[str] | None = None) -> int:
     except (MnsfError, OSError) as error:
         print(f"mnsf: {error}", file=sys.stderr)
         return EXIT_USAGE
-    except KeyboardInterrupt:
+    except (Exception, KeyboardInterrupt) as error:
+        if not _is_interruption(error):
+            raise
         print("mnsf: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     return status or 0
+
+
+def _is_interruption(error: BaseException | None) -> bool:
+    """Whether a signal is the cause: a library that it meets in its start makes it an error."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _parsed(arguments: list[str] | None) -> argparse.Namespace:
