@@ -137,10 +137,9 @@ def _boxes_between(earlier: Keyframe, later: Keyframe, micros: int) -> list[Box]
 def _table(tables: Path, name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
     """Yields the named columns of each row of a table."""
     path = tables / f"{name}.json"
-    for row in json_rows(path):
-        with reading(path):
-            values = tuple(entry(row, column, _KINDS[column]) for column in columns)
-        yield values
+    with reading(path):
+        for row in json_rows(path):
+            yield tuple(entry(row, column, _KINDS[column]) for column in columns)
 
 
 def _poses(

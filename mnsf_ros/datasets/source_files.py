@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.sweeps_io import files
 from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
@@ -67,17 +66,6 @@ def regular(path: Path) -> Path:
         if path.exists():
             raise ValueError("is not a regular file")
         raise FileNotFoundError(path)
-    return path
-
-
-def limited(path: Path) -> Path:
-    """Returns the path of a regular file that is no larger than a sweep can be.
-
-    Raises:
-        OSError: There is no such file.
-        ValueError: It is something else, or too large.
-    """
-    check_size(regular(path).stat().st_size, "it")
     return path
 
 
@@ -142,7 +130,7 @@ def read_feather(
 ) -> dict[str, NDArray[Any]]:
     """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there."""
     with reading(path):
-        return read_feather_columns(limited(path), columns, optional)
+        return read_feather_columns(regular(path), columns, optional)
 
 
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
