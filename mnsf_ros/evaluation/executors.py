@@ -23,6 +23,7 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import TaskEvent, TaskFailed, TaskRestarted, task_events
+from mnsf_ros.methods.registry import OPTIMIZER_MODULE
 
 MAX_ATTEMPTS: Final = 3
 _DYING_S: Final = 5.0
@@ -193,7 +194,7 @@ def _start(process: BaseProcess) -> None:
 def _slow_imports() -> list[str]:
     """Modules that tasks need; torch imports its own slow one with the first optimizer."""
     # Who made the tasks has asked each method for its traits: one with networks imports torch.
-    return [task_events.__module__, *(["torch._dynamo"] if "torch" in sys.modules else [])]
+    return [task_events.__module__, *([OPTIMIZER_MODULE] if "torch" in sys.modules else [])]
 
 
 def _work(events: Connection, task: EvaluationTask, options: EvaluationOptions) -> None:

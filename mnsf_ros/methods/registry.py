@@ -13,8 +13,11 @@ from __future__ import annotations
 import difflib
 import logging
 import sys
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import resolve_name
 from typing import Any, Final
@@ -41,6 +44,10 @@ MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
 _TRIPLET: Final = 3
 
+# What torch imports by itself with the first optimizer, for a second and more.
+OPTIMIZER_MODULE: Final = "torch._dynamo"
+_ARE_NETWORKS_LOADED: Final = threading.Event()
+
 
 def _later(path: str) -> Callable[..., Any]:
     """Something of this package that is called, and imported when that happens first."""
@@ -57,12 +64,17 @@ def _linear(path: str) -> Callable[..., Any]:
 
 def _network(*args: Any, **options: Any) -> SceneFlowEstimator:  # noqa: ANN401 - of its class
     """A method that fits networks."""
-    if "torch" not in sys.modules:
-        _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+    _import_torch()
     estimator: SceneFlowEstimator = _called(
         "mnsf_ros.methods.network_estimator:NetworkEstimator", *args, **options
     )
     return estimator
+
+
+def _import_torch() -> None:
+    if "torch" not in sys.modules:
+        _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+    import_module("torch")
 
 
 def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
@@ -130,6 +142,28 @@ def check_method(name: str) -> None:
         SettingsError: If there is none, or several packages offer it.
     """
     _maker(name)
+
+
+def is_loaded(name: str) -> bool:
+    """Whether a method is there at once: `load_method` would take no seconds."""
+    return not _has_network(name) or _ARE_NETWORKS_LOADED.is_set()
+
+
+def load_method(name: str) -> None:
+    """Imports what the first estimate of a method would, which takes seconds for a network.
+
+    `make_method` tells if a library is missing.
+    """
+    if not is_loaded(name):
+        with suppress(ImportError):
+            _import_torch()
+            import_module(OPTIMIZER_MODULE)
+            _ARE_NETWORKS_LOADED.set()
+
+
+def _has_network(name: str) -> bool:
+    make = _METHODS.get(name)
+    return isinstance(make, partial) and make.func is _network
 
 
 def make_method(name: str, settings: Settings) -> SceneFlowEstimator:

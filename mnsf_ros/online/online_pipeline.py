@@ -19,7 +19,7 @@ from mnsf_ros.core.scene_flow_estimator import (
     SceneFlowEstimator,
 )
 from mnsf_ros.errors import CancelledError, MnsfError
-from mnsf_ros.methods import check_method, make_method
+from mnsf_ros.methods import check_method, is_loaded, load_method, make_method
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
@@ -96,8 +96,8 @@ class OnlinePipeline:
 
     Who owns what:
 
-    * The caller's thread (the executor's): the buffer and the plan. `add_sweep`, `change_settings`
-      and `reset` are for this one only.
+    * The caller's thread (the executor's): the buffer, the plan and the settings that are to hold.
+      `add_sweep`, `change_settings` and `reset` are for this one only.
     * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
     * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares, and
       what is known of who did it last.
@@ -121,9 +121,13 @@ class OnlinePipeline:
         check_memory(settings)
         self.statistics = OnlineStatistics()
         self._plan = _Plan(settings)
+        # They hold once the libraries of their method are loaded.
+        self._wanted = settings
+        self._loading: threading.Thread | None = None
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._buffer = SweepBuffer()
+        load_method(settings.method.name)
         self._estimator = make_method(settings.method.name, settings)
         self._estimator_plan = self._plan
         self._preparation = threading.Lock()
@@ -141,7 +145,8 @@ class OnlinePipeline:
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next estimate on.
 
-        One that is under way for long is abandoned: it could last for hours.
+        One that is under way for long is abandoned: it could last for hours. A method whose
+        libraries take seconds to load takes over when they are there; until then the other goes on.
 
         Raises:
             SettingsError: If they ask for a method or a device that is not there, or for more
@@ -150,8 +155,13 @@ class OnlinePipeline:
         check_method(settings.method.name)
         check_device(settings.compute)
         check_memory(settings)
-        if settings != self._plan.settings:
-            self._plan = _Plan(settings, self._plan.num_resets)
+        self._wanted = settings
+        if not is_loaded(settings.method.name) and not self._is_loading:
+            self._loading = threading.Thread(
+                target=load_method, args=(settings.method.name,), name="loading", daemon=True
+            )
+            self._loading.start()
+        self._take_over()
 
     def reset(self) -> None:
         """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
@@ -168,7 +178,8 @@ class OnlinePipeline:
         """
         self.statistics.count(SWEEPS_RECEIVED)
         self.statistics.add_arrival()
-        arrival = self._buffer.push(sweep, self._plan.settings.buffer)
+        self._take_over()
+        arrival = self._buffer.push(sweep, self._wanted.buffer)
         if arrival is not Arrival.ACCEPTED:
             self.statistics.count(f"sweeps_{arrival.value}")
         triplet = self._buffer.triplet()
@@ -191,6 +202,16 @@ class OnlinePipeline:
         self._estimating.close(0.0)
         workers = (self._preparing, self._estimating)
         return all(worker.close(max(0.0, deadline_s - time.monotonic())) for worker in workers)
+
+    @property
+    def _is_loading(self) -> bool:
+        return self._loading is not None and self._loading.is_alive()
+
+    def _take_over(self) -> None:
+        """Lets the wanted settings hold, unless their method is still being loaded."""
+        is_there = is_loaded(self._wanted.method.name) or not self._is_loading
+        if is_there and self._wanted != self._plan.settings:
+            self._plan = _Plan(self._wanted, self._plan.num_resets)
 
     def _prepare(self, job: TripletJob) -> None:
         """Runs in the worker that prepares."""

@@ -52,3 +52,27 @@ def test_methods_that_need_it_say_so_where_there_is_none():
     assert "mnsf" in network
     assert "torch" in network
     assert "torch" in device
+
+
+LOADED = """
+import sys
+import numpy as np
+from mnsf_ros.methods import is_loaded, load_method, make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+load_method("online")
+assert "torch" not in sys.modules
+assert is_loaded("online") and not is_loaded("mnsf")
+load_method("mnsf")
+assert is_loaded("mnsf")
+loaded = {name for name in sys.modules if name.startswith("torch._")}
+xyz = np.random.default_rng(0).uniform(-20, 20, (200, 3)).astype(np.float32)
+sweeps = [Sweep(xyz, number * 100_000_000) for number in range(3)]
+make_method("mnsf", preset("online")).estimate(SweepTriplet(*sweeps))
+print(sorted({name for name in sys.modules if name.startswith("torch._")} - loaded))
+"""
+
+
+def test_what_the_first_estimate_of_a_network_needs_is_loaded_before():
+    assert run(LOADED).strip() == "[]"
