@@ -11,18 +11,11 @@ from typing import Final
 # Of malloc.h of glibc.
 _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
-_M_ARENA_MAX: Final = -8
 # Clouds and what is computed of them are below the first; with every sweep their pages would be
 # taken from the system and returned, which costs more than building and sending a cloud.
 _MMAP_BYTES: Final = 32 * 2**20
 _TRIM_BYTES: Final = 256 * 2**20
-# One heap for all threads: of several each keeps free pieces that the others could use. Side by side
-# on a busy machine that is 280 MB instead of 260, up and down by 35 MB instead of 10, for 3 % of CPU.
-_NUM_HEAPS: Final = 1
-_OWN_VARIABLES: Final = (
-    *("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"),
-    *("MALLOC_ARENA_MAX", "GLIBC_TUNABLES"),
-)
+_OWN_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")
 
 # Returning takes some 10 ms, and as much until what is needed is there again. Without it the heap
 # grows for hours, by what the threads of the node happen to need at the same time.
@@ -32,12 +25,11 @@ RETURN_PERIOD_S: Final = 30.0
 def keep_memory(environment: Mapping[str, str] = os.environ) -> None:
     """Lets malloc keep what sweeps need again and again, unless the user says how it should work.
 
-    To be called before there are other threads. Does nothing where the C library is another one than glibc.
+    Does nothing where the C library is another one than glibc.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None or any(name in environment for name in _OWN_VARIABLES):
         return
-    mallopt(_M_ARENA_MAX, _NUM_HEAPS)
     mallopt(_M_MMAP_THRESHOLD, _MMAP_BYTES)
     mallopt(_M_TRIM_THRESHOLD, _TRIM_BYTES)
 
