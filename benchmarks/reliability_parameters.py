@@ -30,6 +30,7 @@ _ENDLESS: Final[dict[str, SettingValue]] = {
 }
 _STATUSES: Final = 5
 _MAX_WAIT_S: Final = 1.0
+_SILENT_S: Final = 2.0
 
 
 def parameters(rounds: Rounds) -> Iterator[Figure]:
@@ -99,8 +100,13 @@ def abandoned(rounds: Rounds) -> Iterator[Figure]:
 
 
 def _is_busy(node: LiveNode, said: int) -> bool:
-    """Whether a triplet waits for an estimate under way, as messages after some number say."""
-    return node.link.num_statuses > said and node.link.flow_values.get("queue") == "1"
+    """Whether a triplet waits for an estimate under way, as messages after some number say.
+
+    The estimate is an endless one: the method before, which goes on until PyTorch is loaded, would
+    have given flow meanwhile.
+    """
+    is_silent = time.monotonic() - max(node.replay.arrived_s.values()) > _SILENT_S
+    return is_silent and node.link.num_statuses > said and node.link.flow_values.get("queue") == "1"
 
 
 def _publish_until(node: LiveNode, good: bytearray, is_there: Callable[[], bool]) -> None:
