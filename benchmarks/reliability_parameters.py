@@ -93,9 +93,10 @@ def abandoned(rounds: Rounds) -> Iterator[Figure]:
         text = f"median {np.median(waits_s):.2f} s, {max(waits_s):.2f} s at most"
         text += f", {waits_s[0]:.2f} s the first time, after PyTorch was loaded"
         yield "flow after the change", text, max(waits_s) <= _MAX_WAIT_S
+        # What the node has said last may be older than the last round.
+        node.settle()
         count = node.link.counts.get("triplets_abandoned", 0)
         yield "abandoned", f"{count:,}", count >= rounds.done
-        node.settle()
         yield from node.balance()
 
 
