@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Decompression with one limit, for everything that reads files of other people.
+"""Decompression with limits, for everything that reads files of other people.
 
 A few kilobytes of a damaged or hostile file can expand to all memory there is, and the size that a
-file claims may be wrong. So the limit is checked while decompressing.
+file claims may be wrong. So the limit is checked while decompressing: that of one part, for memory,
+and that of all parts of a file together, for time.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ else:
 MAX_BYTES: Final = 256 * 2**20
 # Whole recordings may be larger; clouds never shrink to so small a part.
 _MAX_FILE_RATIO: Final = 100
+# What a record counts for beside its bytes, since it takes time even if it is empty. The indexes of
+# recordings are not compressed, and have 12 or 16 bytes for a message: 100 times that is more.
+_RECORD_BYTES: Final = 1024
 _PIECE_BYTES: Final = 2**20
 
 # Each has `decompress(data, max_length)` and `eof`, and reads one frame.
@@ -59,40 +63,81 @@ def check_size(num_bytes: int, what: str) -> None:
         raise SizeLimitError(f"{what} has {num_bytes} bytes, the limit is {MAX_BYTES} bytes")
 
 
-def check_file_size(num_bytes: int, file_bytes: int, what: str) -> None:
-    """Checks what a whole file of `file_bytes` expands to, or claims to.
+class FileBudget:
+    """What all parts of a file together may expand to: `MAX_BYTES` and 100 times its size."""
 
-    Raises:
-        SizeLimitError: It is above 100 times its size and `MAX_BYTES`.
-    """
-    limit = MAX_BYTES + _MAX_FILE_RATIO * file_bytes
-    if num_bytes > limit:
-        raise SizeLimitError(f"{what} of {file_bytes} bytes expands to more than {limit} bytes")
+    def __init__(self, file_bytes: int, what: str) -> None:
+        """Starts with nothing spent; `what` it is and its size go into the error."""
+        self._file_bytes = file_bytes
+        self._what = what
+        self._limit = MAX_BYTES + _MAX_FILE_RATIO * file_bytes
+        self._num_bytes = 0
+        self._num_records = 0
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the file has expanded to more."""
+        return self._num_bytes + _RECORD_BYTES * self._num_records > self._limit
+
+    def spend(self, num_bytes: int) -> None:
+        """Counts bytes that a part of the file has expanded to, or claims to.
+
+        Raises:
+            SizeLimitError: With these it is too much.
+        """
+        self._num_bytes += num_bytes
+        self._check()
+
+    def spend_record(self) -> None:
+        """Counts a record within a compressed part; its bytes are counted with that.
+
+        Raises:
+            SizeLimitError: With this one it is too much.
+        """
+        self._num_records += 1
+        self._check()
+
+    def _check(self) -> None:
+        if self.is_spent:
+            counted = f", counting {_RECORD_BYTES} for each of {self._num_records} records"
+            raise SizeLimitError(
+                f"{self._what} of {self._file_bytes} bytes expands to more than {self._limit} bytes"
+                f"{counted if self._num_records else ''}"
+            )
 
 
 def decompress(
-    compression: str, data: bytes, claimed: int | None = None, *, is_cut: bool = False
+    compression: str,
+    data: bytes,
+    claimed: int | None = None,
+    *,
+    is_cut: bool = False,
+    budget: FileBudget | None = None,
 ) -> bytes:
     """Decompresses all frames of data of one of the `COMPRESSIONS`.
 
     The result may be smaller than the size `claimed`, not larger. If the end of the data `is_cut`
-    off, its beginning is decompressed.
+    off, its beginning is decompressed. What it expands to is taken from the `budget` of its file.
 
     Raises:
-        SizeLimitError: The result is larger than it should be, or than `MAX_BYTES`.
+        SizeLimitError: The result is larger than it should be, or than `MAX_BYTES`, or the budget
+            is spent.
         DecompressionError: The data is damaged or cut short, or the compression is unknown.
     """
     if compression not in _MAKERS:
         raise DecompressionError(f"compression {compression!r} is not supported")
     if claimed is not None:
         check_size(claimed, "the decompressed data")
+    limit = MAX_BYTES if claimed is None else claimed
     try:
-        return _expanded(compression, data, MAX_BYTES if claimed is None else claimed, is_cut)
+        return _expanded(compression, data, limit, is_cut, budget)
     except _DAMAGED as error:
         raise DecompressionError(f"{compression} data is damaged: {error}") from error
 
 
-def _expanded(compression: str, data: bytes, limit: int, is_cut: bool) -> bytes:
+def _expanded(
+    compression: str, data: bytes, limit: int, is_cut: bool, budget: FileBudget | None
+) -> bytes:
     output, num_bytes = BytesIO(), len(data)
     while data:
         stream = _MAKERS[compression]()
@@ -101,6 +146,8 @@ def _expanded(compression: str, data: bytes, limit: int, is_cut: bool) -> bytes:
             piece = stream.decompress(data, min(_PIECE_BYTES, limit + 1 - output.tell()))
             data = getattr(stream, "unconsumed_tail", b"")
             output.write(piece)
+            if budget is not None:
+                budget.spend(len(piece))
             if output.tell() > limit:
                 raise SizeLimitError(
                     f"{num_bytes} bytes of {compression} data expand to more than {limit} bytes"
@@ -119,7 +166,7 @@ class LimitedFile:
 
     def __init__(self, file: IO[bytes]) -> None:
         """Wraps an open file of which nothing has been read."""
-        self._file_bytes = file.seek(0, 2)
+        self._budget = FileBudget(file.seek(0, 2), "the zstd file")
         file.seek(0)
         self._stream = zstd.open(file, "rb")
 
@@ -134,7 +181,7 @@ class LimitedFile:
             piece = self._stream.read(num_bytes)
         except (zstd.ZstdError, EOFError) as error:
             raise DecompressionError(f"zstd data is damaged: {error}") from error
-        check_file_size(self._stream.tell(), self._file_bytes, "the zstd file")
+        self._budget.spend(len(piece))
         return piece
 
     def __enter__(self) -> LimitedFile:

@@ -32,13 +32,13 @@ def _run(options: argparse.Namespace) -> None:
     prepare_environment()
     from mnsf_ros.demo.console_progress import counting_progress
     from mnsf_ros.demo.play import PlayOptions, play
-    from mnsf_ros.recording.bag_reader import BagReader
     from mnsf_ros.recording.bag_topics import known_topic
+    from mnsf_ros.recording.inspection import open_recording
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
     how = PlayOptions(topics, options.rate, options.loop, options.clock)
-    with BagReader(options.bag) as reader:
+    with open_recording(options.bag, console.warn) as reader:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)
         total = sum(reader.topics[topic].count for topic in topics or reader.topics)

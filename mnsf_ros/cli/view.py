@@ -64,14 +64,14 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _show_recording(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.recording.bag_reader import BagReader
     from mnsf_ros.recording.bag_topics import used_topics
+    from mnsf_ros.recording.inspection import open_recording
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
     from mnsf_ros.view.recording_view import RecordingView
     from mnsf_ros.view.view_server import ViewServer
 
     settings = preset(options.preset)
-    with BagReader(options.bag) as reader:
+    with open_recording(options.bag, console.warn) as reader:
         topic = used_topics(options.bag, reader.topics, options.points).points
         with ViewServer(options.host, options.port) as server, console.status("") as status:
             _say_where(console, server.url, server.app_url)
@@ -88,12 +88,15 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
 
 
 def _animate(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.recording.bag_reader import BagReader
     from mnsf_ros.recording.bag_topics import used_topics
+    from mnsf_ros.recording.inspection import open_recording
     from mnsf_ros.view.animation import save_animation
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
 
-    with BagReader(options.bag) as reader, console.status("estimating"):
+    with (
+        open_recording(options.bag, console.warn) as reader,
+        console.status("estimating"),
+    ):
         topic = used_topics(options.bag, reader.topics, options.points).points
         sweeps = estimated_sweeps(reader, topic, preset(options.preset))
         number = save_animation(sweeps, options.animation)

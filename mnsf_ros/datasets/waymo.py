@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading, regular
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
-from mnsf_ros.decompression import check_file_size
+from mnsf_ros.decompression import FileBudget
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose, rigid_pose
 from mnsf_ros.sweeps_io.files import require
@@ -225,7 +225,7 @@ def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterato
         claimed = sum(
             file.metadata.row_group(number).total_byte_size for number in range(file.num_row_groups)
         )
-        check_file_size(claimed, path.stat().st_size, "the Parquet file")
+        FileBudget(path.stat().st_size, "the Parquet file").spend(claimed)
         for batch in file.iter_batches(batch_size, columns=list(columns)):
             for number in range(batch.num_rows):
                 yield [_value(batch.column(name)[number]) for name in columns]

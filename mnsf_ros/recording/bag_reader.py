@@ -4,26 +4,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability
+from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.reader import Reader as Ros2Reader
-from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_typestore
 
-from mnsf_ros.decompression import decompress
-from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import METADATA_NAME, recording_files
+from mnsf_ros.decompression import FileBudget, decompress
+from mnsf_ros.errors import NoIndexError, RecordingError
+from mnsf_ros.recording.bag_files import METADATA_NAME, num_bytes, recording_files
 from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason, unfit_counts, unfit_database
-from mnsf_ros.recording.metadata import check_metadata
+from mnsf_ros.recording.metadata import read_metadata
+from mnsf_ros.recording.ros1_chunks import keep_last_chunks
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
-from mnsf_ros.recording.rosbags_limits import limit_rosbags
+from mnsf_ros.recording.rosbags_limits import limit_rosbags, limited_to
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -49,6 +49,7 @@ class StoredMessage(NamedTuple):
         file: The file or folder that it is in.
         offset: Where its record, or that of its chunk, begins in the file; None if unknown.
         is_verified: Whether a checksum says that it is what was written.
+        is_latched: Whether its topic is, see `TopicSummary`; only salvaged messages say so.
     """
 
     topic: str
@@ -58,6 +59,7 @@ class StoredMessage(NamedTuple):
     file: Path
     offset: int | None = None
     is_verified: bool = False
+    is_latched: bool = False
 
 
 class BagReader:
@@ -65,6 +67,8 @@ class BagReader:
 
     Messages come in the order they were received when recording. That is not always the order
     of their header stamps, and the receive time is no measurement time: go by header stamps.
+
+    Each scan may expand to as much as a `FileBudget` of all files allows, and ends there.
 
     Attributes:
         path: The folder or file that was given.
@@ -82,6 +86,7 @@ class BagReader:
         """Opens the recording.
 
         Raises:
+            NoIndexError: It may be whole, but cannot be read by an index.
             RecordingError: It is missing, damaged, empty or not a recording at all.
         """
         self._source = self._open_source()
@@ -176,41 +181,45 @@ class BagReader:
         topic: str,
         start_ns: int | None,
         stop_ns: int | None,
-        convert: Callable[[bytes, str], Converted],
+        convert: Callable[[bytes, str, FileBudget], Converted],
     ) -> Iterator[Readable[Converted]]:
         number = 0
-        for item in self._stored(topic, start_ns, stop_ns):
+        budget = FileBudget(num_bytes(self.path), "the recording")
+        for item in self._stored(topic, start_ns, stop_ns, budget):
             if isinstance(item, Damage):
                 yield item
                 continue
             try:
-                converted = convert(item.raw, item.msgtype)
+                converted = convert(item.raw, item.msgtype, budget)
             except UNREADABLE as error:
                 where = "" if item.offset is None else f"byte {item.offset}"
                 yield _damage(item.file, where, number, topic, error)
+                if budget.is_spent:
+                    return
             else:
                 yield item.received_ns, converted
                 number += 1
 
     def _stored(
-        self, topic: str, start_ns: int | None, stop_ns: int | None
+        self, topic: str, start_ns: int | None, stop_ns: int | None, budget: FileBudget
     ) -> Iterator[StoredMessage | Damage]:
         """Yields what is stored; only calls into rosbags are guarded."""
         number = 0
-        with self._source_of_scan() as source:
-            connections = [c for c in source.connections if c.topic == topic]
-            scan = source.messages(connections, start_ns, stop_ns)
-            while True:
-                try:
+        source = self._opened()
+        connections = [c for c in source.connections if c.topic == topic]
+        scan = source.messages(connections, start_ns, stop_ns)
+        while True:
+            try:
+                with limited_to(budget):
                     found = next(scan, None)
-                except UNREADABLE as error:
-                    yield _damage(self.path, "", number, topic, error)
-                    return
-                if found is None:
-                    break
-                connection, received_ns, raw = found
-                yield StoredMessage(topic, connection.msgtype, received_ns, raw, self.path)
-                number += 1
+            except UNREADABLE as error:
+                yield _damage(self.path, "", number, topic, error)
+                return
+            if found is None:
+                break
+            connection, received_ns, raw = found
+            yield StoredMessage(topic, connection.msgtype, received_ns, raw, self.path)
+            number += 1
         expected = self.topics[topic].count
         if start_ns is None and stop_ns is None and number != expected:
             text = (
@@ -219,50 +228,43 @@ class BagReader:
             )
             yield Damage(str(self.path), "", text)
 
-    def _deserialized(self, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401
+    def _deserialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> Any:  # noqa: ANN401
         source = self._opened()
-        return source.deserialize(self._decompressed(raw) if source.is2 else raw, msgtype)
+        return source.deserialize(self._decompressed(raw, budget) if source.is2 else raw, msgtype)
 
-    def _serialized(self, raw: bytes, msgtype: str) -> bytes:
+    def _serialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> bytes:
         source = self._opened()
         if source.is2:
-            return self._decompressed(raw)
+            return self._decompressed(raw, budget)
         return cdr_from_ros1(raw, msgtype, source.typestore)
 
-    def _decompressed(self, raw: bytes) -> bytes:
-        return decompress("zstd", raw) if self._are_compressed else decompressed(raw)
+    def _decompressed(self, raw: bytes, budget: FileBudget) -> bytes:
+        if self._are_compressed:
+            return decompress("zstd", raw, budget=budget)
+        return decompressed(raw, budget)
 
     def _opened(self) -> AnyReader:
         if self._source is None:
             raise RecordingError(f"{self.path}: is not open")
         return self._source
 
-    @contextmanager
-    def _source_of_scan(self) -> Iterator[AnyReader]:
-        opened = self._opened()
-        # An mcap file without an index is scanned from one position that all scans share: each
-        # would silently skip what the other one reads.
-        if all(not isinstance(s, McapReader) or s.chunks for s in _storages(opened)):
-            yield opened
-            return
-        source = self._open_source()
-        try:
-            yield source
-        finally:
-            source.close()
-
     def _open_source(self) -> AnyReader:
         files = recording_files(self.path)
         if files == [self.path] and self.path.is_dir():
-            check_metadata(self.path)
+            read_metadata(self.path)
         try:
             # Bags of older ROS versions come without type definitions: then these are used.
             source = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
             source.open()
+        except NoIndexError as error:
+            raise NoIndexError(f"{self.path}: cannot be read: {error}") from error
         except UNREADABLE as error:
             raise RecordingError(f"{self.path}: cannot be read: {reason(error)}") from error
         for reader in source.readers:
-            storage = reader.storage if isinstance(reader, Ros2Reader) else reader
+            if isinstance(reader, Ros1Reader):
+                keep_last_chunks(reader)
+                continue
+            storage = reader.storage
             if isinstance(storage, DirectoryReader):
                 self._are_compressed = storage.metadata.compression_mode == "message"
                 # Messages come as they are stored: rosbags gives up after the first damaged one.
@@ -277,13 +279,16 @@ def _damage(file: Path, where: str, number: int, topic: str, error: Exception) -
     return Damage(str(file), where, text)
 
 
-def decompressed(raw: bytes) -> bytes:
+def decompressed(raw: bytes, budget: FileBudget) -> bytes:
     """Returns a ROS 2 message as it was before it was compressed by itself, if it was.
 
     Raises:
-        DecompressionError: It is damaged, or expands to more than any cloud has.
+        DecompressionError: It is damaged, or expands to more than any cloud has, or than is left
+            of the budget.
     """
-    return decompress("zstd", raw) if raw[: len(_ZSTD_MAGIC)] == _ZSTD_MAGIC else raw
+    if raw[: len(_ZSTD_MAGIC)] != _ZSTD_MAGIC:
+        return raw
+    return decompress("zstd", raw, budget=budget)
 
 
 def _summaries(path: Path, source: AnyReader) -> dict[str, TopicSummary]:

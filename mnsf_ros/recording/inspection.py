@@ -1,21 +1,21 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What is in a recording, found out by reading all of it once."""
+"""What is in a recording: found out by reading all of it once, or opened by its index."""
 
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
-from mnsf_ros.decompression import MAX_BYTES
-from mnsf_ros.errors import RecordingError
+from mnsf_ros.decompression import MAX_BYTES, FileBudget
+from mnsf_ros.errors import NoIndexError, RecordingError
 from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import TopicSummary
@@ -32,6 +32,8 @@ from mnsf_ros.recording.mcap_parts import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+
+_MAX_WARNINGS: Final = 5
 
 
 def inspect_recording(
@@ -55,11 +57,39 @@ def inspect_recording(
             topics, contradictions = reader.topics, reader.contradictions()
         with suppress(*MCAP_UNREADABLE):
             return _with(_of_opened(path, topics, watch), contradictions)
+    except NoIndexError as error:
+        from mnsf_ros.recording.salvage.inspection import inspect_unindexed
+
+        return inspect_unindexed(path, error, watch)
     except RecordingError as error:
         problem = error
     from mnsf_ros.recording.salvage.inspection import inspect_damaged
 
     return _with(inspect_damaged(path, topics, problem, watch), contradictions)
+
+
+@contextmanager
+def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[BagReader]:
+    """Opens a recording by its index; if that cannot be done, reads it once and opens what is left.
+
+    Args:
+        path: See `inspect_recording`.
+        warn: Called with what cannot be read, as far as it is known then: a few lines.
+
+    Raises:
+        RecordingError: There is none, or no message of it can be read.
+    """
+    with ExitStack() as stack:
+        try:
+            reader = stack.enter_context(BagReader(path))
+        except RecordingError:
+            inspection = inspect_recording(path)
+            for damage in inspection.damages[:_MAX_WARNINGS]:
+                warn(str(damage))
+            if (more := len(inspection.damages) - _MAX_WARNINGS) > 0:
+                warn(f"{path}: and {more} more")
+            reader = stack.enter_context(inspection.open())
+        yield reader
 
 
 def _with(inspection: Inspection, damages: tuple[Damage, ...]) -> Inspection:
@@ -122,6 +152,7 @@ def _checked(file: Path, progress: Progress) -> _CheckedFile:
     summary = read_summary(file)
     if not summary.is_complete:
         raise _IrregularError
+    budget = FileBudget(file.stat().st_size, "the mcap file")
     counts: Counter[str] = Counter()
     first_ns, last_ns = float("inf"), float("-inf")
     num_chunks, num_indexes, has_checksums = 0, 0, True
@@ -134,7 +165,7 @@ def _checked(file: Path, progress: Progress) -> _CheckedFile:
                 continue
             progress.read(file, stream.tell())
             num_chunks += 1
-            for topic, received_ns in _messages_in(record, summary):
+            for topic, received_ns in _messages_in(record, summary, budget):
                 if received_ns < last_ns:
                     raise _IrregularError
                 counts[topic] += 1
@@ -148,9 +179,9 @@ def _checked(file: Path, progress: Progress) -> _CheckedFile:
     return _CheckedFile(file, first_ns, last_ns, counts, has_checksums)
 
 
-def _messages_in(chunk: Chunk, summary: Summary) -> Iterator[tuple[str, int]]:
+def _messages_in(chunk: Chunk, summary: Summary, budget: FileBudget) -> Iterator[tuple[str, int]]:
     """Yields topic and receive time of the messages in a chunk that ROS 2 can read."""
-    for opcode, payload in records_in(chunk_content(chunk)):
+    for opcode, payload in records_in(chunk_content(chunk, budget), budget):
         if opcode == Opcode.MESSAGE:
             number, _, received_ns, _ = MESSAGE_HEAD.unpack_from(payload)
             channel = summary.channels[number]

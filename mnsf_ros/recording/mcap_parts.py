@@ -16,9 +16,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Footer, Schema
+from mcap.records import Channel, Chunk, Footer, Header, Schema
 
-from mnsf_ros.decompression import MAX_BYTES, check_size, decompress
+from mnsf_ros.decompression import MAX_BYTES, FileBudget, check_size, decompress
 from mnsf_ros.recording.damage import UNREADABLE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -65,6 +65,19 @@ def schema_name(channel: Channel, schemas: dict[int, Schema]) -> str:
     """Returns the message type of a channel, empty if it is not known."""
     schema = schemas.get(channel.schema_id)
     return "" if schema is None else schema.name
+
+
+def has_other_profile(file: BinaryIO) -> bool:
+    """Returns whether an mcap file is intact at its beginning, and not one of ROS 2."""
+    try:
+        file.seek(0)
+        magic = file.read(len(MAGIC))
+        _, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
+        check_size(length, "the header")
+        header = Header.read(ReadDataStream(BytesIO(file.read(length))))
+    except MCAP_UNREADABLE:
+        return False
+    return magic == MAGIC and header.profile != "ros2"
 
 
 def read_summary(path: Path) -> Summary:
@@ -116,15 +129,16 @@ def _checksum(file: BinaryIO) -> int | None:
     return footer.summary_crc if zlib.crc32(covered) == footer.summary_crc else None
 
 
-def chunk_content(chunk: Chunk, *, is_cut: bool = False) -> bytes:
+def chunk_content(chunk: Chunk, budget: FileBudget, *, is_cut: bool = False) -> bytes:
     """Returns the records in a chunk, of one that `is_cut` as much as there is.
 
     Raises:
-        ValueError: The chunk is damaged, its checksum is wrong, or it is too large.
+        ValueError: The chunk is damaged, its checksum is wrong, or it is too large, by itself or
+            with all others of its file.
     """
     data, size = chunk.data, chunk.uncompressed_size
     if chunk.compression:
-        data = decompress(chunk.compression, data, size, is_cut=is_cut)
+        data = decompress(chunk.compression, data, size, is_cut=is_cut, budget=budget)
     if not is_cut and len(data) != size:
         raise ValueError(f"chunk has {len(data)} bytes, expected {size}")
     if not is_cut and chunk.uncompressed_crc not in (0, zlib.crc32(data)):
@@ -132,11 +146,12 @@ def chunk_content(chunk: Chunk, *, is_cut: bool = False) -> bytes:
     return data
 
 
-def records_in(content: bytes) -> Iterator[tuple[int, bytes]]:
+def records_in(content: bytes, budget: FileBudget) -> Iterator[tuple[int, bytes]]:
     """Yields opcode and payload of the records in a chunk.
 
     Raises:
-        ValueError: What follows the last one is no whole record.
+        ValueError: What follows the last one is no whole record, or the budget of the file is
+            spent.
     """
     offset = 0
     while offset < len(content):
@@ -145,5 +160,6 @@ def records_in(content: bytes) -> Iterator[tuple[int, bytes]]:
         begin = offset + RECORD_HEAD.size
         if opcode == 0 or begin + length > len(content):
             raise ValueError(f"no record {offset} bytes into the chunk")
+        budget.spend_record()
         yield opcode, content[begin : begin + length]
         offset = begin + length

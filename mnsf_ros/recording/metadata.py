@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from ruamel.yaml import YAML
@@ -60,8 +61,16 @@ _SCHEMA: Final = {
 }
 
 
-def check_metadata(folder: Path) -> None:
-    """Checks the metadata.yaml of a folder, if it has one.
+@dataclass(frozen=True)
+class Metadata:
+    """What the metadata.yaml of a folder promises: its files, and the messages of each topic."""
+
+    files: tuple[Path, ...]
+    counts: Counter[str]
+
+
+def read_metadata(folder: Path) -> Metadata | None:
+    """Reads and checks the metadata.yaml of a folder; None if it has none.
 
     Raises:
         RecordingError: It cannot be read, or a value is missing, of the wrong type or out of range;
@@ -69,13 +78,14 @@ def check_metadata(folder: Path) -> None:
     """
     file = folder / METADATA_NAME
     if not file.is_file():
-        return
+        return None
     try:
         if file.stat().st_size > _MAX_BYTES:
             raise ValueError(f"it is larger than {_MAX_BYTES} bytes")
         text = file.read_text("utf-8")
         _check_expansion(text)
-        _check(YAML(typ="safe").load(text), _SCHEMA, "")
+        document = YAML(typ="safe").load(text)
+        _check(document, _SCHEMA, "")
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = "" if mark is None else f" in line {mark.line + 1}"
@@ -86,6 +96,13 @@ def check_metadata(folder: Path) -> None:
     except (ValueError, TypeError, RecursionError) as error:
         text = " ".join(str(error).split())
         raise RecordingError(f"{file}: cannot be read: {text}") from error
+    content = document[_ROOT]
+    counts: Counter[str] = Counter()
+    for topic in content["topics_with_message_count"]:
+        counts[topic["topic_metadata"]["name"]] += topic["message_count"]
+    # Whatever folders a path names, only this one is looked into, by rosbags, too.
+    files = (folder / PurePath(name).name for name in content["relative_file_paths"])
+    return Metadata(tuple(files), counts)
 
 
 def _check_expansion(text: str) -> None:

@@ -20,6 +20,7 @@ from mnsf_ros.demo.pace import Pace
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -131,6 +132,21 @@ def test_topics_are_chosen_and_repeated(street: Path) -> None:
     heard, _ = heard_of(*arguments, until=lambda heard: is_round_of(heard["/points"], twice))
     assert is_round_of(heard["/points"], twice)
     assert heard["/truth/odometry"] == heard["/clock"] == []
+
+
+def test_what_is_left_of_a_recording_is_played(street: Path, tmp_path: Path) -> None:
+    (whole,) = street.glob("*.mcap")
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: len(data) // 2])
+    with inspect_recording(cut).open() as reader:
+        left = [bytes(raw) for _, raw in reader.raw_messages("/points")]
+    assert len(left) >= 3
+    arguments = (str(cut), "--topics", "/points", "--loop", "--rate", "4")
+    heard, said = heard_of(*arguments, until=lambda heard: is_round_of(heard["/points"], left))
+    assert is_round_of(heard["/points"], left)
+    assert "cut.mcap, byte" in said
+    assert "cut short" in said
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from mnsf_ros.errors import RecordingError, SettingsError
-from mnsf_ros.recording.metadata import check_metadata
+from mnsf_ros.recording.metadata import read_metadata
 from mnsf_ros.settings import Settings, declared_settings
 
 ANYTHING = st.recursive(
@@ -65,7 +65,7 @@ def folder(tmp_path_factory):
 def check(folder, text):
     (folder / "metadata.yaml").write_bytes(text)
     try:
-        check_metadata(folder)
+        read_metadata(folder)
     except RecordingError as error:
         assert "\n" not in str(error)
         assert "metadata.yaml: cannot be read: " in str(error)

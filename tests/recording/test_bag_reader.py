@@ -4,6 +4,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import tiny_bags
+from mcap.writer import Writer as McapWriter
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -17,10 +18,11 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import get_types_from_msg
 
-from mnsf_ros.errors import RecordingError
+from mnsf_ros.errors import NoIndexError, RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.inspection import open_recording
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 
@@ -61,6 +63,9 @@ KINDS = {
     "mcap file": lambda p: tiny_bags.write_mcap(p / "bag") / "bag.mcap",
     "sqlite file": lambda p: tiny_bags.write_sqlite(p / "bag") / "bag.db3",
     "unindexed mcap file": lambda p: tiny_bags.write_unindexed_mcap(p / "bag.mcap"),
+    "unindexed mcap file with a summary": lambda p: tiny_bags.write_unindexed_mcap(
+        p / "bag.mcap", has_summary=True
+    ),
     "ros 1 file": lambda p: tiny_bags.write_ros1(p / "bag.bag"),
 }
 
@@ -71,7 +76,7 @@ def recording(request, tmp_path):
 
 
 def test_every_kind_gives_the_same_clouds(recording):
-    with BagReader(str(recording)) as reader:
+    with open_recording(str(recording), pytest.fail) as reader:
         assert reader.topics == {"/points": TopicSummary(CLOUD_TYPE, tiny_bags.NUM_CLOUDS)}
         assert reader.find_topic(None, CLOUD_TYPE) == "/points"
         assert reader.find_topic("/points", CLOUD_TYPE) == "/points"
@@ -84,7 +89,7 @@ def test_every_kind_gives_the_same_clouds(recording):
 
 
 def test_every_kind_gives_the_same_bytes_for_ros_2(recording):
-    with BagReader(recording) as reader:
+    with open_recording(recording, pytest.fail) as reader:
         for index, (received_ns, raw) in enumerate(reader.raw_messages("/points")):
             assert received_ns == tiny_bags.stamp(index) + 5_000_000
             assert raw == bytes(tiny_bags.cdr(index))
@@ -93,7 +98,7 @@ def test_every_kind_gives_the_same_bytes_for_ros_2(recording):
 
 def test_part_of_the_time(recording):
     start, stop = tiny_bags.stamp(3), tiny_bags.stamp(6) + 5_000_000
-    with BagReader(recording) as reader:
+    with open_recording(recording, pytest.fail) as reader:
         messages = reader.messages("/points", start_ns=start, stop_ns=stop)
         assert [decode_stamp(m.header.stamp) for m in messages] == [
             tiny_bags.stamp(index) for index in (3, 4, 5)
@@ -101,13 +106,34 @@ def test_part_of_the_time(recording):
 
 
 def test_scans_do_not_disturb_each_other(recording):
-    with BagReader(recording) as reader:
+    with open_recording(recording, pytest.fail) as reader:
         slow = reader.raw_messages("/points")
         seen = []
         for _ in range(tiny_bags.NUM_CLOUDS):
             seen.append(next(slow)[1])
             assert len(list(reader.raw_messages("/points"))) == tiny_bags.NUM_CLOUDS
         assert seen == [bytes(tiny_bags.cdr(index)) for index in range(tiny_bags.NUM_CLOUDS)]
+
+
+@pytest.mark.parametrize("has_summary", [False, True])
+def test_file_without_an_index_is_not_scanned(tmp_path, has_summary):
+    """That would take as long as to read all of it, and each scan would disturb the others."""
+    file = tiny_bags.write_unindexed_mcap(tmp_path / "bag.mcap", has_summary=has_summary)
+    with pytest.raises(NoIndexError, match="cannot be read: a file has no index"):
+        BagReader(file).__enter__()
+
+
+def test_file_without_messages_needs_no_index(tmp_path):
+    """A recorder that splits may have begun a file before it ended."""
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    with (bag / "last.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("ros2", "test")
+        writer.finish()
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("- bag.mcap", "- bag.mcap\n  - last.mcap"))
+    with BagReader(bag) as reader:
+        assert len(list(reader.messages("/points"))) == tiny_bags.NUM_CLOUDS
 
 
 def test_closed_reader_says_so(tmp_path):

@@ -20,7 +20,7 @@ from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, TopicSummary
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.recording.inspection import inspect_recording, open_recording
 from mnsf_ros.recording.mcap_parts import read_summary
 from mnsf_ros.recording.salvage.salvage_reader import SalvageReader
 from msg_utils.stamps import decode_stamp
@@ -214,6 +214,76 @@ def test_missing_file_of_a_split_recording_is_told(tmp_path):
     found, inspection = read(bag)
     assert found == ALL
     assert "bag_1.mcap" in str(inspection.damages[0])
+
+
+@pytest.mark.parametrize("has_summary", [False, True])
+@pytest.mark.parametrize("promised", [10, 11])
+def test_files_without_an_index_are_those_of_metadata(tmp_path, promised, has_summary):
+    """That they have no index is no damage; another number of messages is."""
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    tiny_bags.write_unindexed_mcap(bag / "bag.mcap", has_summary=has_summary)
+    shutil.copy(bag / "bag.mcap", bag / "bag_copy.mcap")
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text().replace("message_count: 10", f"message_count: {promised}")
+    metadata.write_text(text)
+    found, inspection = read(bag)
+    assert found == ALL
+    told = f"{metadata}: promises 11 messages on '/points', 10 are stored"
+    assert list(map(str, inspection.damages)) == ([told] if promised != len(ALL) else [])
+
+
+def test_compressed_file_without_an_index_has_to_be_decompressed(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", mode=CompressionMode.FILE)
+    (file,) = bag.glob("*.zstd")
+    plain = tiny_bags.write_unindexed_mcap(tmp_path / "plain.mcap")
+    file.write_bytes(zstd.compress(plain.read_bytes()))
+    with pytest.raises(RecordingError, match="has no index of its messages; decompress its files"):
+        inspect_recording(bag)
+
+
+@pytest.mark.parametrize(
+    "profiles", ["  durability: 1\n", "  durability: transient_local\n", "  durability: 2\n"]
+)
+def test_latched_topics_are_known_without_an_index(tmp_path, profiles):
+    metadata = {"offered_qos_profiles": f"- history: 3\n  depth: 1\n{profiles}"}
+    file = tiny_bags.write_unindexed_mcap(tmp_path / "bag.mcap", metadata=metadata)
+    assert inspect_recording(file).topics["/points"].is_latched == ("2" not in profiles)
+
+
+@pytest.mark.parametrize("latching", [0, 1])
+def test_latched_topics_of_ros_1_are_known_without_an_index(tmp_path, latching):
+    file = tmp_path / "bag.bag"
+    with Ros1Writer(file) as writer:
+        options = {"typestore": tiny_bags.NOETIC, "latching": latching}
+        connection = writer.add_connection("/points", CLOUD_TYPE, **options)
+        writer.write(connection, 1, bytes(60))
+    cut(file, 0.95)
+    assert inspect_recording(file).topics["/points"].is_latched == bool(latching)
+
+
+def test_a_recording_is_opened_by_its_index_if_it_has_one(tmp_path):
+    """A damaged chunk is found when it is read, and not before."""
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    flip(file, read_summary(file).chunk_offsets[5] + 300)
+    with open_recording(file, pytest.fail) as reader:
+        assert not isinstance(reader, SalvageReader)
+        with pytest.raises(RecordingError, match="after 5 good messages"):
+            list(reader.messages("/points"))
+
+
+def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
+    file = write_checked_mcap(tmp_path / "bag.mcap")
+    chunks = read_summary(file).chunk_offsets
+    # The first one says what the channel is.
+    for chunk in chunks[1:9]:
+        flip(file, chunk + 300)
+    cut(file, 0.95)
+    warnings = []
+    with open_recording(file, warnings.append) as reader:
+        assert len(list(reader.messages("/points"))) == len(ALL) - 8
+    assert f"{file}, byte {chunks[1]}: damaged chunk" in warnings[0]
+    assert len(warnings) == 6
+    assert warnings[-1] == f"{file}: and 3 more"
 
 
 def test_split_files_are_read_in_the_order_of_time(tmp_path):

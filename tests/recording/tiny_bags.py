@@ -73,8 +73,12 @@ def write_ros1(path):
     return path
 
 
-def write_unindexed_mcap(path):
-    """One mcap file without chunks and indexes, as the preset `fastwrite` of rosbag2 makes it."""
+def write_unindexed_mcap(path, *, has_summary=False, metadata=None):
+    """One mcap file without chunks and indexes.
+
+    With a summary it is as the preset `fastwrite` of rosbag2 makes it. `metadata` is that of its
+    channel.
+    """
     definition, _ = JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
     with path.open("wb") as file:
         writer = McapWriter(
@@ -82,14 +86,14 @@ def write_unindexed_mcap(path):
             compression=CompressionType.NONE,
             use_chunking=False,
             index_types=IndexType.NONE,
-            use_statistics=False,
+            use_statistics=has_summary,
             use_summary_offsets=False,
-            repeat_schemas=False,
-            repeat_channels=False,
+            repeat_schemas=has_summary,
+            repeat_channels=has_summary,
         )
         writer.start("ros2", "test")
         schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
-        channel = writer.register_channel(TOPIC, "cdr", schema)
+        channel = writer.register_channel(TOPIC, "cdr", schema, metadata or {})
         for index in range(NUM_CLOUDS):
             time = stamp(index) + 5_000_000
             writer.add_message(channel, time, bytes(cdr(index)), time)

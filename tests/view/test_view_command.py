@@ -97,6 +97,15 @@ def test_a_recording_is_seen_coloured(street: Path) -> None:
     assert TYPES.deserialize_cdr(milliseconds, "std_msgs/msg/Float64").data > 0
 
 
+def test_what_is_left_of_a_recording_is_seen(street: Path, tmp_path: Path) -> None:
+    (whole,) = street.glob("*.mcap")
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: len(data) // 2])
+    with serving(str(cut), "--loop") as url, Viewer(url) as viewer:
+        viewer.until(lambda it: len(it.messages[FLOW]) >= 3)
+
+
 def test_what_cannot_be_shown_is_one_line(street: Path, tmp_path: Path) -> None:
     with BagWriter(tmp_path / "empty") as writer:
         empty = TYPES.types["std_msgs/msg/String"](data="no cloud")

@@ -4,20 +4,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import MCAP, ROS1, plain_files
+from mnsf_ros.errors import NoIndexError, RecordingError
+from mnsf_ros.recording.bag_files import MCAP, METADATA_NAME, ROS1, plain_files
 from mnsf_ros.recording.bag_topics import TopicSummary
 from mnsf_ros.recording.damage import Damage, reason, unfit_counts
 from mnsf_ros.recording.inspected import Inspection, Progress
+from mnsf_ros.recording.metadata import read_metadata
 from mnsf_ros.recording.salvage.salvage_reader import salvaged_messages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
-
-_OTHER_PROFILE: Final = "Profile is not ros2"
 
 
 class _FileContent(NamedTuple):
@@ -60,11 +59,47 @@ def inspect_damaged(
     if problem is None and not damages and found != topics:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
-    if problem is not None and not damages and _OTHER_PROFILE not in str(problem):
+    if problem is not None and not damages:
         damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
+    return _salvaged(path, contents, found, damages)
+
+
+def inspect_unindexed(
+    path: Path, problem: NoIndexError, watch: Callable[[int, int], None] | None = None
+) -> Inspection:
+    """Reads mcap files without an index once; that they have none is no damage.
+
+    Args:
+        path: The recording.
+        problem: What opening it has shown.
+        watch: See `inspect_recording`.
+
+    Raises:
+        RecordingError: No message of it can be read.
+    """
+    metadata = read_metadata(path)
+    files = plain_files(path, MCAP) if metadata is None else metadata.files
+    if not files or any(file.suffix != MCAP for file in files):
+        raise RecordingError(f"{problem}; decompress its files first") from problem
+    contents, found, damages = _read_files(files, watch)
+    counts = Counter({topic: summary.count for topic, summary in found.items()})
+    if not any(counts.values()):
+        causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
+        raise RecordingError("; ".join(causes)) from problem
+    if metadata is not None:
+        damages = [*unfit_counts(path / METADATA_NAME, metadata.counts, counts), *damages]
+    return _salvaged(path, contents, found, damages)
+
+
+def _salvaged(
+    path: Path,
+    contents: Sequence[_FileContent],
+    topics: dict[str, TopicSummary],
+    damages: Sequence[Damage],
+) -> Inspection:
     return Inspection(
         path=path,
-        topics=found,
+        topics=topics,
         damages=tuple(damages),
         has_checksums=all(content.has_checksums for content in contents),
         files=tuple(content.file for content in contents),
@@ -102,7 +137,8 @@ def _read_files(
     for content in contents:
         for name, summary in content.topics.items():
             known = topics.get(name, TopicSummary(summary.msgtype, 0))
-            topics[name] = TopicSummary(known.msgtype, known.count + summary.count)
+            is_latched = known.is_latched or summary.is_latched
+            topics[name] = TopicSummary(known.msgtype, known.count + summary.count, is_latched)
     damages = [damage for content in contents for damage in content.damages]
     return contents, dict(sorted(topics.items())), damages
 
@@ -112,6 +148,7 @@ def _read_file(file: Path, progress: Progress) -> _FileContent:
     summary, messages = salvaged_messages(file)
     types = summary.types()
     counts: Counter[str] = Counter()
+    latched: set[str] = set()
     damages: list[Damage] = []
     first_ns, has_checksums = float("inf"), True
     try:
@@ -122,6 +159,8 @@ def _read_file(file: Path, progress: Progress) -> _FileContent:
             progress.read(file, message.offset or 0)
             counts[message.topic] += 1
             types.setdefault(message.topic, message.msgtype)
+            if message.is_latched:
+                latched.add(message.topic)
             first_ns = min(first_ns, message.received_ns)
             has_checksums = has_checksums and message.is_verified
     except OSError as error:
@@ -131,5 +170,8 @@ def _read_file(file: Path, progress: Progress) -> _FileContent:
             if topic in types and counts[topic] != promised:
                 text = f"{counts[topic]} of {promised} messages on {topic!r} were found"
                 damages.append(Damage(str(file), "", text))
-    topics = {topic: TopicSummary(types[topic], counts[topic]) for topic in sorted(types)}
+    topics = {
+        topic: TopicSummary(types[topic], counts[topic], topic in latched)
+        for topic in sorted(types)
+    }
     return _FileContent(file, first_ns, topics, damages, has_checksums)

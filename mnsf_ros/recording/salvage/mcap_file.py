@@ -7,6 +7,7 @@ the index is intact, it is used to find the way back after a hole.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from io import BytesIO
@@ -17,7 +18,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 
-from mnsf_ros.decompression import MAX_BYTES
+from mnsf_ros.decompression import MAX_BYTES, FileBudget
 from mnsf_ros.recording.bag_reader import StoredMessage
 from mnsf_ros.recording.damage import Damage, reason
 from mnsf_ros.recording.mcap_parts import (
@@ -34,6 +35,8 @@ from mnsf_ros.recording.mcap_parts import (
 _NEEDED: Final = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK})
 _KNOWN: Final = frozenset(Opcode)
 _PRIVATE: Final = 0x80
+# Older recorders write the number of the enumeration.
+_LATCHED: Final = re.compile(r"\bdurability: (1|transient_local)\b")
 
 
 class _Record(NamedTuple):
@@ -71,6 +74,7 @@ def read_mcap_messages(path: Path, summary: Summary) -> Iterator[StoredMessage |
                         file=path,
                         offset=record.offset,
                         is_verified=record.is_verified,
+                        is_latched=_is_latched(channel),
                     )
             elif record.opcode == Opcode.SCHEMA:
                 schema = Schema.read(ReadDataStream(BytesIO(record.payload)))
@@ -82,9 +86,15 @@ def read_mcap_messages(path: Path, summary: Summary) -> Iterator[StoredMessage |
             yield Damage(str(path), f"byte {record.offset}", f"damaged record: {reason(error)}")
 
 
+def _is_latched(channel: Channel) -> bool:
+    """Whether a publisher says so; the profiles are YAML, which is slow to parse for a message."""
+    return _LATCHED.search(channel.metadata.get("offered_qos_profiles", "")) is not None
+
+
 def _records(path: Path, chunk_offsets: Sequence[int]) -> Iterator[_Record | Damage]:
     """Yields schemas, channels and messages, also those in chunks."""
     size = path.stat().st_size
+    budget = FileBudget(size, "the mcap file")
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             yield Damage(str(path), "byte 0", "does not begin as an mcap file does")
@@ -104,7 +114,7 @@ def _records(path: Path, chunk_offsets: Sequence[int]) -> Iterator[_Record | Dam
                 if opcode == Opcode.CHUNK and end > size and onward is None:
                     # Whole messages before the cut are still there.
                     rest = _Record(offset, opcode, file.read(MAX_BYTES), is_cut=True)
-                    yield from _records_of_chunk(path, rest)
+                    yield from _records_of_chunk(path, rest, budget)
                 yield Damage(str(path), f"byte {offset}", problem)
                 offset = onward
                 continue
@@ -114,7 +124,10 @@ def _records(path: Path, chunk_offsets: Sequence[int]) -> Iterator[_Record | Dam
                 text = f"this record has {length} bytes, the limit is {MAX_BYTES} bytes"
                 yield Damage(str(path), f"byte {offset}", text)
             elif opcode == Opcode.CHUNK:
-                yield from _records_of_chunk(path, _Record(offset, opcode, file.read(length)))
+                record = _Record(offset, opcode, file.read(length))
+                yield from _records_of_chunk(path, record, budget)
+                if budget.is_spent:
+                    return
             elif opcode in _NEEDED:
                 yield _Record(offset, opcode, file.read(length))
             offset = end
@@ -137,7 +150,9 @@ def _problem(
     return ""
 
 
-def _records_of_chunk(path: Path, record: _Record) -> Iterator[_Record | Damage]:
+def _records_of_chunk(
+    path: Path, record: _Record, budget: FileBudget
+) -> Iterator[_Record | Damage]:
     """Yields the records in a chunk, and a Damage if they are not what was written.
 
     Of a chunk that is cut the whole records are yielded: that the file is cut is reported already.
@@ -145,14 +160,14 @@ def _records_of_chunk(path: Path, record: _Record) -> Iterator[_Record | Damage]
     where = f"byte {record.offset}"
     try:
         chunk = Chunk.read(ReadDataStream(BytesIO(record.payload)))
-        data = chunk_content(chunk, is_cut=record.is_cut)
+        data = chunk_content(chunk, budget, is_cut=record.is_cut)
     except MCAP_UNREADABLE as error:
         yield Damage(str(path), where, f"damaged chunk: {reason(error)}")
         return
     is_verified = chunk.uncompressed_crc != 0 and not record.is_cut
     try:
-        for opcode, payload in records_in(data):
+        for opcode, payload in records_in(data, budget):
             yield _Record(record.offset, opcode, payload, is_verified)
     except ValueError as error:
-        if not record.is_cut:
+        if not record.is_cut or budget.is_spent:
             yield Damage(str(path), where, str(error))

@@ -13,7 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
-from mnsf_ros.decompression import check_size, decompress
+from mnsf_ros.decompression import FileBudget, check_size, decompress
 from mnsf_ros.recording.bag_reader import StoredMessage
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason
 
@@ -27,8 +27,8 @@ _MAX_HEAD_BYTES: Final = 2**20
 _COMPRESSIONS: Final = ("bz2", "lz4")
 
 Fields = dict[str, bytes]
-# Number of a connection -> topic and message type.
-Channels = dict[int, tuple[str, str]]
+# Number of a connection -> topic, message type, and whether it is latched.
+Channels = dict[int, tuple[str, str, bool]]
 
 
 class _Record(NamedTuple):
@@ -43,6 +43,8 @@ class _Record(NamedTuple):
 def read_ros1_messages(path: Path) -> Iterator[StoredMessage | Damage]:
     """Yields all messages up to the end of the file or the first damage, which comes last.
 
+    Damage is also what makes the file expand to more than its `FileBudget`.
+
     The messages are serialized as in ROS 1.
 
     Raises:
@@ -50,6 +52,7 @@ def read_ros1_messages(path: Path) -> Iterator[StoredMessage | Damage]:
     """
     size = path.stat().st_size
     channels: Channels = {}
+    budget = FileBudget(size, "the ROS 1 bag")
     offset = 0
     with path.open("rb") as file:
         try:
@@ -59,7 +62,7 @@ def read_ros1_messages(path: Path) -> Iterator[StoredMessage | Damage]:
                 record = _read_record(file, size)
                 if record.operation in (_INDEX, _CHUNK_INFO, _BAG):
                     continue
-                yield from _messages(record, path, channels, offset)
+                yield from _messages(record, path, channels, offset, budget)
                 if record.is_cut:
                     raise ValueError(f"the file is cut short, it has {size} bytes")
         except UNREADABLE as error:
@@ -88,13 +91,13 @@ def _length(file: BinaryIO) -> int:
 
 
 def _messages(
-    record: _Record, path: Path, channels: Channels, offset: int
+    record: _Record, path: Path, channels: Channels, offset: int, budget: FileBudget
 ) -> Iterator[StoredMessage]:
     """The messages in a record of the file: a chunk, or what older recorders wrote without one."""
     if record.operation != _CHUNK:
         yield from _message(record, path, channels, offset)
         return
-    data = _decompressed(record)
+    data = _decompressed(record, budget)
     chunk = BytesIO(data)
     while chunk.tell() < len(data):
         try:
@@ -103,6 +106,7 @@ def _messages(
             if record.is_cut:
                 return
             raise
+        budget.spend_record()
         yield from _message(inner, path, channels, offset)
 
 
@@ -112,14 +116,18 @@ def _message(
     if record.operation == _CONNECTION:
         (number,) = _LENGTH.unpack(record.fields["conn"])
         topic = record.fields["topic"].decode()
-        package, _, name = _fields(record.data)["type"].decode().partition("/")
-        channels[number] = topic, f"{package}/msg/{name}"
+        connection = _fields(record.data)
+        package, _, name = connection["type"].decode().partition("/")
+        is_latched = connection.get("latching") == b"1"
+        channels[number] = topic, f"{package}/msg/{name}", is_latched
     elif record.operation == _MESSAGE:
         (number,) = _LENGTH.unpack(record.fields["conn"])
         seconds, nanoseconds = _TIME.unpack(record.fields["time"])
         received_ns = seconds * 1_000_000_000 + nanoseconds
-        topic, msgtype = channels[number]
-        yield StoredMessage(topic, msgtype, received_ns, record.data, path, offset)
+        topic, msgtype, is_latched = channels[number]
+        yield StoredMessage(
+            topic, msgtype, received_ns, record.data, path, offset, is_latched=is_latched
+        )
 
 
 def _fields(head: bytes) -> Fields:
@@ -135,7 +143,7 @@ def _fields(head: bytes) -> Fields:
     return fields
 
 
-def _decompressed(chunk: _Record) -> bytes:
+def _decompressed(chunk: _Record, budget: FileBudget) -> bytes:
     """The content of a chunk, of one that is cut short as much as there is."""
     compression = chunk.fields["compression"].decode("ascii")
     if compression == "none":
@@ -143,4 +151,4 @@ def _decompressed(chunk: _Record) -> bytes:
     if compression not in _COMPRESSIONS:
         raise ValueError(f"compression {compression!r} is not supported")
     claimed = int.from_bytes(chunk.fields["size"], "little")
-    return decompress(compression, chunk.data, claimed, is_cut=chunk.is_cut)
+    return decompress(compression, chunk.data, claimed, is_cut=chunk.is_cut, budget=budget)

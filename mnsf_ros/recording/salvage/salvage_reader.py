@@ -9,6 +9,7 @@ from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
+from mnsf_ros.decompression import FileBudget
 from mnsf_ros.recording.bag_files import ROS1
 from mnsf_ros.recording.bag_reader import (
     BagReader,
@@ -61,17 +62,18 @@ class SalvageReader(BagReader):
     def _whole(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         return (item for item in found if not isinstance(item, Damage))
 
-    def _deserialized(self, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401
-        return self._typestore.deserialize_cdr(self._serialized(raw, msgtype), msgtype)
+    def _deserialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> Any:  # noqa: ANN401
+        return self._typestore.deserialize_cdr(self._serialized(raw, msgtype, budget), msgtype)
 
-    def _serialized(self, raw: bytes, msgtype: str) -> bytes:
+    def _serialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> bytes:
         if self._files[0].suffix == ROS1:
             return cdr_from_ros1(raw, msgtype, get_typestore(Stores.ROS1_NOETIC))
-        return decompressed(raw)
+        return decompressed(raw, budget)
 
     def _stored(
-        self, topic: str, start_ns: int | None, stop_ns: int | None
+        self, topic: str, start_ns: int | None, stop_ns: int | None, _budget: FileBudget
     ) -> Iterator[StoredMessage | Damage]:
+        # Each file has a budget of its own, so that what is found does not depend on their order.
         start = float("-inf") if start_ns is None else start_ns
         stop = float("inf") if stop_ns is None else stop_ns
         for file in self._files:
