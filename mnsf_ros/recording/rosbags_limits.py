@@ -1,28 +1,32 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """rosbags with the project's limits on decompression and databases: it has none of its own.
 
-The names below are all the places at which rosbags 0.11 decompresses, takes what a file claims, or
-reads a whole file because it has no index. They are replaced for the whole process.
-`test_decompression.py` and `test_hostile_databases.py` in `tests/recording` try each of them.
+The names below are all the places at which rosbags 0.11 decompresses, takes what a file claims,
+parses YAML of a file, or reads all of it because it has no index. They are replaced for the whole
+process. `test_decompression.py`, `test_file_budget.py`, `test_hostile_databases.py` and
+`test_broken_recordings.py` in `tests/recording` try each of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
 from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final, NoReturn
 
 import apsw
 from rosbags.rosbag1 import reader as ros1_bags
-from rosbags.rosbag2 import ReaderError, storage_mcap
+from rosbags.rosbag2 import ReaderError, storage_mcap, storage_sqlite3
 from rosbags.rosbag2 import reader as ros2_bags
+from rosbags.rosbag2.metadata import parse_qos
 from rosbags.rosbag2.storage_mcap import McapReader
+from ruamel.yaml.error import YAMLError
 
 from mnsf_ros.decompression import FileBudget, LimitedFile, check_size, decompress
 from mnsf_ros.errors import NoIndexError
 from mnsf_ros.recording.mcap_parts import has_other_profile
+from mnsf_ros.recording.metadata import check_expansion
 from mnsf_ros.recording.sqlite_limits import limit_database
 
 if TYPE_CHECKING:
@@ -32,6 +36,7 @@ _READ_MCAP: Final = storage_mcap.read_exact
 _READ_ROS1: Final = ros1_bags.read_bytes
 _READ_RECORD: Final = storage_mcap.read_sized
 _SKIP_RECORD: Final = storage_mcap.skip_sized
+_PARSE_QOS: Final = parse_qos
 _OPEN_MCAP: Final = McapReader._open
 
 # That of the scan which asks for the next message; none while files are opened.
@@ -85,6 +90,15 @@ def _spend_record() -> None:
         budget.spend_record()
 
 
+def _parse_qos(profiles: Any) -> Any:  # noqa: ANN401
+    """Parses the profiles of a topic: YAML in a text, or what metadata.yaml already holds."""
+    if isinstance(profiles, str):
+        # rosbags itself says what is no YAML.
+        with suppress(YAMLError):
+            check_expansion(profiles)
+    return _PARSE_QOS(profiles)
+
+
 def _open_mcap(reader: McapReader) -> None:
     try:
         _OPEN_MCAP(reader)
@@ -122,6 +136,8 @@ def limit_rosbags() -> None:
     vars(storage_mcap)["skip_sized"] = _skip_record
     vars(ros1_bags)["read_bytes"] = partial(_read_limited, _READ_ROS1)
     vars(ros2_bags)["zstd"] = _LimitedZstd
+    for module in (ros2_bags, storage_mcap, storage_sqlite3):
+        vars(module)["parse_qos"] = _parse_qos
     methods: Any = McapReader
     methods._open = _open_mcap
     methods.meta_scan = _refuse_scan

@@ -1,13 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import sqlite3
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import pairwise
 
 import numpy as np
@@ -285,6 +286,31 @@ def test_merge_keys_are_refused_before_they_are_read(metadata):
     """In a process that can be killed: each line doubles the time."""
     metadata.write_text(MERGES)
     command = [sys.executable, "-c", OPEN, metadata.parent]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert ended.stderr.endswith("line 2 has the merge key '<<', which is not supported\n")
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag"])
+def test_merge_keys_in_the_profiles_of_a_topic_are_refused(tmp_path, name):
+    """They are YAML in a text, in each kind of file."""
+    file = tmp_path / name
+    if name == "bag.mcap":
+        tiny_bags.write_unindexed_mcap(
+            file, has_summary=True, metadata={"offered_qos_profiles": MERGES}
+        )
+    else:
+        folder = tiny_bags.write_sqlite(tmp_path / "bag")
+        with closing(sqlite3.connect(folder / "bag.db3")) as database:
+            database.execute("UPDATE topics SET offered_qos_profiles = ?", [MERGES])
+            database.commit()
+        file = folder / "bag.db3"
+    if name == "bag":
+        metadata = folder / "metadata.yaml"
+        text = re.sub("offered_qos_profiles: .*", "offered_qos_profiles: 0", metadata.read_text())
+        merges = json.dumps(MERGES)
+        metadata.write_text(text.replace("profiles: 0", f"profiles: {merges}"))
+        file = folder
+    command = [sys.executable, "-c", OPEN, file]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
     assert ended.stderr.endswith("line 2 has the merge key '<<', which is not supported\n")
 
