@@ -8,12 +8,16 @@ import logging
 import time
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.play import rate
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import PRESET_NAMES, preset
+
+if TYPE_CHECKING:
+    from mnsf_ros.view.view_server import Addresses
 
 _LAYOUT = "foxglove_layout.json"
 
@@ -73,9 +77,13 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
     settings = preset(options.preset)
     with open_recording(options.bag, console.warn) as reader:
         topic = used_topics(options.bag, reader.topics, options.points).points
-        with ViewServer(options.host, options.port) as server, console.status("") as status:
-            _say_where(console, server.url, server.app_url)
-            view = RecordingView(server)
+        server = ViewServer()
+        view = RecordingView(server)
+        with (
+            server.listening(options.host, options.port) as addresses,
+            console.status("") as status,
+        ):
+            _say_where(console, addresses)
 
             def show(number: int) -> None:
                 status.update(f"{number} sweeps of {topic}; Ctrl-C ends")
@@ -112,19 +120,24 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
     from mnsf_ros.view.node_view import NodeView
     from mnsf_ros.view.view_server import ViewServer
 
-    with (
-        ViewServer(options.host, options.port) as server,
-        RawTopics("mnsf_view") as ros,
-        console.status("") as status,
-    ):
-        _say_where(console, server.url, server.app_url)
-        for number in NodeView(server, ros, options.node).run():
-            found = "found" if ros.num_publishers(f"{options.node}/flow") else "not found yet"
-            status.update(f"{options.node} is {found}; {number} topics are looked at; Ctrl-C ends")
+    server = ViewServer()
+    with RawTopics("mnsf_view") as ros:
+        view = NodeView(server, ros, options.node)
+        with (
+            server.listening(options.host, options.port) as addresses,
+            console.status("") as status,
+        ):
+            _say_where(console, addresses)
+            for number in view.run():
+                found = "found" if ros.num_publishers(f"{options.node}/flow") else "not found yet"
+                status.update(
+                    f"{options.node} is {found}; {number} topics are looked at; Ctrl-C ends"
+                )
 
 
-def _say_where(console: Console, url: str, app_url: str) -> None:
+def _say_where(console: Console, addresses: Addresses) -> None:
     layout = files("mnsf_ros.view").joinpath(_LAYOUT)
+    url, page = addresses
     console.say(f"serving   {url}", soft_wrap=True)
-    console.say(f"browser   {app_url} (or connect Lichtblick to {url})", soft_wrap=True)
+    console.say(f"browser   {page} (or connect Lichtblick to {url})", soft_wrap=True)
     console.say(f"layout    {layout} (import it there)", soft_wrap=True)

@@ -97,7 +97,7 @@ class OnlinePipeline:
     Who owns what:
 
     * The caller's thread (the executor's): the buffer, the plan and the settings that are to hold.
-      `add_sweep`, `change_settings` and `reset` are for this one only.
+      `add_sweep`, `change_settings`, `reset` and `method` are for this one only.
     * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
     * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares, and
       what is known of who did it last.
@@ -141,6 +141,11 @@ class OnlinePipeline:
         """Triplets at hand: under preparation, being estimated, and waiting for either."""
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return self._preparing.load + self._estimating.load
+
+    @property
+    def method(self) -> str:
+        """The method that the next triplet is estimated by; for the caller's thread."""
+        return (self._wanted if self._is_there else self._plan.settings).method.name
 
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next estimate on.
@@ -207,10 +212,14 @@ class OnlinePipeline:
     def _is_loading(self) -> bool:
         return self._loading is not None and self._loading.is_alive()
 
+    @property
+    def _is_there(self) -> bool:
+        """Whether the method of the wanted settings need not be waited for; it may be missing."""
+        return is_loaded(self._wanted.method.name) or not self._is_loading
+
     def _take_over(self) -> None:
         """Lets the wanted settings hold, unless their method is still being loaded."""
-        is_there = is_loaded(self._wanted.method.name) or not self._is_loading
-        if is_there and self._wanted != self._plan.settings:
+        if self._is_there and self._wanted != self._plan.settings:
             self._plan = _Plan(self._wanted, self._plan.num_resets)
 
     def _prepare(self, job: TripletJob) -> None:

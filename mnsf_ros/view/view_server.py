@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final, NamedTuple
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.recording.bag_messages import message_definition
@@ -16,19 +18,25 @@ class ViewError(MnsfError):
     """Nothing can be shown."""
 
 
-class ViewServer:
-    """A WebSocket server; use it as a context manager.
+class Addresses(NamedTuple):
+    """Where viewers find a server, and a page that shows it in a browser."""
 
-    Attributes:
-        url: Where viewers find it.
-        app_url: A page that shows it in a browser.
+    url: str
+    page: str
+
+
+class ViewServer:
+    """A WebSocket server for some topics.
+
+    Its channels are made before it listens: a viewer that subscribes while they are being made may
+    be told that there is no such channel, and never see anything on it.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        """Starts to listen; a port of 0 is any free one.
+    def __init__(self) -> None:
+        """Does not listen yet.
 
         Raises:
-            ViewError: There is no foxglove-sdk, or the port cannot be used.
+            ViewError: There is no foxglove-sdk.
         """
         try:
             import foxglove
@@ -39,8 +47,16 @@ class ViewServer:
             ) from None
         self._foxglove: Any = foxglove
         self._context = foxglove.Context()
+
+    @contextmanager
+    def listening(self, host: str, port: int) -> Iterator[Addresses]:
+        """Lets viewers connect; a port of 0 is any free one.
+
+        Raises:
+            ViewError: The port cannot be used.
+        """
         try:
-            self._server = foxglove.start_server(
+            server = self._foxglove.start_server(
                 name="mnsf_ros",
                 host=host,
                 port=port,
@@ -52,16 +68,10 @@ class ViewServer:
                 f"cannot serve on {host}:{port}: {error}; choose another --port"
             ) from None
         shown_host = f"[{host}]" if ":" in host else host
-        self.url = f"ws://{shown_host}:{self._server.port}"
-        self.app_url = str(self._server.app_url())
-
-    def __enter__(self) -> ViewServer:
-        """Returns itself."""
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        """Ends the connections."""
-        self._server.stop()
+        try:
+            yield Addresses(f"ws://{shown_host}:{server.port}", str(server.app_url()))
+        finally:
+            server.stop()
 
     def channel(self, topic: str, msgtype: str) -> Any:  # noqa: ANN401 - of a library without types
         """Returns the channel of a topic for serialized messages of a type of ROS 2 Jazzy."""

@@ -20,6 +20,7 @@ def same_settings_afterwards(peer):
     names = ("method.name", "crop.min_range_m", "crop.max_range_m", "optimization.max_iterations")
     before = {name: peer.get(name) for name in names}
     assert peer.set({"method.name": "mnsf"})[0].successful
+    peer.spin_until(lambda: peer.values("flow").get("method") == "mnsf", "PyTorch")
     yield
     assert peer.set_atomically(before).successful
 

@@ -303,8 +303,10 @@ class TestSettings:
         add(make_sweep(0), make_sweep(1))
         pipeline.change_settings(quick_settings.changed({"method.name": "mnsf"}))
         add(make_sweep(2))
+        assert pipeline.method == "online"
         add(make_sweep(3))
         libraries.set()
+        assert pipeline.method == "mnsf"
         add(make_sweep(4))
         has_networks = [bool(estimate.fits) for _, estimate in recorder.handed_out]
         assert has_networks == [False, False, True]

@@ -127,8 +127,8 @@ def test_an_address_of_ipv6_has_brackets() -> None:
             probe.bind(("::1", 0))
     except OSError:
         pytest.skip("needs IPv6")
-    with ViewServer("::1", 0) as server:
-        assert re.fullmatch(r"ws://\[::1\]:\d+", server.url)
+    with ViewServer().listening("::1", 0) as addresses:
+        assert re.fullmatch(r"ws://\[::1\]:\d+", addresses.url)
 
 
 def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) -> None:
