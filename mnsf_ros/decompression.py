@@ -30,6 +30,8 @@ _MAX_FILE_RATIO: Final = 100
 # recordings are not compressed, and have 12 or 16 bytes for a message: 100 times that is more.
 _RECORD_BYTES: Final = 1024
 _PIECE_BYTES: Final = 2**20
+# Recorders write one. Each that is empty takes time, too, and what follows it is copied.
+_MAX_FRAMES: Final = 1000
 
 # Each has `decompress(data, max_length)` and `eof`, and reads one frame.
 _MAKERS: Final[Mapping[str, Callable[[], Any]]] = {
@@ -138,8 +140,11 @@ def decompress(
 def _expanded(
     compression: str, data: bytes, limit: int, is_cut: bool, budget: FileBudget | None
 ) -> bytes:
-    output, num_bytes = BytesIO(), len(data)
+    output, num_bytes, num_frames = BytesIO(), len(data), 0
     while data:
+        num_frames += 1
+        if num_frames > _MAX_FRAMES:
+            raise SizeLimitError(f"{compression} data has more than {_MAX_FRAMES} frames")
         stream = _MAKERS[compression]()
         while not stream.eof:
             # Piece by piece, or the buffers of the library would double the memory.

@@ -152,10 +152,10 @@ def is_loaded(name: str) -> bool:
 def load_method(name: str) -> None:
     """Imports what the first estimate of a method would, which takes seconds for a network.
 
-    `make_method` tells if a library is missing.
+    `make_method` tells if a library is missing or broken.
     """
     if not is_loaded(name):
-        with suppress(ImportError):
+        with suppress(Exception):
             _import_torch()
             import_module(OPTIMIZER_MODULE)
             _ARE_NETWORKS_LOADED.set()

@@ -151,7 +151,8 @@ class OnlinePipeline:
         """Lets other settings hold from the next estimate on.
 
         One that is under way for long is abandoned: it could last for hours. A method whose
-        libraries take seconds to load takes over when they are there; until then the other goes on.
+        libraries take seconds to load takes over when they are there, and with it whatever else has
+        changed but the buffer; until then the other goes on, at a lower rate.
 
         Raises:
             SettingsError: If they ask for a method or a device that is not there, or for more

@@ -37,14 +37,6 @@ def stored_files(path: Path) -> list[Path]:
     return [entry for entry in stored if entry not in copies]
 
 
-def num_bytes(path: Path) -> int:
-    """Returns the size of all files with messages at a path, without those that cannot be found."""
-    try:
-        return sum(file.stat().st_size for file in stored_files(path))
-    except OSError:
-        return 0
-
-
 def plain_files(path: Path, suffix: str) -> list[Path]:
     """Returns the files with messages at a path if all of them are of one kind, else none."""
     try:

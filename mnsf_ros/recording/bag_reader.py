@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.decompression import FileBudget, decompress
 from mnsf_ros.errors import NoIndexError, RecordingError
-from mnsf_ros.recording.bag_files import METADATA_NAME, num_bytes, recording_files
+from mnsf_ros.recording.bag_files import METADATA_NAME, recording_files
 from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
 from mnsf_ros.recording.damage import UNREADABLE, Damage, reason, unfit_counts, unfit_database
 from mnsf_ros.recording.metadata import read_metadata
@@ -26,7 +26,7 @@ from mnsf_ros.recording.ros1_messages import cdr_from_ros1
 from mnsf_ros.recording.rosbags_limits import limit_rosbags, limited_to
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
 Converted = TypeVar("Converted")
 # A message with its receive time in nanoseconds, or why some may be missing.
@@ -184,7 +184,7 @@ class BagReader:
         convert: Callable[[bytes, str, FileBudget], Converted],
     ) -> Iterator[Readable[Converted]]:
         number = 0
-        budget = FileBudget(num_bytes(self.path), "the recording")
+        budget = FileBudget(sum(map(_num_bytes, self._opened_files())), "the recording")
         for item in self._stored(topic, start_ns, stop_ns, budget):
             if isinstance(item, Damage):
                 yield item
@@ -243,6 +243,10 @@ class BagReader:
             return decompress("zstd", raw, budget=budget)
         return decompressed(raw, budget)
 
+    def _opened_files(self) -> Sequence[Path]:
+        """The files that are read; of compressed ones their decompressed copies."""
+        return [storage.path for storage in _storages(self._opened())]
+
     def _opened(self) -> AnyReader:
         if self._source is None:
             raise RecordingError(f"{self.path}: is not open")
@@ -272,6 +276,13 @@ class BagReader:
                 # rosbags reads the files as metadata.yaml lists them.
                 storage.storages.sort(key=lambda file: file.metadata.start_time)
         return source
+
+
+def _num_bytes(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:
+        return 0
 
 
 def _damage(file: Path, where: str, number: int, topic: str, error: Exception) -> Damage:

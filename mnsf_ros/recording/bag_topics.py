@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,18 @@ ODOMETRY_TYPE: Final = "nav_msgs/msg/Odometry"
 
 LIDAR_FRAME: Final = "lidar"
 ODOMETRY_FRAME: Final = "odom"
+
+
+# Older recorders write the number of the enumeration.
+_LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b""")
+
+
+def has_latched_profile(profiles: str) -> bool:
+    """Whether a publisher is latched, by the QoS profiles of all that a recorder has seen.
+
+    They are YAML, but a hundred kilobytes of that take seconds to parse.
+    """
+    return _LATCHED.search(profiles) is not None
 
 
 @dataclass(frozen=True)

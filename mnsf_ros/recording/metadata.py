@@ -83,7 +83,7 @@ def read_metadata(folder: Path) -> Metadata | None:
         if file.stat().st_size > _MAX_BYTES:
             raise ValueError(f"it is larger than {_MAX_BYTES} bytes")
         text = file.read_text("utf-8")
-        check_expansion(text)
+        _check_expansion(text)
         document = YAML(typ="safe").load(text)
         _check(document, _SCHEMA, "")
     except YAMLError as error:
@@ -105,13 +105,8 @@ def read_metadata(folder: Path) -> Metadata | None:
     return Metadata(tuple(files), counts)
 
 
-def check_expansion(text: str) -> None:
-    """Refuses YAML that grows when it is read; merge keys double the work with each line.
-
-    Raises:
-        ValueError: It has merge keys, too many values with its aliases, or too many levels.
-        YAMLError: It is no YAML.
-    """
+def _check_expansion(text: str) -> None:
+    """Refuses what grows when it is read; merge keys double the work with each line."""
     sizes: dict[str | None, int] = {}
     unfinished: list[tuple[str | None, int]] = []
     number = 0

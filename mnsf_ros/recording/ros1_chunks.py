@@ -1,8 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The chunks of an open ROS 1 bag that were decompressed last.
+"""The chunks of an open ROS 1 bag that were read last.
 
 rosbags keeps one for all scans of a bag. Topics that are read side by side are often in two of
-them, which would be decompressed again for every message, and each time taken from the budget.
+them, which would be expanded again for every message, and each time taken from the budget.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from functools import partial
 from typing import Final
 
 from rosbags.rosbag1 import Reader
-from rosbags.rosbag1.reader import decompressors
 
 # Recorders write chunks of 768 KiB.
 _MAX_BYTES: Final = 64 * 2**20
@@ -42,9 +41,8 @@ class _LastChunks:
 
 
 def keep_last_chunks(reader: Reader) -> None:
-    """Makes an open bag remember the compressed chunks that were used last."""
+    """Makes an open bag remember the chunks that were used last."""
     last = _LastChunks()
     for position, chunk in reader.chunks.items():
-        if chunk.decompressor is not decompressors["none"]:
-            remembered = partial(last.decompressed, position, chunk.decompressor)
-            reader.chunks[position] = chunk._replace(decompressor=remembered)
+        remembered = partial(last.decompressed, position, chunk.decompressor)
+        reader.chunks[position] = chunk._replace(decompressor=remembered)

@@ -1,32 +1,42 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """rosbags with the project's limits on decompression and databases: it has none of its own.
 
-The names below are all the places at which rosbags 0.11 decompresses, takes what a file claims,
-parses YAML of a file, or reads all of it because it has no index. They are replaced for the whole
-process. `test_decompression.py`, `test_file_budget.py`, `test_hostile_databases.py` and
-`test_broken_recordings.py` in `tests/recording` try each of them.
+The names below are all known places at which rosbags 0.11 decompresses, takes what a file claims,
+parses YAML of a file, reads all of it because it has no index, or a part of it again and again.
+They are replaced for the whole process. `test_decompression.py`, `test_file_budget.py`,
+`test_hostile_databases.py` and `test_broken_recordings.py` in `tests/recording` try each of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
+from itertools import accumulate
 from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final, NoReturn
 
 import apsw
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import ReaderError as Ros1ReaderError
 from rosbags.rosbag1 import reader as ros1_bags
 from rosbags.rosbag2 import ReaderError, storage_mcap, storage_sqlite3
 from rosbags.rosbag2 import reader as ros2_bags
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.rosbag2.storage_mcap import McapReader
-from ruamel.yaml.error import YAMLError
 
-from mnsf_ros.decompression import FileBudget, LimitedFile, check_size, decompress
+from mnsf_ros.decompression import MAX_BYTES, FileBudget, LimitedFile, check_size, decompress
 from mnsf_ros.errors import NoIndexError
+from mnsf_ros.recording.bag_topics import has_latched_profile
 from mnsf_ros.recording.mcap_parts import has_other_profile
-from mnsf_ros.recording.metadata import check_expansion
 from mnsf_ros.recording.sqlite_limits import limit_database
 
 if TYPE_CHECKING:
@@ -38,6 +48,22 @@ _READ_RECORD: Final = storage_mcap.read_sized
 _SKIP_RECORD: Final = storage_mcap.skip_sized
 _PARSE_QOS: Final = parse_qos
 _OPEN_MCAP: Final = McapReader._open
+_READ_HEADER: Final = ros1_bags.Header.read
+_READ_INDEX: Final = Ros1Reader.read_index_data
+# Of a message in the index of a ROS 1 bag.
+_INDEX_BYTES: Final = 12
+# What rosbags may hold at a time: chunks that overlap in time.
+_MAX_OVERLAP_BYTES: Final = 2 * MAX_BYTES
+_LATCHED_PROFILE: Final = Qos(
+    QosHistory.UNKNOWN,
+    0,
+    QosReliability.UNKNOWN,
+    QosDurability.TRANSIENT_LOCAL,
+    *(QosTime(0, 0), QosTime(0, 0)),
+    QosLiveliness.UNKNOWN,
+    QosTime(0, 0),
+    avoid_ros_namespace_conventions=False,
+)
 
 # That of the scan which asks for the next message; none while files are opened.
 _BUDGET: Final[ContextVar[FileBudget | None]] = ContextVar("budget", default=None)
@@ -69,6 +95,13 @@ def _decompress(compression: str, data: bytes, claimed: int | None = None) -> by
     return decompress(compression, data, claimed, budget=_BUDGET.get())
 
 
+def _plain(data: bytes, _claimed: int | None = None) -> bytes:
+    """What is not compressed may be named by an index again and again."""
+    if (budget := _BUDGET.get()) is not None:
+        budget.spend(len(data))
+    return data
+
+
 def _read_limited(read: Callable[[BinaryIO, int], bytes], file: BinaryIO, size: int) -> bytes:
     """Reads a part of a file, of which only the file says how long it is."""
     check_size(size, "this record")
@@ -91,12 +124,10 @@ def _spend_record() -> None:
 
 
 def _parse_qos(profiles: Any) -> Any:  # noqa: ANN401
-    """Parses the profiles of a topic: YAML in a text, or what metadata.yaml already holds."""
-    if isinstance(profiles, str):
-        # rosbags itself says what is no YAML.
-        with suppress(YAMLError):
-            check_expansion(profiles)
-    return _PARSE_QOS(profiles)
+    """The profiles of a topic; of those in a text only whether one is latched."""
+    if not isinstance(profiles, str):
+        return _PARSE_QOS(profiles)
+    return [_LATCHED_PROFILE] if has_latched_profile(profiles) else []
 
 
 def _open_mcap(reader: McapReader) -> None:
@@ -108,6 +139,15 @@ def _open_mcap(reader: McapReader) -> None:
         raise
     if not any(count for chunk in reader.chunks for count in chunk.channel_count.values()):
         _refuse_scan(reader)
+    if _overlap_bytes(reader) > _MAX_OVERLAP_BYTES:
+        raise NoIndexError("too many chunks of a file overlap in time")
+
+
+def _overlap_bytes(reader: McapReader) -> int:
+    """The most bytes of chunks that overlap in time, by the index."""
+    begins = ((chunk.message_start_time, chunk.uncompressed_size) for chunk in reader.chunks)
+    ends = ((chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in reader.chunks)
+    return max(accumulate(size for _, size in sorted((*begins, *ends))), default=0)
 
 
 def _refuse_scan(reader: McapReader) -> None:
@@ -120,6 +160,22 @@ def _refuse_scan(reader: McapReader) -> None:
         raise NoIndexError("a file has no index of its messages")
 
 
+def _read_header(*arguments: Any) -> ros1_bags.Header:  # noqa: ANN401
+    _spend_record()
+    return _READ_HEADER(*arguments)
+
+
+def _read_index(reader: Ros1Reader, position: int, indexes: dict[int, list[Any]]) -> None:
+    """Reads the index of a chunk, unless it was read before: chunks may be within each other.
+
+    Raises:
+        ReaderError: There are more messages than the file has room for.
+    """
+    _READ_INDEX(reader, position, indexes)
+    if _INDEX_BYTES * sum(map(len, indexes.values())) > reader.path.stat().st_size:
+        raise Ros1ReaderError("its index names more messages than there can be")
+
+
 def _no_messages(*_: object) -> Iterator[NoReturn]:
     """Stands for the messages of a file that has none, as its statistics say."""
     return iter(())
@@ -127,6 +183,7 @@ def _no_messages(*_: object) -> Iterator[NoReturn]:
 
 def limit_rosbags() -> None:
     """Replaces what rosbags decompresses with; calling it again does nothing more."""
+    storage_mcap.DECOMPRESSORS[""] = ros1_bags.decompressors["none"] = _plain
     for name in ("lz4", "zstd"):
         storage_mcap.DECOMPRESSORS[name] = partial(_decompress, name)
     for name in ("bz2", "lz4"):
@@ -138,9 +195,12 @@ def limit_rosbags() -> None:
     vars(ros2_bags)["zstd"] = _LimitedZstd
     for module in (ros2_bags, storage_mcap, storage_sqlite3):
         vars(module)["parse_qos"] = _parse_qos
-    methods: Any = McapReader
-    methods._open = _open_mcap
-    methods.meta_scan = _refuse_scan
-    methods.messages_scan = _no_messages
+    vars(ros1_bags)["Header"].read = _read_header
+    ros1: Any = Ros1Reader
+    ros1.read_index_data = _read_index
+    mcap: Any = McapReader
+    mcap._open = _open_mcap
+    mcap.meta_scan = _refuse_scan
+    mcap.messages_scan = _no_messages
     if limit_database not in apsw.connection_hooks:
         apsw.connection_hooks.append(limit_database)

@@ -21,6 +21,8 @@ else:
     from backports import zstd
 
 MEBIBYTE = 2**20
+# The checksum of an empty definition.
+NO_FIELDS = b"d41d8cd98f00b204e9800998ecf8427e"
 MAGIC = b"\x89MCAP0\r\n"
 ENCODERS = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstd.compress}
 
@@ -100,6 +102,39 @@ def ros1_of_chunks(file, compression, record, size, num_chunks=1):
     known = ros1_record(7, u32(len(field)) + field, conn=u32(0), topic=b"/points")
     chunk = ros1_record(5, content, compression=compression.encode(), size=u32(size))
     file.write_bytes(b"#ROSBAG V2.0\n" + start + known + chunk * num_chunks)
+    return file
+
+
+def ros1_with_index(file, content, num_entries):
+    """A ROS 1 bag with one lz4 chunk, whose index has a message at its begin again and again."""
+    field = b"type=sensor_msgs/PointCloud2"
+    fields = (
+        u32(len(field))
+        + field
+        + u32(39)
+        + b"md5sum="
+        + NO_FIELDS
+        + u32(19)
+        + b"message_definition="
+    )
+    known = ros1_record(7, fields, conn=u32(0), topic=b"/points")
+    packed = lz4.frame.compress(content)
+    chunk = ros1_record(5, packed, compression=b"lz4", size=u32(len(content)))
+    entries = ros1_record(
+        4, bytes(12) * num_entries, ver=u32(1), conn=u32(0), count=u32(num_entries)
+    )
+
+    def start(position):
+        numbers = {"conn_count": u32(1), "chunk_count": u32(1)}
+        return b"#ROSBAG V2.0\n" + ros1_record(3, index_pos=u64(position), **numbers)
+
+    first = len(start(0))
+    times = {"start_time": bytes(8), "end_time": bytes(8)}
+    info = ros1_record(
+        6, u32(0) + u32(num_entries), ver=u32(1), chunk_pos=u64(first), **times, count=u32(1)
+    )
+    body = chunk + entries
+    file.write_bytes(start(first + len(body)) + body + known + info)
     return file
 
 

@@ -56,12 +56,17 @@ def inspect_damaged(
     if not any(summary.count for summary in found.values()):
         causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
         raise problem or RecordingError("; ".join(causes))
-    if problem is None and not damages and found != topics:
+    is_as_indexed = _counts(found) == _counts(topics)
+    if problem is None and not damages and not is_as_indexed:
         # Its metadata.yaml knows better which of the files belong to the recording.
         return Inspection(path, topics)
     if problem is not None and not damages:
         damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
     return _salvaged(path, contents, found, damages)
+
+
+def _counts(topics: dict[str, TopicSummary]) -> dict[str, tuple[str, int]]:
+    return {name: (summary.msgtype, summary.count) for name, summary in topics.items()}
 
 
 def inspect_unindexed(

@@ -7,7 +7,6 @@ the index is intact, it is used to find the way back after a hole.
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from io import BytesIO
@@ -20,6 +19,7 @@ from mcap.records import Channel, Chunk, Schema
 
 from mnsf_ros.decompression import MAX_BYTES, FileBudget
 from mnsf_ros.recording.bag_reader import StoredMessage
+from mnsf_ros.recording.bag_topics import has_latched_profile
 from mnsf_ros.recording.damage import Damage, reason
 from mnsf_ros.recording.mcap_parts import (
     MAGIC,
@@ -35,8 +35,6 @@ from mnsf_ros.recording.mcap_parts import (
 _NEEDED: Final = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK})
 _KNOWN: Final = frozenset(Opcode)
 _PRIVATE: Final = 0x80
-# Older recorders write the number of the enumeration.
-_LATCHED: Final = re.compile(r"\bdurability: (1|transient_local)\b")
 
 
 class _Record(NamedTuple):
@@ -57,6 +55,7 @@ def read_mcap_messages(path: Path, summary: Summary) -> Iterator[StoredMessage |
     """
     # The record that tells what a channel is may be damaged: then the index has a copy.
     channels, schemas = dict(summary.channels), dict(summary.schemas)
+    latched = {number for number, channel in channels.items() if _is_latched(channel)}
     for record in _records(path, summary.chunk_offsets):
         if isinstance(record, Damage):
             yield record
@@ -74,21 +73,22 @@ def read_mcap_messages(path: Path, summary: Summary) -> Iterator[StoredMessage |
                         file=path,
                         offset=record.offset,
                         is_verified=record.is_verified,
-                        is_latched=_is_latched(channel),
+                        is_latched=number in latched,
                     )
             elif record.opcode == Opcode.SCHEMA:
                 schema = Schema.read(ReadDataStream(BytesIO(record.payload)))
                 schemas.setdefault(schema.id, schema)
             elif record.opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(record.payload)))
-                channels.setdefault(channel.id, channel)
+                if channel.id not in channels:
+                    channels[channel.id] = channel
+                    latched |= {channel.id} if _is_latched(channel) else set()
         except MCAP_UNREADABLE as error:
             yield Damage(str(path), f"byte {record.offset}", f"damaged record: {reason(error)}")
 
 
 def _is_latched(channel: Channel) -> bool:
-    """Whether a publisher says so; the profiles are YAML, which is slow to parse for a message."""
-    return _LATCHED.search(channel.metadata.get("offered_qos_profiles", "")) is not None
+    return has_latched_profile(channel.metadata.get("offered_qos_profiles", ""))
 
 
 def _records(path: Path, chunk_offsets: Sequence[int]) -> Iterator[_Record | Damage]:

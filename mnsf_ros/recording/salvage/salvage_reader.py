@@ -59,6 +59,9 @@ class SalvageReader(BagReader):
         self.topics = dict(self._known_topics)
         return self
 
+    def _opened_files(self) -> Sequence[Path]:
+        return self._files
+
     def _whole(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         return (item for item in found if not isinstance(item, Damage))
 
