@@ -108,15 +108,9 @@ def ros1_of_chunks(file, compression, record, size, num_chunks=1):
 def ros1_with_index(file, content, num_entries):
     """A ROS 1 bag with one lz4 chunk, whose index has a message at its begin again and again."""
     field = b"type=sensor_msgs/PointCloud2"
-    fields = (
-        u32(len(field))
-        + field
-        + u32(39)
-        + b"md5sum="
-        + NO_FIELDS
-        + u32(19)
-        + b"message_definition="
-    )
+    checksum = b"md5sum=" + NO_FIELDS
+    definition = b"message_definition="
+    fields = b"".join(u32(len(text)) + text for text in (field, checksum, definition))
     known = ros1_record(7, fields, conn=u32(0), topic=b"/points")
     packed = lz4.frame.compress(content)
     chunk = ros1_record(5, packed, compression=b"lz4", size=u32(len(content)))
