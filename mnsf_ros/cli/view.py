@@ -101,10 +101,7 @@ def _animate(options: argparse.Namespace, console: Console) -> None:
     from mnsf_ros.view.animation import save_animation
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
 
-    with (
-        open_recording(options.bag, console.warn) as reader,
-        console.status("estimating"),
-    ):
+    with open_recording(options.bag, console.warn) as reader, console.status("estimating"):
         topic = used_topics(options.bag, reader.topics, options.points).points
         sweeps = estimated_sweeps(reader, topic, preset(options.preset))
         number = save_animation(sweeps, options.animation)

@@ -23,7 +23,7 @@ from mnsf_ros.recording.damage import UNREADABLE, Damage, reason, unfit_counts, 
 from mnsf_ros.recording.metadata import read_metadata
 from mnsf_ros.recording.ros1_chunks import keep_last_chunks
 from mnsf_ros.recording.ros1_messages import cdr_from_ros1
-from mnsf_ros.recording.rosbags_limits import limit_rosbags, limited_to
+from mnsf_ros.recording.rosbags_limits import limit_rosbags, next_within
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -210,8 +210,7 @@ class BagReader:
         scan = source.messages(connections, start_ns, stop_ns)
         while True:
             try:
-                with limited_to(budget):
-                    found = next(scan, None)
+                found = next_within(budget, scan)
             except UNREADABLE as error:
                 yield _damage(self.path, "", number, topic, error)
                 return

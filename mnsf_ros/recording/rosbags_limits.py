@@ -9,12 +9,13 @@ They are replaced for the whole process. `test_decompression.py`, `test_file_bud
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from itertools import accumulate
-from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final, NoReturn
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, Final, NoReturn, TypeVar
+from weakref import WeakKeyDictionary
 
 import apsw
 from rosbags.interfaces import (
@@ -42,6 +43,8 @@ from mnsf_ros.recording.sqlite_limits import limit_database
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+Found = TypeVar("Found")
+
 _READ_MCAP: Final = storage_mcap.read_exact
 _READ_ROS1: Final = ros1_bags.read_bytes
 _READ_RECORD: Final = storage_mcap.read_sized
@@ -50,10 +53,10 @@ _PARSE_QOS: Final = parse_qos
 _OPEN_MCAP: Final = McapReader._open
 _READ_HEADER: Final = ros1_bags.Header.read
 _READ_INDEX: Final = Ros1Reader.read_index_data
-# Of a message in the index of a ROS 1 bag.
-_INDEX_BYTES: Final = 12
 # What rosbags may hold at a time: chunks that overlap in time.
 _MAX_OVERLAP_BYTES: Final = 2 * MAX_BYTES
+# What was read of the index of a bag.
+_INDEX_BYTES: Final = WeakKeyDictionary[Ros1Reader, int]()
 _LATCHED_PROFILE: Final = Qos(
     QosHistory.UNKNOWN,
     0,
@@ -69,12 +72,14 @@ _LATCHED_PROFILE: Final = Qos(
 _BUDGET: Final[ContextVar[FileBudget | None]] = ContextVar("budget", default=None)
 
 
-@contextmanager
-def limited_to(budget: FileBudget) -> Iterator[None]:
-    """Takes what rosbags decompresses meanwhile, and each record it meets there, from a budget."""
+def next_within(budget: FileBudget, scan: Iterator[Found]) -> Found | None:
+    """The next message of a scan, None at its end.
+
+    What rosbags decompresses for it, and each record it meets there, is taken from the budget.
+    """
     token = _BUDGET.set(budget)
     try:
-        yield
+        return next(scan, None)
     finally:
         _BUDGET.reset(token)
 
@@ -166,13 +171,17 @@ def _read_header(*arguments: Any) -> ros1_bags.Header:  # noqa: ANN401
 
 
 def _read_index(reader: Ros1Reader, position: int, indexes: dict[int, list[Any]]) -> None:
-    """Reads the index of a chunk, unless it was read before: chunks may be within each other.
+    """Reads a part of the index; hostile ones lead to the same part again and again.
 
     Raises:
-        ReaderError: There are more messages than the file has room for.
+        ReaderError: What was read of it is larger than the file.
     """
+    file: Any = reader.bio
+    begin = file.tell()
     _READ_INDEX(reader, position, indexes)
-    if _INDEX_BYTES * sum(map(len, indexes.values())) > reader.path.stat().st_size:
+    num_bytes = _INDEX_BYTES.get(reader, 0) + file.tell() - begin
+    _INDEX_BYTES[reader] = num_bytes
+    if num_bytes > os.fstat(file.fileno()).st_size:
         raise Ros1ReaderError("its index names more messages than there can be")
 
 

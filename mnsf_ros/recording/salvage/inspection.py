@@ -54,8 +54,7 @@ def inspect_damaged(
             raise problem
     contents, found, damages = _read_files(files, watch)
     if not any(summary.count for summary in found.values()):
-        causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
-        raise problem or RecordingError("; ".join(causes))
+        raise problem or _nothing_readable(path, damages)
     is_as_indexed = _counts(found) == _counts(topics)
     if problem is None and not damages and not is_as_indexed:
         # Its metadata.yaml knows better which of the files belong to the recording.
@@ -63,6 +62,11 @@ def inspect_damaged(
     if problem is not None and not damages:
         damages = [Damage(str(path), "", str(problem).removeprefix(f"{path}: "))]
     return _salvaged(path, contents, found, damages)
+
+
+def _nothing_readable(path: Path, damages: Sequence[Damage]) -> RecordingError:
+    causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
+    return RecordingError("; ".join(causes))
 
 
 def _counts(topics: dict[str, TopicSummary]) -> dict[str, tuple[str, int]]:
@@ -89,8 +93,7 @@ def inspect_unindexed(
     contents, found, damages = _read_files(files, watch)
     counts = Counter({topic: summary.count for topic, summary in found.items()})
     if not any(counts.values()):
-        causes = (f"{path}: holds no messages that can be read", *map(str, damages[:1]))
-        raise RecordingError("; ".join(causes)) from problem
+        raise _nothing_readable(path, damages) from problem
     if metadata is not None:
         damages = [*unfit_counts(path / METADATA_NAME, metadata.counts, counts), *damages]
     return _salvaged(path, contents, found, damages)
