@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import json
 import resource
+import shutil
 import signal
 import tempfile
 import traceback
@@ -29,8 +30,14 @@ from types import FrameType
 from typing import Any, Final
 
 import numpy as np
-from bag_formats import write_originals
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
 from promises import Figure, Promise, Rounds, fates
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
@@ -39,7 +46,10 @@ from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
 
 LIMIT_S = 60
 MEMORY_BYTES = 8 * 2**30
@@ -48,12 +58,79 @@ METHODS = ("zero", "ego")
 BAD = ("silent", "crash", "hang")
 DAMAGES = ("flip", "flip at end", "cut", "length", "zero", "double", "move")
 WRONG_LENGTHS = (2**63 - 1, 2**64 - 1, 2**40, 2**32 - 1, 2**31, 7, 0)
+JAZZY: Final = get_typestore(Stores.ROS2_JAZZY)
+NOETIC: Final = get_typestore(Stores.ROS1_NOETIC)
+# Receive time, topic, type and CDR bytes.
+Message = tuple[int, str, str, bytes]
 Rows = dict[tuple[str, int], dict[str, Any]]
 Counts = dict[str, Counter[str]]
 
 
 class HangError(BaseException):
     """An evaluation took too long. Not an Exception, so that nobody catches it on the way."""
+
+
+def write_originals(folder: Path) -> dict[str, Path]:
+    """Writes a small recording in each format; returns the format and the file to damage."""
+    settings = SimulationSettings(duration_s=0.6, num_beams=16, num_columns=48)
+    folder.mkdir(parents=True)
+    write_recording(settings, folder / "plain")
+    write_recording(settings, folder / "compressed", compress=True)
+    shutil.copytree(folder / "plain", folder / "described")
+    files = {
+        "mcap": folder / "plain" / "plain.mcap",
+        "mcap zstd": folder / "compressed" / "compressed.mcap",
+        "metadata.yaml": folder / "described" / "metadata.yaml",
+    }
+    mcap_options: dict[str, dict[str, Any]] = {
+        "mcap zstd checked": {"compression": CompressionType.ZSTD, "chunk_size": 8192},
+        "mcap lz4 checked": {"compression": CompressionType.LZ4, "chunk_size": 8192},
+        "mcap checked": {"compression": CompressionType.NONE, "chunk_size": 8192},
+        "mcap bare": {"use_chunking": False, "index_types": IndexType.NONE},
+    }
+    with BagReader(folder / "plain") as reader:
+        messages: list[Message] = sorted(
+            (received_ns, topic, reader.topics[topic].msgtype, bytes(raw))
+            for topic in reader.topics
+            for received_ns, raw in reader.raw_messages(topic)
+        )
+    for name, options in mcap_options.items():
+        files[name] = folder / f"{name.replace(' ', '_')}.mcap"
+        _write_mcap(files[name], messages, options)
+    files["sqlite3"] = folder / "sqlite" / "sqlite.db3"
+    with Ros2Writer(folder / "sqlite", version=9, storage_plugin=StoragePlugin.SQLITE3) as ros2:
+        _write_rosbags(ros2, JAZZY, messages)
+    files["ros1"] = folder / "ros1.bag"
+    with Ros1Writer(files["ros1"]) as ros1:
+        converted = ((*each[:3], JAZZY.cdr_to_ros1(each[3], each[2])) for each in messages)
+        _write_rosbags(ros1, NOETIC, converted)
+    return files
+
+
+def _write_mcap(file: Path, messages: Iterable[Message], options: dict[str, Any]) -> None:
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start("ros2", "mutated_bags")
+        channels = {}
+        for received_ns, topic, msgtype, raw in messages:
+            if topic not in channels:
+                definition, _ = JAZZY.generate_msgdef(msgtype, ros_version=2)
+                schema = writer.register_schema(msgtype, "ros2msg", definition.encode())
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channels[topic], received_ns, raw, received_ns)
+        writer.finish()
+
+
+def _write_rosbags(
+    writer: Ros1Writer | Ros2Writer,
+    typestore: Typestore,
+    messages: Iterable[Message],
+) -> None:
+    connections: dict[str, Any] = {}
+    for received_ns, topic, msgtype, raw in messages:
+        if topic not in connections:
+            connections[topic] = writer.add_connection(topic, msgtype, typestore=typestore)
+        writer.write(connections[topic], received_ns, raw)
 
 
 def mutated(data: bytes, random: np.random.Generator) -> tuple[bytes, str]:

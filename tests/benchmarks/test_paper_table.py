@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -197,21 +196,6 @@ def test_section_of_a_document_is_replaced(load, tmp_path):
     with pytest.raises(ValueError, match="begin y"):
         replace_section(document, "y", "new")
     assert document.read_text() == text
-
-
-@pytest.mark.parametrize(
-    ("script", "document"),
-    [
-        ("paper_table", "performance.md"),
-        ("stop_zone", "recipes.md"),
-        ("slam_map", "recipes.md"),
-    ],
-)
-def test_section_that_a_script_writes_is_there(script, document):
-    source = (BENCHMARKS / f"{script}.py").read_text()
-    (name,) = re.findall(r'replace_section\(options.document, "(.+?)"', source)
-    text = (BENCHMARKS.parent / "docs" / document).read_text()
-    assert text.count(f"<!-- begin {name} -->\n") == text.count(f"<!-- end {name} -->\n") == 1
 
 
 def test_without_data_one_sentence_and_nothing_else(tmp_path):
