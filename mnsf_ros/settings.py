@@ -26,6 +26,7 @@ class MethodSettings:
         "Method that estimates the flow. online: ego motion plus one rigid motion per object, in "
         "about 0.1 s on a CPU; mnsf: the networks of the paper; or any other method listed in "
         "docs/evaluation.md or provided by an installed package",
+        fixed=True,
     )
 
 

@@ -40,14 +40,6 @@ class InputState:
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
 
 
-@dataclass(frozen=True)
-class WorkState:
-    """What the pipeline is at: triplets at hand, 0, 1 or 2, and the method of the next one."""
-
-    load: int
-    method: str
-
-
 class Diagnostics:
     """Makes the statuses `input`, `flow` and `ego motion`; remembers what it said last time."""
 
@@ -62,14 +54,14 @@ class Diagnostics:
         self,
         snapshot: StatisticsSnapshot,
         state: InputState,
-        work: WorkState,
+        load: int,
         settings: Settings,
     ) -> list[DiagnosticStatus]:
-        """The statuses as of now."""
+        """The statuses as of now; `load` is the number of triplets in the pipeline."""
         now_s, limits = time.monotonic(), settings.node
         statuses = [
             self._input_status(snapshot, state, limits.stale_after_s, now_s),
-            self._flow_status(snapshot, work, settings, now_s),
+            self._flow_status(snapshot, load, settings, now_s),
             self._ego_motion_status(snapshot, settings.ego_motion.source),
         ]
         for status in statuses:
@@ -108,7 +100,7 @@ class Diagnostics:
         return self._status("input", level, message, values)
 
     def _flow_status(
-        self, snapshot: StatisticsSnapshot, work: WorkState, settings: Settings, now_s: float
+        self, snapshot: StatisticsSnapshot, load: int, settings: Settings, now_s: float
     ) -> DiagnosticStatus:
         limits = settings.node
         idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else float("inf")
@@ -119,16 +111,15 @@ class Diagnostics:
         elif warning := self._flow_warning(snapshot, limits.max_latency_ms, now_s):
             level, message = DiagnosticStatus.WARN, warning
         else:
-            is_active = work.load > 0 or idle_s <= limits.stale_after_s
+            is_active = load > 0 or idle_s <= limits.stale_after_s
             level, message = DiagnosticStatus.OK, self._activity(snapshot, is_active=is_active)
         values: dict[str, object] = {
             "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
             "latency p95 [ms]": _number(snapshot.latency_ms(95)),
-            "queue": max(0, work.load - 1),
-            "busy": work.load > 0,
-            "method": work.method,
-            "method, wanted": settings.method.name,
+            "queue": max(0, load - 1),
+            "busy": load > 0,
+            "method": settings.method.name,
             **_counts(snapshot, of_input=False),
             "last failure": snapshot.last_failure or "none",
         }

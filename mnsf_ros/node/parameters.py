@@ -30,14 +30,16 @@ class NodeParameters:
         settings: As they are now.
     """
 
-    def __init__(self, node: Node) -> None:
-        """Declares the parameters and reads what the user gave.
+    def __init__(self, node: Node, *, has_life_cycle: bool = False) -> None:
+        """Declares the parameters and reads the values that the user gave.
+
+        The fixed ones are read-only; with a life cycle they may change until it is configured.
 
         Raises:
             SettingsError: If a given value does not fit; one line that names the parameter.
         """
         self._node = node
-        self.settings = _declared(node)
+        self.settings = _declared(node, has_life_cycle=has_life_cycle)
         self._on_change: SettingsChange | None = None
         node.add_on_set_parameters_callback(self._set)
 
@@ -50,6 +52,7 @@ class NodeParameters:
         try:
             settings = _changed(self.settings, parameters)
             if self._on_change is not None:
+                _check_fixed(self.settings, settings)
                 self._on_change(settings)
         except SettingsError as error:
             return self._refused(parameters, str(error))
@@ -67,14 +70,23 @@ class NodeParameters:
         return SetParametersResult(successful=False, reason=reason)
 
 
-def _declared(node: Node) -> Settings:
+def _check_fixed(before: Settings, after: Settings) -> None:
+    for setting in declared_settings():
+        if setting.fixed and before.value_of(setting.name) != after.value_of(setting.name):
+            raise SettingsError(f"{setting.name} is fixed until the node is cleaned up")
+
+
+def _declared(node: Node, *, has_life_cycle: bool) -> Settings:
     given: dict[str, object] = {}
     overrides = _overrides(node)
     for setting in declared_settings():
         override = overrides.get(setting.name)
         value = setting.default if override is None else setting.checked(override.value)
         parameter = node.declare_parameter(
-            setting.name, value, _descriptor(setting), ignore_override=True
+            setting.name,
+            value,
+            _descriptor(setting, is_read_only=setting.fixed and not has_life_cycle),
+            ignore_override=True,
         )
         given[setting.name] = parameter.value
     node.add_pre_set_parameters_callback(_in_declared_types)
@@ -118,11 +130,11 @@ def _in_type_of(setting: Setting, value: Any) -> Any:  # noqa: ANN401 - whatever
         return value
 
 
-def _descriptor(setting: Setting) -> ParameterDescriptor:
+def _descriptor(setting: Setting, *, is_read_only: bool) -> ParameterDescriptor:
     unit = f" [{setting.unit}]" if setting.unit else ""
     descriptor = ParameterDescriptor(
         description=f"{setting.text}{unit}",
-        read_only=setting.fixed,
+        read_only=is_read_only,
         # The settings check the type, and say what they expect.
         dynamic_typing=True,
     )

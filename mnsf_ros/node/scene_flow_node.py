@@ -81,7 +81,7 @@ class SceneFlowLifecycleNode(LifecycleNode):
         """
         super().__init__(NODE_NAME)
         with _destroyed_after_error(self):
-            self._own_parameters = NodeParameters(self)
+            self._own_parameters = NodeParameters(self, has_life_cycle=True)
         self._added = _AddedEntities(self)
         self._parts: SceneFlowParts | None = None
         self._refuse_invalid_transitions()

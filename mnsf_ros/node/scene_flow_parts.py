@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.cloud_topics import cloud_topics
-from mnsf_ros.node.diagnostics import Diagnostics, WorkState
+from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
@@ -201,8 +201,8 @@ class SceneFlowParts:
         self._silence.look(snapshot.arrivals_s, state, settings.node.stale_after_s)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        work = WorkState(self._pipeline.load, self._pipeline.method)
-        message.status = self._diagnostics.statuses(snapshot, state, work, settings)
+        load = self._pipeline.load
+        message.status = self._diagnostics.statuses(snapshot, state, load, settings)
         self._diagnostics_publisher.publish(message)
         if not self._has_told_namesake:
             self._look_for_namesake()

@@ -19,7 +19,7 @@ from mnsf_ros.core.scene_flow_estimator import (
     SceneFlowEstimator,
 )
 from mnsf_ros.errors import CancelledError, MnsfError
-from mnsf_ros.methods import check_method, is_loaded, load_method, make_method
+from mnsf_ros.methods import load_method, make_method
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
@@ -97,7 +97,7 @@ class OnlinePipeline:
     Who owns what:
 
     * The caller's thread (the executor's): the buffer, the plan and the settings that are to hold.
-      `add_sweep`, `change_settings`, `reset` and `method` are for this one only.
+      `add_sweep`, `change_settings` and `reset` are for this one only.
     * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
     * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares, and
       what is known of who did it last.
@@ -121,9 +121,6 @@ class OnlinePipeline:
         check_memory(settings)
         self.statistics = OnlineStatistics()
         self._plan = _Plan(settings)
-        # They hold once the libraries of their method are loaded.
-        self._wanted = settings
-        self._loading: threading.Thread | None = None
         self._on_estimate = on_estimate
         self._on_failure = on_failure
         self._buffer = SweepBuffer()
@@ -142,32 +139,19 @@ class OnlinePipeline:
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return self._preparing.load + self._estimating.load
 
-    @property
-    def method(self) -> str:
-        """The method that the next triplet is estimated by; for the caller's thread."""
-        return (self._wanted if self._is_there else self._plan.settings).method.name
-
     def change_settings(self, settings: Settings) -> None:
-        """Lets other settings hold from the next estimate on.
+        """Applies other settings from the next estimate on; the method stays the same.
 
-        One that is under way for long is abandoned: it could last for hours. A method whose
-        libraries take seconds to load takes over when they are there, and with it whatever else has
-        changed but the buffer; until then the other goes on, at a lower rate.
+        A long estimate under way is abandoned: it could last for hours.
 
         Raises:
-            SettingsError: If they ask for a method or a device that is not there, or for more
-                memory than there is; nothing changes then.
+            SettingsError: If they ask for an unavailable device, or for more memory than there is;
+                nothing changes then.
         """
-        check_method(settings.method.name)
         check_device(settings.compute)
         check_memory(settings)
-        self._wanted = settings
-        if not is_loaded(settings.method.name) and not self._is_loading:
-            self._loading = threading.Thread(
-                target=load_method, args=(settings.method.name,), name="loading", daemon=True
-            )
-            self._loading.start()
-        self._take_over()
+        if settings != self._plan.settings:
+            self._plan = _Plan(settings, self._plan.num_resets)
 
     def reset(self) -> None:
         """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
@@ -184,8 +168,7 @@ class OnlinePipeline:
         """
         self.statistics.count(SWEEPS_RECEIVED)
         self.statistics.add_arrival()
-        self._take_over()
-        arrival = self._buffer.push(sweep, self._wanted.buffer)
+        arrival = self._buffer.push(sweep, self._plan.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
             self.statistics.count(f"sweeps_{arrival.value}")
         triplet = self._buffer.triplet()
@@ -208,20 +191,6 @@ class OnlinePipeline:
         self._estimating.close(0.0)
         workers = (self._preparing, self._estimating)
         return all(worker.close(max(0.0, deadline_s - time.monotonic())) for worker in workers)
-
-    @property
-    def _is_loading(self) -> bool:
-        return self._loading is not None and self._loading.is_alive()
-
-    @property
-    def _is_there(self) -> bool:
-        """Whether the method of the wanted settings need not be waited for; it may be missing."""
-        return is_loaded(self._wanted.method.name) or not self._is_loading
-
-    def _take_over(self) -> None:
-        """Lets the wanted settings hold, unless their method is still being loaded."""
-        if self._is_there and self._wanted != self._plan.settings:
-            self._plan = _Plan(self._wanted, self._plan.num_resets)
 
     def _prepare(self, job: TripletJob) -> None:
         """Runs in the worker that prepares."""
@@ -281,8 +250,7 @@ class OnlinePipeline:
 
     def _adapt(self, plan: _Plan) -> None:
         old, settings = self._estimator_plan, plan.settings
-        is_reset = plan.num_resets != old.num_resets
-        if is_reset or settings.method.name != old.settings.method.name:
+        if plan.num_resets != old.num_resets:
             self._estimator = make_method(settings.method.name, settings)
         elif settings != old.settings:
             self._estimator = self._estimator.with_settings(settings)

@@ -16,7 +16,7 @@ from mnsf_ros.core.flow_estimate import (
     Start,
     StopReason,
 )
-from mnsf_ros.node.diagnostics import Diagnostics, InputState, WorkState
+from mnsf_ros.node.diagnostics import Diagnostics, InputState
 from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
 
@@ -74,8 +74,7 @@ class Story:
         node = replace(settings.node, stale_after_s=stale_after_s)
         state = InputState("/points", "reliable", 1, pause=pause)
         snapshot = self.statistics.snapshot()
-        work = WorkState(load, "zero")
-        return self._diagnostics.statuses(snapshot, state, work, replace(settings, node=node))
+        return self._diagnostics.statuses(snapshot, state, load, replace(settings, node=node))
 
     def says(self, **options):
         """(level, message) of `input` and of `flow`."""
@@ -256,8 +255,7 @@ class TestValues:
             "latency p95 [ms]": "unknown",
             "queue": "0",
             "busy": "False",
-            "method": "zero",
-            "method, wanted": "online",
+            "method": "online",
             "last failure": "none",
         }
 

@@ -139,8 +139,17 @@ def test_settings_that_cannot_be_used_fail_the_configuration(managed, process):
     assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
     assert "cannot configure" in process.log
     managed.peer.spin_until(lambda: not managed.has_topic("flow"), "no topic")
-    managed.peer.set({"method.name": "online"})
+    managed.peer.set({"method.name": "zero"})
     assert managed.change(Transition.TRANSITION_CONFIGURE)
+    managed.wait_for_message("inactive")
+    assert managed.peer.values("flow")["method"] == "zero"
+    (refused,) = managed.peer.set({"method.name": "online"})
+    assert (refused.successful, refused.reason) == (
+        False,
+        "method.name is fixed until the node is cleaned up",
+    )
+    assert managed.change(Transition.TRANSITION_CLEANUP)
+    assert managed.peer.set({"method.name": "online"})[0].successful
 
 
 def test_shutdown_is_the_end(start_node, make_peer):

@@ -12,7 +12,6 @@ import torch
 from mnsf_ros.core import memory_demand
 from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import SettingsError, SweepError
-from mnsf_ros.online import online_pipeline
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
@@ -279,54 +278,6 @@ class TestSettings:
         changes = {"buffer.max_interval_s": 0.4}, {"objects.cell_size_m": 0.4}
         starts = starts_after(quick_settings, *changes)
         assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
-
-    def test_may_ask_for_another_method(self, starts_after, quick_settings, recorder):
-        starts = starts_after(quick_settings, {"method.name": "mnsf"}, {"method.name": "online"})
-        assert starts == 3 * [Start.COLD_FIRST]
-        has_networks = [bool(estimate.fits) for _, estimate in recorder.handed_out]
-        assert has_networks == [False, True, False]
-
-    @pytest.fixture
-    def libraries(self, monkeypatch):
-        """Set it, and the libraries of networks are there; until then they are being loaded."""
-        are_there = threading.Event()
-        monkeypatch.setattr(
-            online_pipeline, "is_loaded", lambda name: name == "online" or are_there.is_set()
-        )
-        monkeypatch.setattr(online_pipeline, "load_method", lambda _: are_there.wait(PATIENCE_S))
-        yield are_there
-        are_there.set()
-
-    def test_let_the_old_method_go_on_while_the_new_one_is_loaded(
-        self, pipeline, add, recorder, make_sweep, quick_settings, libraries
-    ):
-        add(make_sweep(0), make_sweep(1))
-        pipeline.change_settings(quick_settings.changed({"method.name": "mnsf"}))
-        add(make_sweep(2))
-        assert pipeline.method == "online"
-        add(make_sweep(3))
-        libraries.set()
-        assert pipeline.method == "mnsf"
-        add(make_sweep(4))
-        has_networks = [bool(estimate.fits) for _, estimate in recorder.handed_out]
-        assert has_networks == [False, False, True]
-        assert_balanced(pipeline)
-
-    def test_changed_back_while_the_new_method_is_loaded_change_nothing(
-        self, pipeline, add, recorder, make_sweep, quick_settings, libraries
-    ):
-        add(make_sweep(0), make_sweep(1))
-        pipeline.change_settings(quick_settings.changed({"method.name": "mnsf"}))
-        add(make_sweep(2))
-        pipeline.change_settings(quick_settings)
-        libraries.set()
-        add(make_sweep(3))
-        starts = [estimate.start for _, estimate in recorder.handed_out]
-        assert starts == [Start.COLD_FIRST, Start.WARM]
-
-    def test_that_name_no_method_change_nothing(self, pipeline, quick_settings):
-        with pytest.raises(SettingsError, match="unknown method 'mnfs'"):
-            pipeline.change_settings(quick_settings.changed({"method.name": "mnfs"}))
 
     def test_of_the_buffer_hold_at_once(self, pipeline, add, make_sweep, quick_settings):
         add(make_sweep(0))
