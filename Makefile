@@ -31,7 +31,11 @@ POINTS ?= $(TOPIC)
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
 
-.PHONY: setup complete demo view animation test fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
+# What `make pins` checks the pins for; Ubuntu 22.04 has glibc 2.35.
+PYTHONS := 3.10 3.11 3.12 3.13 3.14
+WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$python
+
+.PHONY: setup complete demo view animation test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -67,8 +71,16 @@ $(STREET) $(STREET_OF_README): | $(READY)
 animation: $(READY) $(STREET_OF_README)
 	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
 
+# On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
+# after the other.
+TEST := ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+
 test: $(COMPLETE)
-	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(TEST_OPTIONS)
+	$(TEST) -m 'not slow' $(TEST_OPTIONS)
+
+# With kills, hostile files, locales and benchmarks.
+test-all: $(COMPLETE)
+	$(TEST) $(TEST_OPTIONS)
 
 # What readers of clouds, files and settings do with anything; FUZZ_EXAMPLES=100000 takes hours.
 FUZZ_EXAMPLES ?= 5000
@@ -79,19 +91,27 @@ lint: $(COMPLETE)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
-# Resolves constraints.txt for every supported Python version, and writes all that a machine without
-# ROS installs with hashes; needs PyPI.
+# Checks that every pin has a wheel for each supported Python, on x86-64 and arm64 (for which there
+# are none of ROS), and writes all that a machine without ROS installs with hashes; needs PyPI.
 pins: $(COMPLETE)
-	$(BIN)/python .ci/check_pins.py
 	$(PIP) install uv
+	for python in $(PYTHONS); do \
+		$(BIN)/uv pip compile $(WHEELS_ONLY) --python-platform x86_64-manylinux_2_35 \
+			constraints.txt > /dev/null && \
+		grep -v '^ros-' constraints.txt | $(BIN)/uv pip compile $(WHEELS_ONLY) \
+			--python-platform aarch64-manylinux_2_35 - > /dev/null || exit; \
+	done
 	$(BIN)/uv pip compile --quiet --no-annotate --custom-compile-command 'make pins' \
 		--universal --python-version 3.10 --constraint constraints.txt --generate-hashes \
 		$(patsubst %,--extra %,wheels view datasets tune) --output-file locked.txt setup.py
 
-# Known vulnerabilities of what locked.txt installs, by PyPI's database.
-audit: $(READY)
-	$(PIP) install pip-audit
+# Licences of all that is installed, and known vulnerabilities of what locked.txt installs, by
+# PyPI's database.
+audit: $(COMPLETE)
+	$(PIP) install pip-audit pip-licenses
+	$(BIN)/pip-licenses --from mixed --order license
 	$(BIN)/pip-audit --strict --disable-pip --requirement locked.txt
 
 # The paper's tables on real sweeps; hours on a CPU. An interrupted run is continued.

@@ -91,8 +91,8 @@ setup(
         "tune": ["optuna>=5,<6"],
         # For `mnsf view`.
         "view": ["foxglove-sdk>=0.20,<0.40"],
-        "test": ["pytest>=7.4,<9", "import-linter>=2", "websockets>=12", "hypothesis>=6.100"],
-        "lint": ["ruff", "mypy"],
+        "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "websockets>=12", "hypothesis>=6.100"],
+        "lint": ["ruff", "mypy", "import-linter>=2"],
         # What `make benchmark-online` compares the cost with.
         "benchmark": ["kiss-icp>=1.2,<2"],
     },

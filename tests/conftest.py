@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import signal
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,10 @@ import pytest
 # Read by torch when it is imported. With more threads than idle cores, small networks take 50
 # times as long, because the threads wait for each other after every layer.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# In the background of a shell SIGINT is ignored, and processes started from here would inherit it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 NEEDS_TORCH = ("No module named 'torch'", "library 'torch' is not installed")
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What users read where PyTorch, or any other library, is not installed."""
+"""PyTorch, ROS and other libraries are needed only where they are used; errors name them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,12 @@ from mnsf_ros.errors import library_missing
 from mnsf_ros.evaluation import run_record
 
 ROOT = Path(__file__).parents[1]
+SOURCES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for package in ("msg_utils", "mnsf_ros")
+    for path in sorted((ROOT / package).rglob("*.py"))
+]
+_ROS = ["rclpy", "sensor_msgs", "std_msgs", "nav_msgs", "rcl_interfaces", "visualization_msgs"]
 _PATIENCE_S = 600  # however busy the machine is
 # A program of this package, in a Python without some libraries.
 _WITHOUT = """
@@ -24,6 +30,33 @@ sys.argv = [module, *arguments]
 import importlib
 importlib.import_module(module).main()
 """
+
+
+# Imports modules of this package in a Python without some libraries.
+_IMPORT = """
+import importlib, sys
+names, modules = sys.argv[1:]
+sys.modules.update(dict.fromkeys(names.split(",")))
+for module in modules.split(","):
+    importlib.import_module(module)
+"""
+
+
+@pytest.mark.parametrize(
+    ("packages", "missing"),
+    [
+        (["errors", "settings", "presets"], ["torch", "numpy", "scipy", "rosbags", *_ROS]),
+        (["cli", "evaluation", "report", "datasets"], ["torch", *_ROS]),
+    ],
+    ids=lambda names: names[0],
+)
+def test_packages_are_imported_without_what_they_do_not_need(packages, missing):
+    starts = tuple(f"mnsf_ros.{package}" for package in packages)
+    modules = [name for name in SOURCES if name.startswith(starts)]
+    assert len(modules) >= len(packages)
+    command = [sys.executable, "-c", _IMPORT, ",".join(missing), ",".join(modules)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def started(names: str, module: str, *arguments: str) -> subprocess.Popen[str]:
