@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import atexit
 import io
+import math
 import os
 import signal
 import sys
@@ -27,7 +28,8 @@ from mnsf_ros.cli import (
     tune,
     view,
 )
-from mnsf_ros.cli.arguments import IntermixedParser
+from mnsf_ros.cli.arguments import Arguments, IntermixedParser
+from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.errors import MnsfError
 
 _SUBCOMMANDS = (
@@ -45,11 +47,15 @@ _SUBCOMMANDS = (
     parameters,
 )
 
+# They read no files of others.
+_WITHOUT_LIMIT = ("simulate", "parameters")
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _AGAIN_S = 0.01
 
 EXIT_USAGE = 2
+EXIT_MEMORY = 3
 EXIT_INTERRUPTED = 130
 
 
@@ -57,7 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
     Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
-    130: interrupted; any other is the subcommand's own.
+    3: that takes more memory than the limit; 130: interrupted; any other is the subcommand's own.
     """
     # What nohup ignores stays so.
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
@@ -87,21 +93,32 @@ def run(arguments: list[str] | None = None) -> int:
     """Runs a subcommand and returns the exit status."""
     try:
         options = _parsed(arguments)
-        status: int | None = options.run(options)
+        with limited_memory(getattr(options, "max_memory", math.inf)):
+            return _run(options)
     except (MnsfError, OSError) as error:
         print(f"mnsf: {error}", file=sys.stderr)
         return EXIT_USAGE
     except (Exception, KeyboardInterrupt) as error:
-        if not _is_interruption(error):
+        # A library that a signal meets in its start makes it an error.
+        if not _is_caused_by(error, KeyboardInterrupt):
             raise
         print("mnsf: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        status: int | None = options.run(options)
+    except (MnsfError, MemoryError) as error:
+        if not _is_caused_by(error, MemoryError):
+            raise
+        print(f"mnsf: {error or 'out of memory'}; {memory_hint()}", file=sys.stderr)
+        return EXIT_MEMORY
     return status or 0
 
 
-def _is_interruption(error: BaseException | None) -> bool:
-    """Whether a signal is the cause: a library that it meets in its start makes it an error."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
+def _is_caused_by(error: BaseException | None, kind: type[BaseException]) -> bool:
+    while error is not None and not isinstance(error, kind):
         error = error.__cause__ or error.__context__
     return error is not None
 
@@ -116,6 +133,9 @@ def _parsed(arguments: list[str] | None) -> argparse.Namespace:
     )
     for subcommand in _SUBCOMMANDS:
         subcommand.add_to(subparsers)
+    for name, subparser in subparsers.choices.items():
+        if name not in _WITHOUT_LIMIT:
+            add_max_memory(Arguments(subparser))
     return parser.parse_args(arguments)
 
 

@@ -1,0 +1,73 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Memory limit of a command, kept by the operating system for every library that it calls.
+
+A few kilobytes of a hostile file can expand to all memory there is. Under the limit (RLIMIT_DATA,
+Linux) the allocation fails instead, and Python raises a MemoryError.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from mnsf_ros.cli.arguments import Arguments
+
+_GB: Final = 10**9
+_INFINITE: Final = float("inf")
+# Of a container, where it has one; "max" if not.
+_CGROUP_LIMIT: Final = Path("/sys/fs/cgroup/memory.max")
+
+
+def add_max_memory(arguments: Arguments) -> None:
+    """Adds `--max-memory`, for `limited_memory`."""
+    arguments.value(
+        "--max-memory GB",
+        "memory that each process may take; inf: no limit (default: half of the machine's)",
+        _gigabytes,
+    )
+
+
+@contextmanager
+def limited_memory(max_gb: float | None) -> Iterator[None]:
+    """Limits this process, and each that it starts, to `max_gb`; None: half of the machine's.
+
+    The limit counts what is allocated and what is reserved, for example for stacks of threads, but
+    neither files mapped to memory nor the memory of a GPU.
+    """
+    before, most = resource.getrlimit(resource.RLIMIT_DATA)
+    num_bytes = _machine_bytes() / 2 if max_gb is None else max_gb * _GB
+    limit = most if num_bytes == _INFINITE else int(num_bytes)
+    if most != resource.RLIM_INFINITY:
+        limit = min(limit, most)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (before, most))
+
+
+def memory_hint() -> str:
+    """Returns the limit in force, and the option that changes it."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    limited = "" if limit == resource.RLIM_INFINITY else f"limited to {limit / _GB:.1f} GB "
+    return f"memory is {limited or 'exhausted '}(--max-memory)"
+
+
+def _gigabytes(text: str) -> float:
+    with suppress(ValueError):
+        if float(text) > 0:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected GB above 0, or inf")
+
+
+def _machine_bytes() -> float:
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    try:
+        return min(memory, int(_CGROUP_LIMIT.read_text("ascii")))
+    except (OSError, ValueError):
+        return memory

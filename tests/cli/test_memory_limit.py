@@ -1,0 +1,68 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The memory limit of commands; what hostile files do under it is in tests/recording."""
+
+from __future__ import annotations
+
+import os
+import resource
+
+import pytest
+
+from mnsf_ros.cli import report
+from mnsf_ros.cli.main import EXIT_MEMORY, run
+from mnsf_ros.errors import RecordingError
+
+GB = 10**9
+
+
+def data_limit():
+    return resource.getrlimit(resource.RLIMIT_DATA)[0]
+
+
+@pytest.fixture
+def limits(monkeypatch):
+    """The limits under which `mnsf report` has run."""
+    seen = []
+    monkeypatch.setattr(report, "_run", lambda _: seen.append(data_limit()))
+    return seen
+
+
+def test_a_command_is_limited_to_half_of_the_memory_while_it_runs(limits):
+    before = data_limit()
+    assert run(["report", "run"]) == 0
+    assert 0 < limits[0] <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2
+    assert data_limit() == before
+
+
+def test_the_limit_is_an_option(limits):
+    run(["report", "run", "--max-memory", "77.5"])
+    run(["report", "run", "--max-memory", "inf"])
+    assert limits == [int(77.5 * GB), resource.RLIM_INFINITY]
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "much"])
+def test_a_limit_is_a_number_above_zero(text, capsys):
+    with pytest.raises(SystemExit):
+        run(["report", "run", "--max-memory", text])
+    assert f"got '{text}', expected GB above 0, or inf" in capsys.readouterr().err
+
+
+def refuse(_):
+    try:
+        raise MemoryError
+    except MemoryError as error:
+        raise RecordingError("a.mcap: cannot be read") from error
+
+
+def exhaust(_):
+    raise MemoryError
+
+
+@pytest.mark.parametrize(
+    ("fail", "said"), [(refuse, "a.mcap: cannot be read"), (exhaust, "out of memory")]
+)
+def test_memory_that_is_missing_is_one_line_with_the_option(monkeypatch, capsys, fail, said):
+    monkeypatch.setattr(report, "_run", fail)
+    assert run(["report", "run", "--max-memory", "99"]) == EXIT_MEMORY
+    line = f"mnsf: {said}; memory is limited to 99.0 GB (--max-memory)\n"
+    assert capsys.readouterr().err == line
