@@ -112,7 +112,7 @@ def _run(options: argparse.Namespace) -> int:
     except (MnsfError, MemoryError) as error:
         if not _is_caused_by(error, MemoryError):
             raise
-        print(f"mnsf: {error or 'out of memory'}; {memory_hint()}", file=sys.stderr)
+        print(f"mnsf: {str(error) or 'out of memory'}; {memory_hint()}", file=sys.stderr)
         return EXIT_MEMORY
     return status or 0
 
