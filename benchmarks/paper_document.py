@@ -30,10 +30,10 @@ from mnsf_ros.report.text_table import TextTable, format_number
 _TABLES: Mapping[str, str] = {
     "Methods": "zero ego ego-estimated nsfp nsfp-linear fnsf fnsf-linear fnsf-joint fnsf-time"
     " mnsf-cycle mnsf authors/mnsf online online/online",
-    "Ablations": "fnsf mnsf-no-backward mnsf-mean mnsf-no-inversion mnsf",
-    "Fusion operation": "mnsf-mean mnsf-weighted-sum mnsf-mlp",
-    "Fusion depth": "mnsf-depth2 mnsf-depth3 mnsf-depth5 mnsf-depth7",
-    "Sweeps": "mnsf-frames2 mnsf-frames3 mnsf-frames4 mnsf-frames5",
+    "Ablations": "fnsf mnsf-no-backward mnsf+fusion.kind=mean mnsf+fusion.inversion=false mnsf",
+    "Fusion operation": "mnsf+fusion.kind=mean mnsf+fusion.kind=weighted_sum mnsf+fusion.kind=mlp",
+    "Fusion depth": " ".join(f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 3, 5, 7)),
+    "Sweeps": "mnsf-no-backward mnsf mnsf-frames4 mnsf-frames5",
 }
 _POINTS = {"8192": "8,192 points", "full": "full sweeps"}
 

@@ -22,10 +22,8 @@ PARTS = ("all", "dynamic", "static")
 
 # Rows that are the same estimate under the name that a table needs.
 SAME_AS = {
-    "mnsf-mlp": "mnsf",
-    "mnsf-depth3": "mnsf",
-    "mnsf-frames3": "mnsf",
-    "mnsf-frames2": "mnsf-no-backward",
+    "mnsf+fusion.kind=mlp": "mnsf",
+    "mnsf+fusion.num_hidden_layers=3": "mnsf",
 }
 
 

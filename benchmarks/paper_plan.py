@@ -24,16 +24,16 @@ from mnsf_ros.settings import Settings
 
 _GROUPS = {
     "main": "zero,ego,fnsf,mnsf,nsfp,mnsf-cycle,fnsf-linear,fnsf-joint,fnsf-time,nsfp-linear",
-    # mnsf-mlp, mnsf-depth3 and mnsf-frames3 are mnsf, mnsf-frames2 is mnsf-no-backward.
-    "ablations": "mnsf-no-backward,mnsf-mean,mnsf-no-inversion",
-    "variants": "mnsf-weighted-sum,mnsf-depth2,mnsf-depth5,mnsf-depth7,mnsf-frames4,mnsf-frames5",
+    "ablations": "mnsf-no-backward,mnsf+fusion.kind=mean,mnsf+fusion.inversion=false",
+    "variants": "mnsf+fusion.kind=weighted_sum,mnsf+fusion.num_hidden_layers=2,"
+    "mnsf+fusion.num_hidden_layers=5,mnsf+fusion.num_hidden_layers=7,mnsf-frames4,mnsf-frames5",
     # Not of the paper.
     "ours": "ego-estimated,online,online/online",
 }
 # What matters most comes first, so that an interrupted run has that.
 PLAN = (
     "8192:main,ablations,variants,authors/mnsf:1",
-    "full:zero,ego,fnsf,mnsf,mnsf-mean:1",
+    "full:zero,ego,fnsf,mnsf,mnsf+fusion.kind=mean:1",
     "8192:fnsf,mnsf,nsfp:3",
     "full:nsfp,ablations,main,authors/mnsf:1",
     "8192:ours:3",

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import SettingValue
-from mnsf_ros.settings import Settings
+from mnsf_ros.settings import Settings, parse_assignments
 
 # Section 3 of the paper and the settings of the authors' README, every triplet from scratch.
 _PAPER: dict[str, SettingValue] = {
@@ -127,15 +127,31 @@ def used_settings(method: str, settings: Settings, ignored: Collection[str]) -> 
 def settings_for(method: str, settings: Settings) -> Settings:
     """Returns the settings that a method gets when it is asked for by name.
 
+    A variant, see `variant_of`, gets those of its method with its own changes.
+
     A method with a preset of its own name, which `online` has, gets that preset in place of
     another method's, and on top of it what was set explicitly. So `mnsf evaluate --preset paper`
     runs `online` as the robot does, and `--set` still holds for it, whatever the value.
 
     Args:
-        method: Name of the method.
+        method: Name of a method or variant.
         settings: A preset, possibly with changes. `method.name` says for which method it is.
     """
+    method, changes = variant_of(method)
     is_for_method = settings.method.name == method and "method.name" not in settings.explicit
-    if method not in _PRESETS or is_for_method:
-        return settings
-    return preset(method).changed({name: settings.value_of(name) for name in settings.explicit})
+    if method in _PRESETS and not is_for_method:
+        explicit = {name: settings.value_of(name) for name in settings.explicit}
+        settings = preset(method).changed(explicit)
+    return settings.changed(changes)
+
+
+def variant_of(method: str) -> tuple[str, dict[str, SettingValue]]:
+    """Returns the name of a method and the settings that follow it: `mnsf+fusion.kind=mean`.
+
+    Raises:
+        SettingsError: A setting is unknown, or its value cannot be used.
+    """
+    if ":" in method:  # a command, or a folder of files
+        return method, {}
+    name, *changes = method.split("+")
+    return name, parse_assignments(changes)

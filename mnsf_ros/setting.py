@@ -19,6 +19,7 @@ _UNITS = {
     **{"_hz": "Hz", "_deg": "degrees"},
 }
 _LARGE = 1_000_000
+_WORDS = {"true": True, "false": False}
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,21 @@ class Setting:
             if too_small or too_large or not math.isfinite(typed):
                 raise SettingsError(f"{self.name}: got {value!r}, expected {self._expected()}")
         return typed
+
+    def parsed(self, text: str) -> SettingValue:
+        """Returns the value of a text such as `35` or `true`.
+
+        Raises:
+            SettingsError: If the type does not fit, or the value is outside the range.
+        """
+        value: SettingValue = text
+        if self.kind is bool:
+            value = _WORDS.get(text.lower(), text)
+        # A text that is no number is refused by `checked`.
+        for number in (float, int) if self.kind in (float, int) else ():
+            with suppress(ValueError):
+                value = number(text)
+        return self.checked(value)
 
     def _typed(self, value: object) -> SettingValue:
         # bool is a subclass of int in Python, and `true` for a number is always a mistake.

@@ -9,7 +9,7 @@ ROS parameters, the YAML files in `config/`, command-line help and the table in
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -680,6 +680,23 @@ def declared_setting(name: str) -> Setting:
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise SettingsError(f"unknown setting {name!r}{hint}")
     return by_name[name]
+
+
+def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
+    """Returns the settings and values of texts such as `crop.max_range_m=35`.
+
+    Raises:
+        SettingsError: A text is no assignment, the setting is unknown, or the value is not of its
+            type or outside its range.
+    """
+    values = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise SettingsError(f"got {text!r}, expected NAME=VALUE")
+        setting = declared_setting(name.strip())
+        values[setting.name] = setting.parsed(value.strip())
+    return values
 
 
 # Settings of earlier versions, and what to do instead.

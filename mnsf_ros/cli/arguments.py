@@ -4,21 +4,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.setting import SettingValue
-from mnsf_ros.settings import Settings, declared_setting
+from mnsf_ros.settings import Settings, parse_assignments
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 ALL = "all"
 RESUME = "continue an interrupted run: repeat the command and add --resume"
 FORCE = "overwrite an existing recording"
-_WORDS = {"true": True, "false": False}
 
 
 class IntermixedParser(argparse.ArgumentParser):
@@ -153,16 +149,6 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
     return preset(options.preset).changed(changes)
 
 
-def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
-    """Returns the settings that texts such as `crop.max_range_m=35` name, with their values.
-
-    Raises:
-        SettingsError: A text is no assignment, the setting is unknown, or the value is not of its
-            type or outside its range.
-    """
-    return dict(map(_parsed, texts))
-
-
 def number_or_all(text: str) -> int | str:
     """Returns a number of points, or `ALL`.
 
@@ -172,24 +158,3 @@ def number_or_all(text: str) -> int | str:
     if text != ALL and not text.lstrip("+-").isdecimal():
         raise argparse.ArgumentTypeError(f"got {text!r}, expected a number or {ALL!r}")
     return ALL if text == ALL else int(text)
-
-
-def _parsed(text: str) -> tuple[str, SettingValue]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise SettingsError(f"got {text!r}, expected NAME=VALUE")
-    setting = declared_setting(name.strip())
-    return setting.name, setting.checked(_typed(value.strip(), setting.kind))
-
-
-def _typed(value: str, kind: type) -> SettingValue:
-    if kind is bool:
-        return _WORDS.get(value.lower(), value)
-    # What is no number stays a text, for which the setting has the better words.
-    if kind is int:
-        with suppress(ValueError):
-            return int(value)
-    if kind in (int, float):
-        with suppress(ValueError):
-            return float(value)
-    return value

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand, parse_assignments
+from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import preset
+from mnsf_ros.settings import parse_assignments
 
 if TYPE_CHECKING:
     from mnsf_ros.evaluation.recordings import EvaluatedRecording

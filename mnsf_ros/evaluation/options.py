@@ -167,7 +167,7 @@ def evaluated_methods(
         try:
             traits = make_method(name, settings).traits
         except SettingsError:
-            if not is_remote or name not in method_names():
+            if not is_remote or name.partition("+")[0] not in method_names():
                 raise
             # Nothing is known, so nothing is taken for granted.
             traits = MethodTraits(num_sweeps=3, carries_state=True)

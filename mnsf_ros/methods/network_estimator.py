@@ -7,8 +7,8 @@ the networks explain only what the ego motion does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -25,7 +25,6 @@ from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, TripletPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
-from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
@@ -39,6 +38,26 @@ _SETTINGS_GROUPS: Final = (
 FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
 
 
+@dataclass(frozen=True)
+class NetworkMethod:
+    """A method that fits networks.
+
+    Attributes:
+        flow_of: Fits networks on the workbench, by the schedules, and returns the flow (N, 3),
+            metres from t to t+1.
+        num_sweeps: Sweeps that the method looks at.
+        distance_kind: How the method measures distances, if not to `Workbench.next.distance`.
+        starts_warm: Whether the method can start where the last triplet ended.
+        needs_previous: False if a method of three sweeps can do with two.
+    """
+
+    flow_of: FlowOf
+    num_sweeps: int = 2
+    distance_kind: str | None = None
+    starts_warm: bool = False
+    needs_previous: bool = True
+
+
 class NetworkEstimator:
     """Estimates scene flow by a method that fits networks to each triplet.
 
@@ -49,42 +68,18 @@ class NetworkEstimator:
         traits: What the method needs.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        flow_of: FlowOf,
-        *,
-        num_sweeps: int = 2,
-        fixed: Mapping[str, SettingValue] | None = None,
-        distance_kind: str | None = None,
-        starts_warm: bool = False,
-        needs_previous: bool = True,
-    ) -> None:
+    def __init__(self, settings: Settings, method: NetworkMethod) -> None:
         """Makes an estimator that has seen nothing yet.
-
-        Args:
-            settings: How to estimate.
-            flow_of: The method: fits networks on the workbench, by the schedules, and returns
-                the flow (N, 3), metres from t to t+1.
-            num_sweeps: Sweeps that the method looks at.
-            fixed: Settings that make the variant, whatever the others are.
-            distance_kind: How the method measures distances, if not to `Workbench.next.distance`.
-            starts_warm: Whether the method can start where the last triplet ended.
-            needs_previous: False if a method of three sweeps can do with two.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there, or for more memory
                 than there is.
         """
-        self._flow_of = flow_of
-        self._fixed = dict(fixed or {})
-        self._distance_kind = distance_kind
-        self._starts_warm = starts_warm
-        self._needs_previous = needs_previous
-        self.settings = settings = settings.changed(self._fixed)
-        is_warm = starts_warm and settings.warm_start.enabled
+        self.settings = settings
+        self._method = method
+        is_warm = method.starts_warm and settings.warm_start.enabled
         self.traits = MethodTraits(
-            num_sweeps,
+            method.num_sweeps,
             carries_state=is_warm or settings.ego_motion.removed,
             settings_groups=_SETTINGS_GROUPS,
         )
@@ -101,22 +96,13 @@ class NetworkEstimator:
             SettingsError: If the settings ask for a device that is not there, or for more memory
                 than there is.
         """
-        other = NetworkEstimator(
-            settings,
-            self._flow_of,
-            num_sweeps=self.traits.num_sweeps,
-            fixed=self._fixed,
-            distance_kind=self._distance_kind,
-            starts_warm=self._starts_warm,
-            needs_previous=self._needs_previous,
-        )
-        old, new = self.settings, other.settings
-        if new.compute == old.compute:
-            if _networks(new) == _networks(old):
+        other, old = NetworkEstimator(settings, self._method), self.settings
+        if settings.compute == old.compute:
+            if _networks(settings) == _networks(old):
                 other._warm_start = self._warm_start
-            if _preparing(new) == _preparing(old):
+            if _preparing(settings) == _preparing(old):
                 other._preparation = self._preparation
-        if new.ego_motion == old.ego_motion:
+        if settings.ego_motion == old.ego_motion:
             other._poses = self._poses
         return other
 
@@ -152,18 +138,17 @@ class NetworkEstimator:
 
     def _fitted(self, triplet: SweepTriplet, cancelled: Callable[[], bool]) -> FlowEstimate:
         """The flow in the coordinates of the sweeps as they are."""
-        num_before = self.traits.num_sweeps - 2
-        if triplet.previous is None and not self._needs_previous:
-            num_before = 0
+        is_pair = triplet.previous is None and not self._method.needs_previous
+        num_before = 0 if is_pair else self._method.num_sweeps - 2
         bench = Workbench(
             triplet, self.settings, self._device, self._preparation, num_before, self._warm_start
         )
         schedules = Schedules.start_now(self.settings, is_warm=False, cancelled=cancelled)
-        return bench.finish(self._flow_of(bench, schedules), self._distance_kind)
+        return bench.finish(self._method.flow_of(bench, schedules), self._method.distance_kind)
 
 
 def _networks(settings: Settings) -> tuple[object, ...]:
-    """What must be the same for networks to be carried over."""
+    """The settings on which carried networks depend."""
     # In another frame the flow is another one.
     is_removed = settings.ego_motion.removed
     optimization = settings.optimization
@@ -171,7 +156,7 @@ def _networks(settings: Settings) -> tuple[object, ...]:
 
 
 def _preparing(settings: Settings) -> tuple[object, ...]:
-    """What must be the same for sweeps made ready to stay so."""
+    """The settings on which prepared sweeps depend."""
     is_removed = settings.ego_motion.removed
     return settings.crop, settings.ground, settings.distance, settings.field, is_removed
 

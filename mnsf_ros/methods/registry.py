@@ -1,6 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Name of a method to its estimator: our methods, and those of other installed packages.
 
+A name with settings behind it, `mnsf+fusion.kind=mean`, is a variant of that method.
+
 Another package registers a method with an entry point in the group `mnsf_ros.methods`. Its name
 is the name of the method; its object is called with the settings and returns an estimator, see
 `SceneFlowEstimator`.
@@ -14,7 +16,7 @@ import difflib
 import logging
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -31,8 +33,7 @@ from mnsf_ros.methods.without_optimization import (
     ZeroEstimator,
 )
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
-from mnsf_ros.presets import settings_for
-from mnsf_ros.setting import SettingValue
+from mnsf_ros.presets import settings_for, variant_of
 from mnsf_ros.settings import Settings
 
 _LOG = logging.getLogger(__name__)
@@ -42,101 +43,93 @@ COMMAND_PREFIX: Final = "command:"
 
 MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
-_TRIPLET: Final = 3
-
 # What torch imports by itself with the first optimizer, for a second and more.
 OPTIMIZER_MODULE: Final = "torch._dynamo"
 _ARE_NETWORKS_LOADED: Final = threading.Event()
 
 
-def _later(path: str) -> Callable[..., Any]:
-    """Something of this package that is called, and imported when that happens first."""
-    return partial(_called, f"mnsf_ros.methods.{path}")
+def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any) -> MethodMaker:  # noqa: ANN401 - see below
+    """A method that fits networks.
+
+    Args:
+        path: `MODULE:FUNCTION` of this package.
+        options: Of the function.
+        traits: Of its `NetworkMethod`.
+    """
+
+    def make(settings: Settings) -> SceneFlowEstimator:
+        if "torch" not in sys.modules:
+            _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+        networks = import_module("mnsf_ros.methods.network_estimator")
+        flow_of = partial(resolve_name(f"mnsf_ros.methods.{path}"), **(options or {}))
+        method = networks.NetworkMethod(flow_of, **traits)
+        estimator: SceneFlowEstimator = networks.NetworkEstimator(settings, method)
+        return estimator
+
+    return make
 
 
-def _called(path: str, *args: object, **options: object) -> Any:  # noqa: ANN401 - what it is
-    return resolve_name(path)(*args, **options)
-
-
-def _linear(path: str) -> Callable[..., Any]:
-    return partial(_later(path), is_linear=True)
-
-
-def _network(*args: Any, **options: Any) -> SceneFlowEstimator:  # noqa: ANN401 - of its class
-    """A method that fits networks."""
-    _import_torch()
-    estimator: SceneFlowEstimator = _called(
-        "mnsf_ros.methods.network_estimator:NetworkEstimator", *args, **options
+def _mnsf(num_sweeps: int) -> MethodMaker:
+    return _network(
+        "mnsf:mnsf",
+        {"num_fields": num_sweeps - 1},
+        num_sweeps=num_sweeps,
+        starts_warm=True,
+        # The method as published makes do with two sweeps where there is no previous one.
+        needs_previous=num_sweeps != 3,
     )
+
+
+_NETWORKS: Final[dict[str, MethodMaker]] = {
+    "nsfp": _network("nsfp:nsfp", distance_kind="tree"),
+    "nsfp-linear": _network("nsfp:nsfp", {"is_linear": True}, distance_kind="tree"),
+    "fnsf": _network("fnsf:fnsf"),
+    "fnsf-linear": _network("fnsf:fnsf", {"is_linear": True}),
+    "fnsf-joint": _network("fnsf:fnsf_joint", num_sweeps=3),
+    "fnsf-time": _network("fnsf:fnsf_joint", {"has_time": True}, num_sweeps=3),
+    "mnsf-cycle": _network("mnsf:mnsf_cycle", num_sweeps=3),
+    "mnsf": _mnsf(3),
+    # Ablation (a) of the paper, and its numbers of sweeps.
+    "mnsf-no-backward": _mnsf(2),
+    "mnsf-frames4": _mnsf(4),
+    "mnsf-frames5": _mnsf(5),
+}
+
+
+def _command(maker: str, text: str, settings: Settings) -> SceneFlowEstimator:
+    commands = import_module("mnsf_ros.methods.command_estimator").CommandEstimator
+    estimator: SceneFlowEstimator = getattr(commands, maker)(text, settings)
     return estimator
 
 
-def _import_torch() -> None:
-    if "torch" not in sys.modules:
-        _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
-    import_module("torch")
-
-
-def _mnsf(num_sweeps: int = 3, /, **changes: SettingValue) -> MethodMaker:
-    """The method of the paper, with some settings of its fusion fixed."""
-    return partial(
-        _network,
-        flow_of=partial(_later("mnsf:mnsf"), num_fields=num_sweeps - 1),
-        num_sweeps=num_sweeps,
-        fixed={f"fusion.{name}": value for name, value in changes.items()},
-        starts_warm=True,
-        needs_previous=num_sweeps != _TRIPLET,
-    )
-
-
-# A new method is one line here; docs/extending.md has the recipe.
+# A new method is one line here or above; docs/extending.md has the recipe.
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,
-    "mnsf": _mnsf(),
     "zero": ZeroEstimator,
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
-    "nsfp": partial(_network, flow_of=_later("nsfp:nsfp"), distance_kind="tree"),
-    "nsfp-linear": partial(_network, flow_of=_linear("nsfp:nsfp"), distance_kind="tree"),
-    "fnsf": partial(_network, flow_of=_later("fnsf:fnsf")),
-    "fnsf-linear": partial(_network, flow_of=_linear("fnsf:fnsf")),
-    "fnsf-joint": partial(_network, flow_of=_later("fnsf:fnsf_joint"), num_sweeps=3),
-    "fnsf-time": partial(
-        _network, flow_of=partial(_later("fnsf:fnsf_joint"), has_time=True), num_sweeps=3
-    ),
-    "mnsf-cycle": partial(_network, flow_of=_later("mnsf:mnsf_cycle"), num_sweeps=3),
-    # Ablations (a) to (c) of the paper; (d) is the method itself.
-    "mnsf-no-backward": _mnsf(2),
-    "mnsf-mean": _mnsf(kind="mean"),
-    "mnsf-no-inversion": _mnsf(inversion=False),
-    # Fusion operations: mean is ablation (b), and the third is the method's own network.
-    "mnsf-weighted-sum": _mnsf(kind="weighted_sum"),
-    "mnsf-mlp": _mnsf(kind="mlp"),
-    **{f"mnsf-depth{depth}": _mnsf(num_hidden_layers=depth) for depth in (2, 3, 5, 7)},
-    # With two sweeps there is no backward flow: that is ablation (a).
-    **{f"mnsf-frames{number}": _mnsf(number) for number in (2, 3, 4, 5)},
+    **_NETWORKS,
     **{
-        name: partial(_later("command_estimator:CommandEstimator.from_environment"), name)
+        name: partial(_command, "from_environment", name)
         for name in ("flot", "3dflow", "gmsf", "scoop")
     },
 }
 
-# What follows the prefix says which files or programs they are.
+# What follows the prefix names files or a program.
 _PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
-    COMMAND_PREFIX: _later("command_estimator:CommandEstimator.from_text"),
+    COMMAND_PREFIX: partial(_command, "from_text"),
     FILE_PREFIX: PredictionFiles,
 }
-
-_OLD_NAMES: Final = {"mnsf-objects": "online", "mnsf-network": "mnsf"}
 
 
 def method_names() -> tuple[str, ...]:
     """The names that `make_method` knows: our methods, then those of other packages."""
-    return (*_METHODS, *(name for name in sorted(_plug_ins()) if name not in _METHODS))
+    others = {plug_in.name for plug_in in entry_points(group=GROUP)}
+    return (*_METHODS, *sorted(others - _METHODS.keys()))
 
 
 def check_method(name: str) -> None:
-    """Checks that there is a method of that name, without making it.
+    """Checks that there is a method of that name, without making it; variants are refused.
 
     Raises:
         SettingsError: If there is none, or several packages offer it.
@@ -146,7 +139,7 @@ def check_method(name: str) -> None:
 
 def is_loaded(name: str) -> bool:
     """Whether a method is there at once: `load_method` would take no seconds."""
-    return not _has_network(name) or _ARE_NETWORKS_LOADED.is_set()
+    return name not in _NETWORKS or _ARE_NETWORKS_LOADED.is_set()
 
 
 def load_method(name: str) -> None:
@@ -156,23 +149,19 @@ def load_method(name: str) -> None:
     """
     if not is_loaded(name):
         with suppress(Exception):
-            _import_torch()
+            import_module("torch")
             import_module(OPTIMIZER_MODULE)
             _ARE_NETWORKS_LOADED.set()
-
-
-def _has_network(name: str) -> bool:
-    make = _METHODS.get(name)
-    return isinstance(make, partial) and make.func is _network
 
 
 def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
     """Makes the estimator of a method, which has seen nothing yet.
 
     Args:
-        name: One of `method_names`, or `command:` and a command line.
-        settings: How to estimate. Each method adds what makes it that method, and `online` takes
-            its own preset instead of `paper` or `authors`, see `settings_for`.
+        name: One of `method_names`, also with settings behind it (`mnsf+fusion.kind=mean`), or
+            `command:` and a command line.
+        settings: How to estimate. A variant changes its settings on top, and `online` takes its own
+            preset instead of `paper` or `authors`, see `settings_for`.
 
     Raises:
         SettingsError: If there is no such method, it cannot be made, or the settings ask for a
@@ -180,7 +169,7 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
         LibraryError: If it needs a library that is not installed.
     """
     try:
-        return _maker(name)(settings_for(name, settings))
+        return _maker(variant_of(name)[0])(settings_for(name, settings))
     except ModuleNotFoundError as error:
         raise LibraryError(f"method {name!r}: {library_missing(error)}") from error
     except ImportError as error:
@@ -193,24 +182,19 @@ def _maker(name: str) -> MethodMaker:
     for prefix, make in _PREFIXES.items():
         if name.startswith(prefix):
             return partial(make, name.removeprefix(prefix))
-    plug_ins = _plug_ins().get(name, [])
+    # A package seen twice on the path (a checkout and its installation) is still one.
+    plug_ins = set(entry_points(group=GROUP, name=name))
     if not plug_ins:
-        raise SettingsError(_unknown(name))
+        near = difflib.get_close_matches(name, method_names(), n=3)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise SettingsError(f"unknown method {name!r}{hint}; there are {', '.join(method_names())}")
     if len(plug_ins) > 1:
         packages = " and ".join(sorted(_package(plug_in) for plug_in in plug_ins))
         raise SettingsError(f"method {name!r} is offered by {packages}; uninstall all but one")
-    return partial(_made, plug_ins[0])
+    return partial(_of_package, plug_ins.pop())
 
 
-def _plug_ins() -> dict[str, list[EntryPoint]]:
-    found: dict[str, list[EntryPoint]] = {}
-    # A package seen twice on the path (a checkout and its installation) is still one.
-    for plug_in in dict.fromkeys(entry_points(group=GROUP)):
-        found.setdefault(plug_in.name, []).append(plug_in)
-    return found
-
-
-def _made(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
+def _of_package(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     source = f"method {plug_in.name!r} of {_package(plug_in)}"
     try:
         make = plug_in.load()
@@ -221,34 +205,15 @@ def _made(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     if not callable(make):
         raise SettingsError(f"{source}: got {make!r}, expected a class or function of settings")
     estimator: SceneFlowEstimator = make(settings)
-    missing = _missing(estimator)
-    if missing:
+    parts = ("estimate", "with_settings", "settings", "traits")
+    missing = [name for name in parts if not hasattr(estimator, name)]
+    if missing or not isinstance(estimator.traits, MethodTraits):
         raise SettingsError(
-            f"{source}: {type(estimator).__name__} lacks {', '.join(missing)}, which every method "
-            "must have; see docs/extending.md"
+            f"{source}: {type(estimator).__name__} lacks {', '.join(missing or ['MethodTraits'])}, "
+            "which every method must have; see docs/extending.md"
         )
     return estimator
 
 
-def _missing(estimator: object) -> list[str]:
-    """What an object lacks to be an estimator."""
-    methods = ("estimate", "with_settings")
-    missing = [f"{name}()" for name in methods if not callable(getattr(estimator, name, None))]
-    if not isinstance(getattr(estimator, "settings", None), Settings):
-        missing.append("settings (Settings)")
-    if not isinstance(getattr(estimator, "traits", None), MethodTraits):
-        missing.append("traits (MethodTraits)")
-    return missing
-
-
 def _package(plug_in: EntryPoint) -> str:
     return plug_in.dist.name if plug_in.dist else plug_in.value
-
-
-def _unknown(name: str) -> str:
-    if name in _OLD_NAMES:
-        return f"unknown method {name!r}: it is now called {_OLD_NAMES[name]!r}"
-    names = method_names()
-    near = difflib.get_close_matches(name, names, n=3)
-    hint = f"; did you mean {' or '.join(near)}?" if near else ""
-    return f"unknown method {name!r}{hint}; there are {', '.join(names)}"

@@ -68,8 +68,8 @@ METHOD_STUDIES: Final = (
         {
             "FNSF": "fnsf",
             "(a) without the backward flow": "mnsf-no-backward",
-            "(b) inversion and mean, no fusion network": "mnsf-mean",
-            "(c) without inversion": "mnsf-no-inversion",
+            "(b) inversion and mean, no fusion network": "mnsf+fusion.kind=mean",
+            "(c) without inversion": "mnsf+fusion.inversion=false",
             "(d) MNSF": "mnsf",
         },
     ),
@@ -78,20 +78,25 @@ METHOD_STUDIES: Final = (
         "Fusion operation",
         {
             "FNSF": "fnsf",
-            "mean": "mnsf-mean",
-            "weighted sum": "mnsf-weighted-sum",
-            "MLP": "mnsf-mlp",
+            "mean": "mnsf+fusion.kind=mean",
+            "weighted sum": "mnsf+fusion.kind=weighted_sum",
+            "MLP": "mnsf+fusion.kind=mlp",
         },
     ),
     MethodStudy(
         "depth",
         "Depth of the fusion network",
-        {f"{depth} layers": f"mnsf-depth{depth}" for depth in (2, 3, 5, 7)},
+        {f"{depth} layers": f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 3, 5, 7)},
     ),
     MethodStudy(
         "frames",
         "Number of sweeps",
-        {f"{number} sweeps": f"mnsf-frames{number}" for number in (2, 3, 4, 5)},
+        {
+            "2 sweeps": "mnsf-no-backward",
+            "3 sweeps": "mnsf",
+            "4 sweeps": "mnsf-frames4",
+            "5 sweeps": "mnsf-frames5",
+        },
         num_sweeps=MAX_SWEEPS,
     ),
 )

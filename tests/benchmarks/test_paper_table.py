@@ -127,7 +127,7 @@ def test_figures_are_means_over_seeds_that_are_complete(load):
     assert [seed.epe_m for seed in found.of_seeds["all"]] == pytest.approx([0.051, 0.071])
     assert found.time_ms == 1e3
     # The same estimate under the name of another table.
-    assert measured_of(rows, "8192", "mnsf-depth3") == found
+    assert measured_of(rows, "8192", "mnsf+fusion.num_hidden_layers=3") == found
     assert measured_of(rows, "full", "mnsf") is None
     assert measured_of(rows_of("mnsf", 0.05, failure="no flow"), "8192", "mnsf") is None
 

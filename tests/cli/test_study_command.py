@@ -42,7 +42,7 @@ def test_table_is_printed_and_written(
     out = tmp_path / "out"
     assert study("fusion", street, "--out", out) == 0
     printed = capsys.readouterr().out
-    for text in ("weighted sum", "EPE (m)", "12 of 12: mnsf-mlp", "Written: "):
+    for text in ("weighted sum", "EPE (m)", "12 of 12: mnsf+fusion.kind=mlp", "Written: "):
         assert text in printed
     names = {path.name for path in out.iterdir()}
     assert names == {"fusion.md", "fusion.csv", "fusion.png", "evaluation"}
@@ -53,7 +53,7 @@ def test_number_of_examples_is_limited(
     street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert study("fusion", street, "--max-examples", 1, "--out", tmp_path / "out") == 0
-    assert "4 of 4: mnsf-mlp" in capsys.readouterr().out
+    assert "4 of 4: mnsf+fusion.kind=mlp" in capsys.readouterr().out
 
 
 def test_options_may_stand_anywhere(
@@ -62,7 +62,7 @@ def test_options_may_stand_anywhere(
     out, few = str(tmp_path / "out"), [*FEW_STEPS, "--num-points", "100"]
     arguments = ["--max-examples", "1", "fusion", "--out", out, str(street), "--seed", "1"]
     assert run(["study", *arguments, *few]) == 0
-    assert "4 of 4: mnsf-mlp" in capsys.readouterr().out
+    assert "4 of 4: mnsf+fusion.kind=mlp" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,12 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.cli import evaluate, main
-from mnsf_ros.cli.arguments import parse_assignments
 from mnsf_ros.cli.evaluation import new_folder
 from mnsf_ros.core import memory_demand
 from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
 from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.settings import parse_assignments
 from msg_utils.point_cloud2 import encode_columns
 
 # Those that start a process draw all the same.

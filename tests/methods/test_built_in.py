@@ -20,8 +20,7 @@ OPTIMIZING = [name for name in method_names() if name not in ("zero", "ego", *NE
 REGISTERING = ("online", "ego-estimated")
 COLD = ["nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time", "mnsf-cycle"]
 TWO_SWEEPS = [
-    *("ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
-    *("mnsf-no-backward", "mnsf-frames2"),
+    *("ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear", "mnsf-no-backward"),
 ]
 
 SHORT = QUICK.changed({"optimization.max_iterations": 4, "fusion.max_iterations": 4})
@@ -184,7 +183,6 @@ def test_fnsf_is_the_forward_field_of_the_paper(translated):
     [
         ("mnsf", ["forward", "backward", "fusion"]),
         ("mnsf-no-backward", ["forward", "fusion"]),
-        ("mnsf-frames2", ["forward", "fusion"]),
         ("mnsf-frames4", ["forward", "backward", "backward 2", "fusion"]),
         ("mnsf-cycle", ["forward", "backward", "fusion"]),
         ("fnsf-joint", ["forward"]),
@@ -196,29 +194,25 @@ def test_stages(translated, name, stages):
     assert list(result.times_ms) == ["prepare", *stages]
 
 
-@pytest.mark.parametrize(
-    ("name", "same_as"),
-    [
-        ("mnsf-mlp", "mnsf"),
-        ("mnsf-depth3", "mnsf"),
-        ("mnsf-frames3", "mnsf"),
-        ("mnsf-frames2", "mnsf-no-backward"),
-    ],
-)
-def test_rows_that_are_the_same_in_two_tables(translated, name, same_as):
-    flows = [estimate(each, translated, SHORT).flow for each in (name, same_as)]
-    np.testing.assert_array_equal(*flows)
+def test_a_variant_is_the_method_with_other_settings(translated):
+    changes = {"fusion.kind": "mean", "fusion.inversion": False}
+    settings = SHORT.changed(changes)
+    variant = make_method("mnsf+fusion.kind=mean+fusion.inversion=false", SHORT)
+    assert variant.settings == settings
+    assert variant.settings.explicit == settings.explicit
+    expected = estimate("mnsf", translated, settings).flow
+    np.testing.assert_array_equal(variant.estimate(translated).flow, expected)
 
 
 def test_mean_learns_nothing(translated):
-    fusion = estimate("mnsf-mean", translated, SHORT).fits["fusion"]
+    fusion = estimate("mnsf+fusion.kind=mean", translated, SHORT).fits["fusion"]
     assert (fusion.iterations, fusion.stop_reason) == (0, StopReason.CONVERGED)
 
 
 def test_without_inversion_the_mean_is_of_f_and_b_itself(translated):
     # f + b and f - b add up to twice f, whatever the two are.
     plain = SHORT.changed({"fusion.kind": "mean"})
-    without = estimate("mnsf-no-inversion", translated, plain).flow
+    without = estimate("mnsf+fusion.inversion=false", translated, plain).flow
     inverted = estimate("mnsf", translated, plain).flow
     forward = estimate("fnsf", translated, SHORT).flow
     np.testing.assert_allclose(without + inverted, forward, atol=1e-6)
@@ -235,9 +229,3 @@ def test_flow_to_earlier_sweeps_is_divided_by_their_number(translated):
     # Twice and three times as far in twice and three times the time, and backward.
     without = estimate("mnsf-frames5", triplet, mean.changed({"fusion.inversion": False}))
     assert median_error(without.flow, slow * (1 - 1 - 2 - 3) / 4) < 0.015
-
-
-@pytest.mark.parametrize("depth", [2, 3, 5, 7])
-def test_depth_is_that_of_the_fusion(depth):
-    estimator = make_method(f"mnsf-depth{depth}", SHORT)
-    assert estimator.settings == SHORT.changed({"fusion.num_hidden_layers": depth})

@@ -12,7 +12,7 @@ from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
-from mnsf_ros.methods.network_estimator import NetworkEstimator
+from mnsf_ros.methods.network_estimator import NetworkEstimator, NetworkMethod
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -216,7 +216,7 @@ class KnownFlow:
         return flow
 
     def estimate(self, triplet, **how):
-        return NetworkEstimator(self.settings, self, **how).estimate(triplet)
+        return NetworkEstimator(self.settings, NetworkMethod(self, **how)).estimate(triplet)
 
 
 def told_sweep(index, interval_s=0.1, odometry=True):

@@ -11,12 +11,10 @@ import pytest
 
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.methods import method_names
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.run_tables import tables_of
-from mnsf_ros.studies.method_study import METHOD_STUDIES
 from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
 from mnsf_ros.studies.study import StudyOptions
@@ -110,7 +108,7 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     run_study("fusion", options)
     num_rows = len(list(RunFolder(options.out / "evaluation").rows))
     assert num_rows == 2 * 4
-    assert said[-1].startswith("8 of 8: mnsf-mlp, street sweep 2: EPE ")
+    assert said[-1].startswith("8 of 8: mnsf+fusion.kind=mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
@@ -128,9 +126,9 @@ def test_method_study_takes_all_examples_of_a_recording(options):
 @pytest.mark.usefixtures("without_drawing")
 def test_method_study_can_be_reported(studied):
     folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
-    results = read_results(folder, "mnsf-depth3")
+    results = read_results(folder, "mnsf+fusion.num_hidden_layers=3")
     text = write_report(folder, results, tables_of(results), 1).read_text()
-    assert "<figcaption>mnsf-depth3: EPE" in text
+    assert "<figcaption>mnsf+fusion.num_hidden_layers=3: EPE" in text
 
 
 def test_without_recordings_a_street_is_simulated(options):
@@ -138,11 +136,6 @@ def test_without_recordings_a_street_is_simulated(options):
     result, _ = run_study("landscape", options)
     assert (options.out / "street" / "metadata.yaml").exists()
     assert "of street" in result.texts[1]
-
-
-def test_variants_are_methods():
-    for item in METHOD_STUDIES:
-        assert set(item.variants.values()) <= set(method_names())
 
 
 def test_settings_that_were_asked_for_stay():
