@@ -85,7 +85,7 @@ setup(
         "wheels": ROS_WHEELS,
         # For the methods with networks (mnsf, fnsf, nsfp); online does without.
         "networks": ["torch>=2.4", "edt>=2.4"],
-        "datasets": ["pyarrow>=14", "h5py>=3.10", "protobuf>=4.22"],
+        "datasets": ["pyarrow>=14", "h5py>=3.10", "protobuf>=4.22", "pypcd4>=1.4,<2"],
         "ray": ["ray>=2.40"],
         # For `mnsf tune`.
         "tune": ["optuna>=5,<6"],

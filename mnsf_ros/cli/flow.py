@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mnsf_ros.sweeps_io.write_flow import FlowToWrite
 
 _EPILOG = """\
-Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .ply, .feather (Argoverse 2),
+Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .feather (Argoverse 2),
 .bin (KITTI: rows of x, y, z, intensity), .pcd.bin (nuScenes: and ring).
 OUT: .npz, .npy (flow alone) or .ply (coloured), row i for row i of CURRENT, NaN
 where that has no point. Each sweep is in its own sensor frame; point + flow is

@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.datasets.json_entries import NUMBER, TEXT, Kind, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import columns_of, numbered_files, read_json, reading, stacked
 from mnsf_ros.datasets.surface_classes import ARGOVERSE1, UNKNOWN
-from mnsf_ros.errors import DatasetError, SweepFileError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
-from mnsf_ros.sweeps_io.ply import read_vertices
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,11 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
-_OBJECT: Final = Kind("an object", lambda value: type(value) is dict)
-_CATEGORY: Final = Kind(
-    "a text, an object or null", lambda value: value is None or type(value) in (str, dict)
-)
-# What the annotators of a fully occluded object wrote down.
+_PLY_TYPES: Final = {"uchar": "u1", "ushort": "u2", "int": "i4", "float": "f4", "double": "f8"}
+# The annotators' value for a fully occluded object.
 _OCCLUDED: Final = 100
 
 
@@ -37,15 +31,9 @@ def open_log(source: Path) -> SweepSource:
 
 
 def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
-    try:
-        points = read_vertices(file)
-    except SweepFileError as error:
-        raise DatasetError(str(error)) from error
-    missing = [axis for axis in "xyz" if axis not in points]
-    if missing:
-        raise DatasetError(f"{file}: has no property {', '.join(missing)}")
     labels = source / "per_sweep_annotations_amodal" / f"tracked_object_labels_{stamp_ns}.json"
     with reading(file):
+        points = _read_points(file)
         return LabelledSweep(
             stamp_ns=stamp_ns,
             xyz=stacked(points, "xyz"),
@@ -56,36 +44,51 @@ def _sweep(source: Path, file: Path, stamp_ns: int) -> LabelledSweep:
         )
 
 
+def _read_points(path: Path) -> dict[str, NDArray[Any]]:
+    """Returns the properties (N,) of the vertices, which come first in a binary PLY file."""
+    header, end, body = path.read_bytes().partition(b"end_header\n")
+    order, num_points, fields = "", 0, []
+    for words in map(str.split, header.decode("ascii").splitlines()):
+        match words:
+            case ["format", "binary_little_endian" | "binary_big_endian" as encoding, _]:
+                order = "<" if "little" in encoding else ">"
+            case ["element", "vertex", number]:
+                num_points = int(number)
+            case ["element", *_]:
+                break
+            case ["property", kind, name]:
+                fields.append((name, order + _PLY_TYPES[kind]))
+            case ["property", *_]:
+                raise ValueError("its vertices have lists")
+    if not (end and order and fields):
+        raise ValueError("expected a binary PLY file that begins with its vertices")
+    points = np.frombuffer(body, np.dtype(fields), num_points)
+    return {name: points[name] for name, _ in fields}
+
+
 def _read_pose(path: Path) -> NDArray[np.float64]:
-    row = read_json(path)
+    row = read_json(path, dict)
     with reading(path):
-        rotation, translation = (
-            entry(row, "rotation", numbers(4)),
-            entry(row, "translation", numbers(3)),
-        )
-        return rigid_pose(poses_from_quaternions(rotation, translation))
+        return rigid_pose(poses_from_quaternions(row["rotation"], row["translation"]))
 
 
 def _read_boxes(path: Path) -> tuple[Box, ...]:
-    labels = read_json(path)
+    labels = read_json(path, list)
     with reading(path):
         return tuple(_box(label) for label in labels)
 
 
-def _box(label: Any) -> Box:  # noqa: ANN401
-    rotation, center = entry(label, "rotation", _OBJECT), entry(label, "center", _OBJECT)
-    # Some labels have neither.
-    optional = {"label_class": None, "occlusion": 0, **label}
-    category = entry(optional, "label_class", _CATEGORY)
-    name = entry(category, "name", TEXT) if isinstance(category, dict) else category
-    size = [entry(label, side, NUMBER) for side in ("length", "width", "height")]
+def _box(label: dict[str, Any]) -> Box:
+    rotation, center = label["rotation"], label["center"]
+    category = label.get("label_class")  # a name, an object with a name, or missing
+    name = category["name"] if isinstance(category, dict) else category
+    sides = ("length", "width", "height")
     return Box(
         pose=poses_from_quaternions(
-            [entry(rotation, axis, NUMBER) for axis in "wxyz"],
-            [entry(center, axis, NUMBER) for axis in "xyz"],
+            [rotation[axis] for axis in "wxyz"], [center[axis] for axis in "xyz"]
         ),
-        size_m=np.array(size, np.float64),
+        size_m=np.array([label[side] for side in sides], np.float64),
         class_id=ARGOVERSE1.get(name or "", UNKNOWN),
-        track_id=entry(label, "track_label_uuid", TEXT),
-        hidden=entry(optional, "occlusion", NUMBER) == _OCCLUDED,
+        track_id=label["track_label_uuid"],
+        hidden=label.get("occlusion") == _OCCLUDED,
     )

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -31,7 +31,7 @@ _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring"
 _POSE: Final = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 _SIZE: Final = ("length_m", "width_m", "height_m")
 _FLOW: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
-# Names of the same thing in different tools, and the number of the background in each.
+# The names of a column in different tools, and their numbers of the background.
 _VALID: Final = ("is_valid", "valid", "valid_0")
 _DYNAMIC: Final = ("is_dynamic", "dynamic")
 _CATEGORY: Final = {"category_indices": 0, "classes": 0, "classes_0": -1}
@@ -49,14 +49,24 @@ def open_log(source: Path, labels: Path | None = None) -> SweepSource:
     has_boxes = labels is None and annotations.is_file()
     boxes = _read_boxes(annotations) if has_boxes else {}
     pose_file = source / "city_SE3_egovehicle.feather"
-    sweeps = _sweeps(files, pose_file, _read_poses(pose_file), boxes, flows)
-    return SweepSource("egovehicle", len(files), sweeps)
+    poses = _read_poses(pose_file)
+
+    def sweeps() -> Iterator[LabelledSweep]:
+        for stamp_ns, file in files.items():
+            if stamp_ns not in poses:
+                raise DatasetError(f"{pose_file}: has no pose of stamp {stamp_ns}")
+            with reading(pose_file, f"pose of stamp {stamp_ns}"):
+                pose = rigid_pose(poses[stamp_ns])
+            flow_file = flows.get(stamp_ns)
+            yield _sweep(file, stamp_ns, pose, boxes.get(stamp_ns), flow_file)
+
+    return SweepSource("egovehicle", len(files), sweeps())
 
 
 def _flow_files(folder: Path, stamps_ns: list[int]) -> dict[int, Path]:
-    """Finds the labels of each sweep but the last, or of the first ones only, by its stamp.
+    """Returns the labels of the sweeps by stamp: of all but the last, or only of the first ones.
 
-    They are named by the stamp of their sweep, or counted from 0 or 1, as some tools do.
+    Their names are the stamps of the sweeps, or numbers from 0 or 1, as some tools write them.
     """
     files = numbered_files(folder, "*.feather")
     unknown = sorted(files.keys() - set(stamps_ns))
@@ -72,56 +82,51 @@ def _flow_files(folder: Path, stamps_ns: list[int]) -> dict[int, Path]:
     return dict(zip(stamps_ns, files.values(), strict=False))
 
 
-def _sweeps(
-    files: Mapping[int, Path],
-    pose_file: Path,
-    poses: Mapping[int, NDArray[np.float64]],
-    boxes: Mapping[int, tuple[Box, ...]],
-    flows: Mapping[int, Path],
-) -> Iterator[LabelledSweep]:
-    for stamp_ns, file in files.items():
-        columns = read_feather(file, ("x", "y", "z", *_EXTRA, "offset_ns"))
-        if stamp_ns not in poses:
-            raise DatasetError(f"{pose_file}: has no pose of stamp {stamp_ns}")
-        with reading(pose_file, f"pose of stamp {stamp_ns}"):
-            pose = rigid_pose(poses[stamp_ns])
-        with reading(file):
-            xyz = stacked(columns, "xyz")
-            offset_s = as_type(columns["offset_ns"] * 1e-9, np.float32)
-            yield LabelledSweep(
-                stamp_ns=stamp_ns,
-                xyz=xyz,
-                columns={**columns_of(columns, _EXTRA), "time_offset": offset_s},
-                pose=pose,
-                boxes=boxes.get(stamp_ns),
-                given=_read_flow(flows[stamp_ns], len(xyz)) if stamp_ns in flows else None,
-            )
+def _sweep(
+    file: Path,
+    stamp_ns: int,
+    pose: NDArray[np.float64],
+    boxes: tuple[Box, ...] | None,
+    flow_file: Path | None,
+) -> LabelledSweep:
+    columns = read_feather(file, ("x", "y", "z", *_EXTRA, "offset_ns"))
+    with reading(file):
+        xyz = stacked(columns, "xyz")
+        offset_s = as_type(columns["offset_ns"] * 1e-9, np.float32)
+        return LabelledSweep(
+            stamp_ns=stamp_ns,
+            xyz=xyz,
+            columns={**columns_of(columns, _EXTRA), "time_offset": offset_s},
+            pose=pose,
+            boxes=boxes,
+            given=None if flow_file is None else _read_flow(flow_file, len(xyz)),
+        )
 
 
 def _read_flow(path: Path, num_points: int) -> GivenFlow:
     columns = read_feather(path, _FLOW, (*_VALID, *_DYNAMIC, *_CATEGORY))
-    valid = next((columns[name] for name in _VALID if name in columns), None)
+    valid, dynamic, category = (
+        next((name for name in names if name in columns), None)
+        for names in (_VALID, _DYNAMIC, _CATEGORY)
+    )
     if valid is None:
         raise DatasetError(f"{path}: has no column {' or '.join(_VALID)}")
-    if len(valid) != num_points:
+    if len(columns[valid]) != num_points:
         raise DatasetError(
-            f"{path}: has {len(valid)} rows for {num_points} points; labels "
+            f"{path}: has {len(columns[valid])} rows for {num_points} points; labels "
             "of a subset of the points (as for the leaderboard) cannot be used"
         )
-    dynamic = next((columns[name] for name in _DYNAMIC if name in columns), None)
-    category = next((name for name in _CATEGORY if name in columns), None)
     with reading(path):
-        class_id = None
-        if category is not None:
-            class_id = argoverse2_classes(
-                as_type(columns[category], np.int64) - _CATEGORY[category]
-            )
         return GivenFlow(
             flow=stacked(columns, _FLOW),
-            valid=valid.astype(bool),
-            dynamic=None if dynamic is None else dynamic.astype(bool),
-            class_id=class_id,
+            valid=columns[valid].astype(bool),
+            dynamic=None if dynamic is None else columns[dynamic].astype(bool),
+            class_id=None if category is None else _classes(columns[category], category),
         )
+
+
+def _classes(numbers: NDArray[Any], column: str) -> NDArray[np.uint8]:
+    return argoverse2_classes(as_type(numbers, np.int64) - _CATEGORY[column])
 
 
 def _read_poses(path: Path) -> dict[int, NDArray[np.float64]]:
@@ -147,6 +152,6 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
 
 
 def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(..., 4, 4) poses from columns (...)."""
+    """(..., 4, 4) poses of columns (...)."""
     numbers = np.stack([columns[name] for name in _POSE], axis=-1)
     return poses_from_quaternions(numbers[..., :4], numbers[..., 4:])

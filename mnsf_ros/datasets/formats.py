@@ -1,8 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""All formats that can be read, by the name a user calls them, and what to say about a source.
+"""The formats of data sets by name.
 
-Each opener raises a DatasetError if something that is needed is missing or damaged; so does
-reading the sweeps.
+Each opener raises a DatasetError if a needed file is missing or damaged; so does reading the
+sweeps.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """What truth is made of.
+    """Settings of the truth.
 
     Attributes:
-        box_margin_m: By how much boxes grow in length, width and height, in total. The default
-            is that of the data sets prepared for NSFP, FNSF and MNSF.
-        unlabelled_static: Whether points where no labels reach count as standing still instead
-            of as unknown.
+        box_margin_m: Growth of the boxes in length, width and height, metres. The default is that
+            of the data sets prepared for NSFP, FNSF and MNSF.
+        unlabelled_static: Whether points outside the labelled area are static instead of unknown.
     """
 
     box_margin_m: float = 0.6
@@ -41,12 +40,12 @@ class TruthSettings:
 
 @dataclass(frozen=True)
 class Format:
-    """One layout of files.
+    """One format of a data set.
 
     Attributes:
-        place: Module and function that opens a source; imported when it is needed.
-        source: What a source is, for the user.
-        options: Options of `open_source` that it takes.
+        place: Module and function that opens a source; imported on first use.
+        source: Description of a source for the user.
+        options: Supported options of `open_source`.
     """
 
     place: str
@@ -78,12 +77,12 @@ def open_source(
 ) -> SweepSource:
     """Opens a sequence of a data set whose format is a key of `FORMATS`.
 
-    A source that holds several needs the name of the `sequence`. `labels` is the folder of labels
-    that are kept apart from the sweeps.
+    A source with several sequences needs the name of the `sequence`. `labels` is a separate folder
+    of labels.
 
     Raises:
-        DatasetError: The format is unknown or does not take an option that is given, or
-            something that is needed is missing or damaged.
+        DatasetError: The format is unknown or does not support a given option, or a needed file is
+            missing or damaged.
     """
     if name not in FORMATS:
         raise DatasetError(f"format {name!r} is unknown, expected one of {', '.join(FORMATS)}")

@@ -11,15 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import (
-    numbered_files,
-    read_content,
-    read_float_rows,
-    read_lines,
-    reading,
-)
+from mnsf_ros.datasets.source_files import numbered_files, read_float_rows, read_lines, reading
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
-from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
 
 if TYPE_CHECKING:
@@ -44,13 +37,13 @@ def open_drive(source: Path) -> SweepSource:
 
 
 class _Drive:
-    """The parts of a drive that do not belong to one sweep."""
+    """Calibration, stamps, poses and labels of a drive."""
 
     def __init__(self, source: Path, first: int) -> None:
         here = (source / _IMU_CALIBRATION).is_file()
         calibration = source if here else source.resolve().parent
         self._source = source
-        self._imu_from_lidar = invert(_Calibration(calibration / _IMU_CALIBRATION).rigid())
+        self._imu_from_lidar = invert(_rigid_transform(calibration / _IMU_CALIBRATION))
         self._stamps_file = source / "velodyne_points" / "timestamps.txt"
         self._stamps = read_lines(self._stamps_file)
         tracklets = source / "tracklet_labels.xml"
@@ -73,12 +66,9 @@ class _Drive:
             )
 
     def _stamp_ns(self, number: int) -> int:
-        # The line of a sweep that was lost is empty, and its file is not there.
-        line = self._stamps[number].strip() if number < len(self._stamps) else ""
-        if not line:
-            raise DatasetError(f"{self._stamps_file}: has no line {number + 1} for that sweep")
-        with reading(self._stamps_file):
-            return int(np.datetime64(line.replace(" ", "T"), "ns").astype(np.int64))
+        # The line of a lost sweep is empty, and its file is missing.
+        with reading(self._stamps_file, f"line {number + 1}"):
+            return int(np.datetime64(self._stamps[number].replace(" ", "T"), "ns").astype(np.int64))
 
     def _world_from_imu(self, number: int) -> NDArray[np.float64]:
         latitude, longitude, altitude, roll, pitch, yaw = self._imu_reading(number)
@@ -91,57 +81,49 @@ class _Drive:
         world_from_imu: NDArray[np.float64] = pose @ tilt(pitch, roll)
         return world_from_imu
 
-    def _imu_reading(self, number: int) -> tuple[float, ...]:
-        """Latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
+    def _imu_reading(self, number: int) -> NDArray[np.float64]:
+        """(6,) latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad)."""
         path = self._source / "oxts" / "data" / f"{number:010d}.txt"
         words = " ".join(read_lines(path)).split()[:6]
         with reading(path):
-            values = tuple(float(word) for word in words)
-        if len(values) < 6:
-            raise DatasetError(f"{path}: has {len(values)} numbers, expected 30")
-        if not np.isfinite(values).all():
-            raise DatasetError(f"{path}: holds {values}, expected finite numbers")
-        return values
+            values = np.array(words, dtype=np.float64)
+            if len(values) < 6 or not np.isfinite(values).all():
+                raise ValueError(f"begins with {values.tolist()}, expected 6 finite numbers")
+            return values
 
 
 def _mercator(latitude_deg: float) -> float:
     return math.log(math.tan(math.pi / 4 + math.radians(latitude_deg) / 2))
 
 
-class _Calibration:
-    """A file with a name and numbers on each line."""
+def _calibration(path: Path, **shapes: tuple[int, ...]) -> list[NDArray[np.float64]]:
+    """Returns entries of a file with a name and numbers on each line, by name and shape."""
+    entries = dict(line.split(":", 1) for line in read_lines(path) if ":" in line)
+    with reading(path):
+        return [
+            np.array(entries[name].split(), dtype=np.float64).reshape(shape)
+            for name, shape in shapes.items()
+        ]
 
-    def __init__(self, path: Path) -> None:
-        pairs = (line.partition(":") for line in read_lines(path))
-        self._path = path
-        self._entries = {name.strip(): values for name, colon, values in pairs if colon}
 
-    def numbers(self, name: str, *shape: int) -> NDArray[np.float64]:
-        if name not in self._entries:
-            found = ", ".join(self._entries)
-            raise DatasetError(f"{self._path}: has no entry {name!r}; it has {found}")
-        with reading(self._path):
-            return np.array(self._entries[name].split(), dtype=np.float64).reshape(shape)
-
-    def rigid(self) -> NDArray[np.float64]:
-        """The (4, 4) transform of R and T."""
-        transform = np.eye(4)
-        transform[:3, :3] = self.numbers("R", 3, 3)
-        transform[:3, 3] = self.numbers("T", 3)
-        with reading(self._path):
-            return rigid_pose(transform)
+def _rigid_transform(path: Path) -> NDArray[np.float64]:
+    """Returns the (4, 4) transform of the entries R and T."""
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = _calibration(path, R=(3, 3), T=(3,))
+    with reading(path):
+        return rigid_pose(transform)
 
 
 class _Camera:
-    """The left colour camera, in whose image objects were labelled."""
+    """The left colour camera: objects were labelled in its image."""
 
     def __init__(self, folder: Path) -> None:
-        camera = _Calibration(folder / "calib_cam_to_cam.txt")
         rectified = np.eye(4)
-        rectified[:3, :3] = camera.numbers("R_rect_00", 3, 3)
-        self._size = camera.numbers("S_rect_02", 2)
-        camera_from_lidar = _Calibration(folder / "calib_velo_to_cam.txt").rigid()
-        self._image_from_lidar = camera.numbers("P_rect_02", 3, 4) @ rectified @ camera_from_lidar
+        rectified[:3, :3], self._size, projection = _calibration(
+            folder / "calib_cam_to_cam.txt", R_rect_00=(3, 3), S_rect_02=(2,), P_rect_02=(3, 4)
+        )
+        camera_from_lidar = _rigid_transform(folder / "calib_velo_to_cam.txt")
+        self._image_from_lidar = projection @ rectified @ camera_from_lidar
 
     def sees(self, xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (N,) whether points (N, 3) of the lidar are in the image."""
@@ -156,11 +138,10 @@ class _Camera:
 
 
 def _read_tracklets(path: Path) -> Mapping[int, tuple[Box, ...]]:
-    """The boxes in the lidar frame by the number of their sweep."""
+    """Returns the boxes in the lidar frame by the number of their sweep."""
     boxes: dict[int, tuple[Box, ...]] = defaultdict(tuple)
-    content = read_content(path)
     with reading(path):
-        tracklets = ElementTree.fromstring(content).find("tracklets")
+        tracklets = ElementTree.parse(path).find("tracklets")
         if tracklets is None:
             raise ValueError("has no element 'tracklets'")
         for track_id, tracklet in enumerate(tracklets.findall("item")):
@@ -172,20 +153,18 @@ def _read_tracklets(path: Path) -> Mapping[int, tuple[Box, ...]]:
 def _boxes_of(
     path: Path, tracklet: ElementTree.Element, track_id: int
 ) -> Iterator[tuple[int, Box]]:
-    length, width, height = (_number(tracklet, name) for name in "lwh")
+    length, width, height = _numbers(tracklet, *"lwh")
     size = np.array([length, width, height])
     class_id = KITTI.get(tracklet.findtext("objectType", ""), UNKNOWN)
-    first = int(_number(tracklet, "first_frame"))
-    for number, pose in enumerate(tracklet.findall("poses/item"), start=first):
+    (first,) = _numbers(tracklet, "first_frame")
+    for number, pose in enumerate(tracklet.findall("poses/item"), start=int(first)):
         with reading(path, f"sweep {number}"):
-            x, y, z, yaw = (_number(pose, name) for name in ("tx", "ty", "tz", "rz"))
-            # A tracklet stands on its position, a Box has it in the middle.
+            x, y, z, yaw = _numbers(pose, "tx", "ty", "tz", "rz")
+            # A tracklet's position is the middle of its base, a Box's that of the box.
             box = Box(planar_pose(x, y, yaw, z + height / 2), size, class_id, track_id)
         yield number, box
 
 
-def _number(element: ElementTree.Element, name: str) -> float:
-    text = element.findtext(name)
-    if text is None:
-        raise ValueError(f"a {element.tag!r} has no element {name!r}")
-    return float(text)
+def _numbers(element: ElementTree.Element, *names: str) -> list[float]:
+    texts = {part.tag: part.text or "" for part in reversed(element)}
+    return [float(texts[name]) for name in names]

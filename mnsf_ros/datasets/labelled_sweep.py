@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What every data set is turned into: sweeps with what is known about their motion."""
+"""Sweeps of any data set with their labels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, is_rigid
 
-# Farther than any lidar sees; such numbers come from damaged files.
+# Beyond the range of any lidar: the number of a damaged file.
 _FARTHEST_M: Final = 1e6
 
 
@@ -25,12 +25,12 @@ class Box:
     Attributes:
         pose: (4, 4) float64 `sweep_from_box`; the origin of the box is its middle, x its length.
         size_m: (3,) length, width and height in metres.
-        class_id: Kind of surface, see `docs/recordings.md`.
-        track_id: What the same object is called in other sweeps; None if its motion is unknown.
-        hidden: Whether none of it was seen, so that points in it belong to something else.
+        class_id: Class of the surface, see `docs/recordings.md`.
+        track_id: Name of the object in all sweeps; None if its motion is unknown.
+        hidden: Whether the object was fully occluded: points in the box are not its own.
 
     Raises:
-        ValueError: The pose is no rigid motion, a size is not above 0, or the track has another
+        ValueError: The pose is not a rigid motion, a size is not above 0, or the track has another
             type.
     """
 
@@ -41,7 +41,7 @@ class Box:
     hidden: bool = False
 
     def __post_init__(self) -> None:
-        """Checks what would make flow wrong without anybody noticing."""
+        """Checks for silent errors of the flow."""
         name = f"box of track {self.track_id!r}"
         if not isinstance(self.track_id, str | int | None):
             raise ValueError(f"{name}: expected a text or an integer")
@@ -54,15 +54,15 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class GivenFlow:
-    """Flow that a data set brings itself, row i for point i of its sweep.
+    """Flow labels of a data set, row i for point i of its sweep.
 
     Attributes:
         flow: (N, 3) metres to the next sweep, in the next sweep's frame.
         valid: (N,) bool, the flow is known.
-        dynamic: (N,) bool, the surface itself moves; None: find out from the flow.
-        class_id: (N,) uint8 kind of surface; None: ask the boxes.
-        next_from_current: (4, 4) float64, the rigid motion that the flow gives to what stands
-            still; None: the poses tell it.
+        dynamic: (N,) bool, the surface itself moves; None: derived from the flow.
+        class_id: (N,) uint8 class of the surface; None: that of its box.
+        next_from_current: (4, 4) float64 rigid motion of static points by the flow; None: by the
+            poses.
     """
 
     flow: NDArray[np.float32]
@@ -74,23 +74,22 @@ class GivenFlow:
 
 @dataclass(frozen=True, eq=False)
 class LabelledSweep:
-    """One sweep in the frame in which the data set has it, x to the front or not, z up.
+    """One sweep in the frame of the data set, z up, with its labels.
 
     Attributes:
         stamp_ns: Time in nanoseconds.
         xyz: (N, 3) float32 metres.
-        columns: More to write for each point: name -> (N,).
+        columns: Further columns of the cloud: name to (N,).
         pose: (4, 4) float64 `world_from_sweep`; None if the data set has none.
-        boxes: Tracked objects; None if this sweep was not annotated.
-        given: Flow of the data set's own; None: it follows from poses and boxes.
-        labelled: (N,) bool, where an object would have been annotated; None: everywhere.
-        ground: (N,) bool; None: find it.
-        own_vehicle: (N,) bool, returns of the vehicle that carries the lidar, which move along
-            with it; None: there are none.
+        boxes: Tracked objects; None if the sweep was not annotated.
+        given: Flow labels; None: the flow follows from poses and boxes.
+        labelled: (N,) bool, inside the annotated area; None: all points.
+        ground: (N,) bool; None: to be segmented.
+        own_vehicle: (N,) bool, returns of the vehicle that carries the lidar; None: no point.
 
     Raises:
-        ValueError: An array does not fit, a coordinate is farther away than any lidar sees, or
-            the pose is no rigid motion. Rows that are not finite are allowed.
+        ValueError: An array does not fit, a coordinate is beyond the range of any lidar, or the
+            pose is not a rigid motion. Rows that are not finite are allowed.
     """
 
     stamp_ns: int
@@ -104,7 +103,7 @@ class LabelledSweep:
     own_vehicle: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        """Checks that all arrays are about the same points."""
+        """Checks shapes, range and pose."""
         if self.xyz.ndim != 2 or self.xyz.shape[1] != 3:
             raise ValueError(f"{self._name}: xyz has shape {self.xyz.shape}, expected (N, 3)")
         astray = self.xyz[np.isfinite(self.xyz) & (np.abs(self.xyz) > _FARTHEST_M)]
@@ -136,12 +135,12 @@ class LabelledSweep:
 
 @dataclass(frozen=True)
 class SweepSource:
-    """The sweeps of one sequence, read one after the other while they are asked for.
+    """The sweeps of one sequence, read one at a time.
 
     Attributes:
-        frame_id: Name of the frame that the points are in.
-        num_sweeps: How many there are; None if only reading them tells.
-        sweeps: In the order of their stamps; can be iterated once.
+        frame_id: Frame of the points.
+        num_sweeps: Number of sweeps; None if unknown before they are read.
+        sweeps: Sweeps in the order of their stamps; can be iterated once.
     """
 
     frame_id: str

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.datasets.json_entries import NUMBER, TEXT, TRACK, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
     as_type,
@@ -32,15 +31,15 @@ _EXTRA: Final = {
     "ring": ("ring", np.uint16),
     "time_offset": ("time_offset", np.float32),
 }
-# Files of triplets have no stamps, so these are made up.
+# Files of triplets have no stamps; these are made up.
 _FIRST_NS: Final = 1_700_000_000_000_000_000
 _INTERVAL_NS: Final = 100_000_000
-# Long enough that nobody takes the sweeps of two files for consecutive ones.
+# A gap, so that the sweeps of two files are not consecutive.
 _BETWEEN_FILES_NS: Final = 10_000_000_000
 
 
 def open_sweeps(source: Path) -> SweepSource:
-    """Opens a folder of npz files, by name in the order of time, and possibly `boxes.json`."""
+    """Opens a folder of npz files, named in the order of time, with an optional `boxes.json`."""
     files = files_in(source, "*.npz")
     box_file = source / "boxes.json"
     boxes = _read_boxes(box_file) if box_file.is_file() else {}
@@ -77,25 +76,21 @@ def _flags(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.bool_] |
 
 
 def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
-    """Boxes by the number of the sweep, counted from 0."""
-    content = read_json(path)
+    """Returns boxes by the number of their sweep, counted from 0."""
     boxes: dict[int, tuple[Box, ...]] = {}
-    with reading(path):
-        if not isinstance(content, dict):
-            raise ValueError("holds no object with the boxes of each sweep")
-        for number, rows in content.items():
-            with reading(path, f"sweep {number}"):
-                boxes[int(number)] = tuple(_box(row) for row in rows)
+    for number, rows in read_json(path, dict).items():
+        with reading(path, f"sweep {number}"):
+            boxes[int(number)] = tuple(_box(row) for row in rows)
     return boxes
 
 
-def _box(row: object) -> Box:
-    x, y, z = entry(row, "center", numbers(3))
+def _box(row: Mapping[str, Any]) -> Box:
+    x, y, z = row["center"]
     return Box(
-        pose=planar_pose(x, y, entry(row, "yaw", NUMBER), z),
-        size_m=np.asarray(entry(row, "size", numbers(3)), dtype=np.float64),
-        class_id=KITTI.get(entry(row, "cls", TEXT), UNKNOWN),
-        track_id=entry(row, "track_id", TRACK),
+        pose=planar_pose(x, y, row["yaw"], z),
+        size_m=np.asarray(row["size"], dtype=np.float64),
+        class_id=KITTI.get(row["cls"], UNKNOWN),
+        track_id=row["track_id"],
     )
 
 
@@ -128,7 +123,7 @@ def _sweeps_of_files(files: list[Path]) -> Iterator[LabelledSweep]:
                     f"{file}: {flow_name} has shape {flow.shape}, expected that of "
                     f"pc{index + 1}, {xyz.shape}"
                 )
-            # Other labels in the file are those of the sweep in the middle.
+            # Other labels belong to the sweep in the middle.
             known = ("is_dynamic", "label_valid") if flow_name == flow_names[-1] else ()
             labels = {name: arrays[name] for name in known if name in arrays}
             with reading(file):
@@ -137,6 +132,6 @@ def _sweeps_of_files(files: list[Path]) -> Iterator[LabelledSweep]:
                     xyz=as_type(xyz, np.float32),
                     given=None if flow is None else _given(flow, labels),
                     labelled=_flags(labels, "label_valid"),
-                    # The lowest of what is left would be taken for the ground, which is not there.
+                    # The ground is removed already; the lowest points of the rest are not ground.
                     ground=np.zeros(len(xyz), dtype=bool),
                 )

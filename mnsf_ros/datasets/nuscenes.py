@@ -10,18 +10,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mnsf_ros.datasets.json_entries import MICROSECONDS, TEXT, Kind, entry, numbers
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import (
-    as_type,
-    choose,
-    file_inside,
-    read_float_rows,
-    reading,
-    regular,
-)
+from mnsf_ros.datasets.source_files import as_type, choose, file_inside, read_float_rows, reading
 from mnsf_ros.datasets.surface_classes import nuscenes_class
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import (
@@ -36,36 +27,27 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
 _CHANNEL: Final = "LIDAR_TOP"
 _CHUNK_CHARACTERS: Final = 1 << 20
-# A thousand times what an object of the tables has. To look for the end of a damaged one in all of
-# a table would take minutes.
-_MAX_OBJECT_CHARACTERS: Final = 1 << 20
 _BETWEEN: Final = " \t\r\n,"
-# Half of the vehicle's width and length: what the lidar on its roof sees closer than this, to its
-# sides (x) and to its front and back (y), is the vehicle itself. The same as in OpenSceneFlow.
+# Half of the vehicle's width and length: closer points, to its sides (x) and to its front and back
+# (y), are returns of the vehicle itself. The same as in OpenSceneFlow.
 _OWN_X_M: Final = 1.730 / 2
 _OWN_Y_M: Final = 4.084 / 2
-# The columns that are used; one that several tables have holds the same kind in all.
-_KINDS: Final[Mapping[str, Kind]] = {
-    **dict.fromkeys(("token", "scene_token", "sensor_token", "category_token", "name"), TEXT),
-    **dict.fromkeys(("sample_token", "instance_token", "calibrated_sensor_token"), TEXT),
-    **dict.fromkeys(("ego_pose_token", "channel", "filename"), TEXT),
-    "timestamp": MICROSECONDS,
-    "rotation": numbers(4),
-    "translation": numbers(3),
-    "size": numbers(3),
-}
 
 
 def json_rows(path: Path) -> Iterator[Any]:
-    """Yields the entries of a list, of which only a part is in memory at a time.
+    """Yields the entries of a JSON list, a part of the file in memory at a time.
+
+    The tables of the whole data set have up to a gigabyte.
 
     Raises:
-        DatasetError: If the file is missing, cut short, or no list, or an entry is too long.
+        DatasetError: The file is missing, cut short, or holds no list.
     """
     decoder = json.JSONDecoder()
-    with reading(path), regular(path).open(encoding="utf-8") as file:
+    with reading(path), path.open(encoding="utf-8") as file:
         text = file.read(_CHUNK_CHARACTERS).lstrip()
         if not text.startswith("["):
             raise ValueError("is no JSON list")
@@ -78,22 +60,18 @@ def json_rows(path: Path) -> Iterator[Any]:
             try:
                 row, position = decoder.raw_decode(text, position)
             except json.JSONDecodeError:
-                # The rest of this object may be in the next chunk.
-                if len(text) - position > _MAX_OBJECT_CHARACTERS:
-                    raise ValueError(
-                        f"an object is damaged or has over {_MAX_OBJECT_CHARACTERS} characters"
-                    ) from None
+                # The rest of this entry may be in the next part.
                 more = file.read(_CHUNK_CHARACTERS)
                 if not more:
                     raise ValueError("the list has no end, the file is cut short") from None
                 text, position = text[position:] + more, 0
-                continue
-            yield row
+            else:
+                yield row
 
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """An instant (microseconds) with all objects in it, in the world: instance token -> box."""
+    """An annotated instant (microseconds) with its boxes in the world: instance token to box."""
 
     micros: int
     boxes: Mapping[str, Box]
@@ -105,8 +83,7 @@ def boxes_at(
     """Returns the boxes in the frame of a sweep, those between two keyframes interpolated.
 
     Keyframes are in the order of time. Before the first one and after the last one there are no
-    boxes: None. An object that is in only one of two keyframes is returned where it is there,
-    with unknown motion.
+    boxes: None. An object of only one of two keyframes keeps its place there, with unknown motion.
     """
     after = bisect_right([keyframe.micros for keyframe in keyframes], micros)
     if after == 0:
@@ -134,84 +111,83 @@ def _boxes_between(earlier: Keyframe, later: Keyframe, micros: int) -> list[Box]
     return boxes
 
 
-def _table(tables: Path, name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
-    """Yields the named columns of each row of a table."""
-    path = tables / f"{name}.json"
-    with reading(path):
-        for row in json_rows(path):
-            yield tuple(entry(row, column, _KINDS[column]) for column in columns)
+@dataclass(frozen=True)
+class _Tables:
+    """The tables of a version of the data set, a folder of JSON lists."""
 
+    folder: Path
 
-def _poses(
-    tables: Path, name: str, key: str, wanted: Collection[str]
-) -> dict[str, NDArray[np.float64]]:
-    """The poses (4, 4) in a table of the rows whose key is wanted, by their token."""
-    rows = _table(tables, name, "token", key, "rotation", "translation")
-    with reading(tables / f"{name}.json"):
-        return {
-            token: poses_from_quaternions(rotation, translation)
-            for token, value, rotation, translation in rows
-            if value in wanted
-        }
+    def rows(self, name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
+        """Yields some columns of each row of a table."""
+        path = self.folder / f"{name}.json"
+        with reading(path):
+            for row in json_rows(path):
+                yield tuple(row[column] for column in columns)
 
+    def poses(self, name: str, key: str, wanted: Collection[str]) -> dict[str, NDArray[np.float64]]:
+        """Returns the poses (4, 4) of the rows with a wanted key, by their token."""
+        rows = self.rows(name, "token", key, "rotation", "translation")
+        with reading(self.folder / f"{name}.json"):
+            return {
+                token: poses_from_quaternions(rotation, translation)
+                for token, value, rotation, translation in rows
+                if value in wanted
+            }
 
-def read_keyframes(tables: Path, scene: str) -> dict[str, Keyframe]:
-    """Returns the annotated instants of a scene by their sample token, in the order of time."""
-    samples = [
-        (int(micros), token)
-        for token, scene_token, micros in _table(
-            tables, "sample", "token", "scene_token", "timestamp"
+    def keyframes(self, scene: str) -> dict[str, Keyframe]:
+        """Returns the annotated instants of a scene by their sample token, in the order of time."""
+        samples = sorted(
+            (int(micros), token)
+            for token, own, micros in self.rows("sample", "token", "scene_token", "timestamp")
+            if own == scene
         )
-        if scene_token == scene
-    ]
-    boxes: dict[str, dict[str, Box]] = {token: {} for _, token in sorted(samples)}
-    categories = dict(_table(tables, "category", "token", "name"))
-    instances = dict(_table(tables, "instance", "token", "category_token"))
-    path = tables / "sample_annotation.json"
-    columns = ("sample_token", "instance_token", "rotation", "translation", "size")
-    for sample, instance, rotation, translation, size in _table(tables, path.stem, *columns):
-        if sample not in boxes:
-            continue
-        if instance in boxes[sample]:
-            raise DatasetError(f"{path}: instance {instance!r} occurs twice in sample {sample!r}")
-        with reading(path, f"sample {sample!r}"):
-            width, length, height = size
-            boxes[sample][instance] = Box(
-                pose=poses_from_quaternions(rotation, translation),
-                size_m=np.array([length, width, height], dtype=np.float64),
-                class_id=nuscenes_class(categories.get(instances.get(instance), "")),
-                track_id=instance,
-            )
-    return {token: Keyframe(micros, boxes[token]) for micros, token in sorted(samples)}
+        boxes: dict[str, dict[str, Box]] = {token: {} for _, token in samples}
+        categories = dict(self.rows("category", "token", "name"))
+        instances = dict(self.rows("instance", "token", "category_token"))
+        columns = ("sample_token", "instance_token", "rotation", "translation", "size")
+        path = self.folder / "sample_annotation.json"
+        for sample, instance, rotation, translation, size in self.rows(path.stem, *columns):
+            if sample not in boxes:
+                continue
+            with reading(path, f"sample {sample!r}"):
+                if instance in boxes[sample]:
+                    raise ValueError(f"instance {instance!r} occurs twice")
+                width, length, height = size
+                boxes[sample][instance] = Box(
+                    pose=poses_from_quaternions(rotation, translation),
+                    size_m=np.array([length, width, height], dtype=np.float64),
+                    class_id=nuscenes_class(categories.get(instances.get(instance), "")),
+                    track_id=instance,
+                )
+        return {token: Keyframe(micros, boxes[token]) for micros, token in samples}
+
+    def sweeps(self, samples: Collection[str]) -> list[_SweepRow]:
+        """Returns the lidar sweeps of the samples and between them, in the order of time."""
+        channels = self.rows("sensor", "token", "channel")
+        sensors = {token for token, channel in channels if channel == _CHANNEL}
+        mounts = self.poses("calibrated_sensor", "sensor_token", sensors)
+        columns = ("calibrated_sensor_token", "ego_pose_token", "timestamp", "filename")
+        found = [
+            row
+            for sample, *row in self.rows("sample_data", "sample_token", *columns)
+            if sample in samples and row[0] in mounts
+        ]
+        poses = self.poses("ego_pose", "token", {ego for _, ego, _, _ in found})
+        with reading(self.folder / "ego_pose.json"):
+            sweeps = [
+                _SweepRow(name, int(micros), rigid_pose(poses[ego] @ mounts[mount]))
+                for mount, ego, micros, name in found
+            ]
+        return sorted(sweeps, key=lambda sweep: sweep.micros)
 
 
 @dataclass(frozen=True, eq=False)
-class SweepRow:
-    """One lidar sweep: where its file is, when and from where it was taken."""
+class _SweepRow:
+    """A lidar sweep: its file, its time and its pose."""
 
     file_name: str
     micros: int
     world_from_lidar: NDArray[np.float64]
-
-
-def read_sweep_rows(tables: Path, samples: Collection[str]) -> list[SweepRow]:
-    """Returns the lidar sweeps of the samples and between them, in the order of time."""
-    channels = _table(tables, "sensor", "token", "channel")
-    sensors = {token for token, channel in channels if channel == _CHANNEL}
-    mounts = _poses(tables, "calibrated_sensor", "sensor_token", sensors)
-    entries = ("sample_token", "calibrated_sensor_token", "ego_pose_token", "timestamp", "filename")
-    found = [
-        row[1:]
-        for row in _table(tables, "sample_data", *entries)
-        if row[0] in samples and row[1] in mounts
-    ]
-    poses = _poses(tables, "ego_pose", "token", {ego for _, ego, _, _ in found})
-    with reading(tables / "ego_pose.json"):
-        sweeps = [
-            SweepRow(name, int(micros), rigid_pose(poses[ego] @ mounts[mount]))
-            for mount, ego, micros, name in found
-        ]
-    return sorted(sweeps, key=lambda sweep: sweep.micros)
 
 
 def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
@@ -219,13 +195,15 @@ def open_scene(source: Path, sequence: str | None = None) -> SweepSource:
 
     The source has `sweeps`, `samples` and the tables in `v1.0-…`, or is the folder of the tables.
     """
-    tables = _tables_folder(source)
-    scenes = dict(_table(tables, "scene", "name", "token"))
-    keyframes = read_keyframes(tables, scenes[choose(sequence, scenes, tables, "scene")])
-    rows = read_sweep_rows(tables, keyframes)
+    tables = _Tables(_tables_folder(source))
+    with reading(tables.folder):
+        scenes = dict(tables.rows("scene", "name", "token"))
+        scene = scenes[choose(sequence, scenes, tables.folder, "scene")]
+        keyframes = tables.keyframes(scene)
+        rows = tables.sweeps(keyframes)
     if not rows:
-        raise DatasetError(f"{tables}: has no lidar sweep of that scene")
-    sweeps = (_sweep(tables, row, list(keyframes.values())) for row in rows)
+        raise DatasetError(f"{tables.folder}: has no lidar sweep of that scene")
+    sweeps = (_sweep(tables.folder, row, list(keyframes.values())) for row in rows)
     return SweepSource("lidar_top", len(rows), sweeps)
 
 
@@ -241,7 +219,7 @@ def _tables_folder(source: Path) -> Path:
     return found[0]
 
 
-def _sweep(tables: Path, row: SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
+def _sweep(tables: Path, row: _SweepRow, keyframes: Sequence[Keyframe]) -> LabelledSweep:
     with reading(tables / "sample_data.json"):
         path = file_inside(tables.parent, row.file_name)
     points = read_float_rows(path, 5)

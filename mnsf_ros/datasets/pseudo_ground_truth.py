@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The true flow of sweeps, as far as poses, tracked boxes or given flow tell it."""
+"""The true flow of sweeps, by poses, tracked boxes or flow labels."""
 
 from __future__ import annotations
 
@@ -28,10 +28,7 @@ _Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bo
 def sweep_truth(
     sweep: LabelledSweep, following: LabelledSweep | None, settings: TruthSettings
 ) -> FlowTruth:
-    """Returns what is known about the motion of every point until the following sweep.
-
-    If there is none, no flow is valid.
-    """
+    """Returns the truth of every point until the following sweep; without one, no flow is valid."""
     ground = _ground_of(sweep)
     boxes = sweep.boxes or ()
     owner = box_of_points(sweep.xyz, boxes, settings.box_margin_m, ground)
@@ -50,7 +47,7 @@ def sweep_truth(
     if sweep.own_vehicle is not None:
         valid &= ~sweep.own_vehicle
     dynamic = dynamic & valid
-    # Boxes of the same track get the same number in every sweep; those of none have none.
+    # Boxes of a track have the same number in every sweep.
     numbers = [_object_id(box.track_id) for box in boxes]
     object_id = None if sweep.boxes is None else np.array([*numbers, 0], np.uint32)[owner]
     return FlowTruth(sweep.stamp_ns, flow, valid, dynamic, ground, class_id, object_id)
@@ -64,11 +61,11 @@ def _object_id(track_id: str | int | None) -> int:
 def box_of_points(
     xyz: NDArray[np.float32], boxes: Sequence[Box], margin_m: float, ground: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Returns (N,) the index of the box that each point (N, 3) belongs to, -1 for none.
+    """Returns (N,) the index of the box of each point (N, 3), -1 for none.
 
     Labelled boxes are tight, so they grow by `margin_m` in length, width and height, half of it on
-    either side; but the ground (N,) around an object does not move along with it. A point that
-    several boxes reach belongs to the one that it is deepest inside. Hidden boxes own no points.
+    either side; but not for points of the ground (N,). A point in several boxes belongs to the one
+    that it is deepest inside. Hidden boxes own no points.
     """
     owner = np.full(len(xyz), -1, dtype=np.int64)
     overshoot = np.full(len(xyz), np.inf)
@@ -96,7 +93,7 @@ def _nothing_known(sweep: LabelledSweep) -> _Motion:
 def _labelled_motion(
     sweep: LabelledSweep, following: LabelledSweep, owner: NDArray[np.int64]
 ) -> _Motion:
-    """What the poses of the sweeps and of the boxes in them tell."""
+    """Motion by the poses of the sweeps and of their boxes."""
     next_from_current = _ego_motion(sweep, following)
     if next_from_current is None:
         return _nothing_known(sweep)
@@ -115,7 +112,7 @@ def _labelled_motion(
 
 
 def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
-    """Boxes by their track; of one that occurs twice nobody knows which box it is."""
+    """Returns boxes by their track, without tracks that occur twice."""
     counts = Counter(box.track_id for box in boxes)
     return {
         box.track_id: box for box in boxes if box.track_id is not None and counts[box.track_id] == 1
@@ -123,7 +120,7 @@ def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
 
 
 def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSweep) -> _Motion:
-    """What the data set brings."""
+    """Motion by the flow labels of the data set."""
     valid = given.valid & _finite_rows(np.hstack([sweep.xyz, given.flow]))
     if given.dynamic is not None:
         return given.flow, valid, given.dynamic
@@ -155,7 +152,7 @@ def _dynamic(
 
 
 def _reach(sweep: LabelledSweep, settings: TruthSettings) -> NDArray[np.bool_]:
-    """Says for which points it is known whether they are on an object that moves."""
+    """Returns (N,) whether the labels tell moving objects from static points there."""
     is_labelled = sweep.boxes is not None or sweep.given is not None
     if settings.unlabelled_static or not is_labelled or sweep.labelled is None:
         return np.full(len(sweep), settings.unlabelled_static or is_labelled)

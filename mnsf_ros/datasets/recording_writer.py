@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class TruthSummary:
     """Counts of sweeps (all, with a pose, with labels) and points (all, valid, of these dynamic).
 
-    A sweep has labels if it has boxes, though possibly with no object, or given flow.
+    A sweep has labels if it has boxes, though possibly with no object, or flow labels.
     """
 
     num_sweeps: int = 0
@@ -44,28 +44,23 @@ class TruthSummary:
         self.num_dynamic += int((truth.valid & truth.dynamic).sum())
 
     def __str__(self) -> str:
-        """Returns one line about the share of points whose flow is known."""
+        """Returns one line about the share of points with valid flow."""
         valid = self.num_valid / max(self.num_points, 1)
         dynamic = self.num_dynamic / max(self.num_valid, 1)
         return f"flow of {valid:.1%} of the points is valid, {dynamic:.1%} of these are dynamic"
 
     def warnings(self) -> Iterator[str]:
-        """Yields a line about each thing that may not be as the user expects."""
-        if not self.num_valid:
-            why = "labels reach no point of a sweep that has a next one"
-            if self.num_sweeps == 1:
-                why = "a single sweep has no next one"
-            elif not self.num_labelled:
-                why = (
-                    "no sweep has labels; either there are none, or their stamps are not those of "
-                    "the sweeps (--unlabelled-static takes everything as standing still)"
-                )
-            yield f"no point has valid flow: {why}"
-        if 0 < self.num_posed < self.num_sweeps:
+        """Yields a line about each thing that a user may not expect."""
+        if not self.num_valid and not self.num_labelled:
             yield (
-                f"{self.num_posed} of {self.num_sweeps} sweeps have a pose, the odometry lacks "
-                "the others"
+                "no point has valid flow: no sweep has labels; either there are none, or their "
+                "stamps differ from those of the sweeps (--unlabelled-static takes all points as "
+                "static)"
             )
+        elif not self.num_valid:
+            yield "no point has valid flow: no labelled sweep has a next sweep"
+        if 0 < self.num_posed < self.num_sweeps:
+            yield f"only {self.num_posed} of {self.num_sweeps} sweeps have a pose"
 
 
 def write_recording(
@@ -77,10 +72,9 @@ def write_recording(
     overwrite: bool = False,
     compress: bool = False,
 ) -> TruthSummary:
-    """Writes a sequence with what is known about its motion, and returns how much that is.
+    """Writes a sequence with its true flow, two sweeps in memory at a time.
 
-    Only two sweeps are in memory at a time. After every sweep `progress` is called with the number
-    of sweeps done.
+    After every sweep `progress` is called with the number of sweeps done.
 
     Raises:
         DatasetError: The data set is damaged, or its sweeps are out of order.
@@ -102,11 +96,7 @@ def write_recording(
 def _with_next(
     sweeps: Iterable[LabelledSweep],
 ) -> Iterator[tuple[LabelledSweep, LabelledSweep | None]]:
-    """Yields every sweep with the one after it.
-
-    Raises:
-        DatasetError: If that is not later.
-    """
+    """Yields every sweep with the next one; raises a DatasetError if that is not later."""
     current: LabelledSweep | None = None
     for following in sweeps:
         if current is not None:

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Files of data sets: found, read and checked, with one line of text for all that goes wrong.
+"""Files of data sets: found, read and checked.
 
-Every function here raises a DatasetError that names the file if that is missing or damaged.
+Every function here raises a DatasetError of one line that names a missing or damaged file.
 """
 
 from __future__ import annotations
@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.sweeps_io import files
-from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
 
 reading = partial(files.reading, kind=DatasetError)
 
 
 def files_in(folder: Path, pattern: str) -> list[Path]:
-    """Returns the files of a folder that fit a pattern, by name, at least one."""
+    """Returns the files of a folder that match a pattern, by name, at least one."""
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
     found = sorted(file for file in folder.glob(pattern) if file.is_file())
@@ -45,7 +44,7 @@ def numbered_files(folder: Path, pattern: str, prefix: str = "") -> dict[int, Pa
 
 
 def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -> str:
-    """Returns the name that is wanted, or the only one if None is."""
+    """Returns the wanted name; if that is None, the only one there is."""
     if wanted is None and len(names) == 1:
         return next(iter(names))
     if wanted is not None and wanted in names:
@@ -55,22 +54,8 @@ def choose(wanted: str | None, names: Collection[str], place: Path, kind: str) -
     raise DatasetError(f"{place}: holds {problem}; it has {found}")
 
 
-def regular(path: Path) -> Path:
-    """Returns the path of a file that has an end, unlike named pipes and devices.
-
-    Raises:
-        OSError: There is no such file.
-        ValueError: It is something else.
-    """
-    if not path.is_file():
-        if path.exists():
-            raise ValueError("is not a regular file")
-        raise FileNotFoundError(path)
-    return path
-
-
 def file_inside(folder: Path, name: str) -> Path:
-    """Returns the path of a file in a folder of the data set, as a file of the data set names it.
+    """Returns the path of a file that a table of the data set names.
 
     Raises:
         ValueError: The name leads out of the folder.
@@ -81,56 +66,47 @@ def file_inside(folder: Path, name: str) -> Path:
     return folder / path
 
 
-def read_content(path: Path) -> bytes:
-    """Returns all bytes of a file that is no larger than a sweep can be."""
-    with reading(path):
-        return files.content_of(regular(path))
-
-
 def read_lines(path: Path) -> list[str]:
     """Returns the lines of an ASCII text."""
-    content = read_content(path)
     with reading(path):
-        return content.decode("ascii").splitlines()
+        return path.read_text("ascii").splitlines()
 
 
-def read_json(path: Path) -> Any:  # noqa: ANN401
-    """Returns the content of a JSON file."""
-    content = read_content(path)
+def read_json(path: Path, kind: type) -> Any:  # noqa: ANN401
+    """Returns the content of a JSON file, an object of one kind (dict or list)."""
     with reading(path):
-        return json.loads(content)
+        content = json.loads(path.read_bytes())
+        if not isinstance(content, kind):
+            raise ValueError(f"holds a {type(content).__name__}, expected a {kind.__name__}")
+        return content
 
 
 def read_float_rows(path: Path, num_columns: int) -> NDArray[np.float32]:
     """Returns a file of little-endian float32 as (N, `num_columns`)."""
-    raw = read_content(path)
+    with reading(path):
+        raw = path.read_bytes()
     row_bytes = 4 * num_columns
     if not raw or len(raw) % row_bytes:
         raise DatasetError(f"{path}: is cut short: {len(raw)} bytes, expected rows of {row_bytes}")
     rows = np.frombuffer(raw, dtype="<f4").reshape(-1, num_columns).astype(np.float32)
-    # A damaged file may hold NaN of the signaling kind, about which NumPy warns at the first use.
+    # A damaged file may hold signaling NaN, about which NumPy warns at the first use.
     rows[np.isnan(rows)] = np.nan
     return rows
 
 
 def read_npz(path: Path, required: Iterable[str]) -> dict[str, NDArray[Any]]:
     """Returns all arrays of an npz file, among them the required ones."""
-    with reading(path), open_archive(path) as archive:
-        arrays = {name: archive.array(name) for name in archive.names}
-    missing = [name for name in required if name not in arrays]
-    if missing:
-        raise DatasetError(
-            f"{path}: has no array {', '.join(missing)}; it has {', '.join(sorted(arrays))}"
-        )
-    return arrays
+    with reading(path), files.open_npz(path) as archive:
+        names = dict.fromkeys((*required, *archive.files))
+        return {name: files.array_in(archive, name) for name in names}
 
 
 def read_feather(
     path: Path, columns: Iterable[str], optional: Iterable[str] = ()
 ) -> dict[str, NDArray[Any]]:
-    """Returns columns of a Feather file as (N,) arrays, the optional ones if they are there."""
+    """Returns columns of a Feather file as (N,) arrays, optional ones where present."""
     with reading(path):
-        return read_feather_columns(regular(path), columns, optional)
+        return files.read_feather_columns(path, columns, optional)
 
 
 def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
@@ -138,7 +114,7 @@ def as_type(array: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
 
     Raises:
         ValueError: They are complex.
-        FloatingPointError: One of them does not exist in that type.
+        FloatingPointError: The type cannot hold one of them.
     """
     found = np.asarray(array)
     if np.iscomplexobj(found):
@@ -155,7 +131,7 @@ def stacked(columns: Mapping[str, NDArray[Any]], names: Iterable[str]) -> NDArra
 def columns_of(
     arrays: Mapping[str, NDArray[Any]], table: Mapping[str, tuple[str, type]]
 ) -> dict[str, NDArray[Any]]:
-    """Returns the arrays that are there by a table: name in the file -> our name and type."""
+    """Returns the arrays of a table (name in the file to our name and type) that are present."""
     return {
         name: as_type(arrays[found], kind)
         for found, (name, kind) in table.items()

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The categories of the data sets in the project's own table of surfaces."""
+"""The categories of the data sets as surface classes of the truth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNKNOWN: Final = 0
 
 
 def _table(**names: str) -> dict[str, int]:
-    """Category to surface, of texts with the categories of each surface."""
+    """Returns category to class, for texts with the categories of each class."""
     return {
         name: int(SurfaceClass[surface.upper()])
         for surface, listed in names.items()
@@ -65,17 +65,17 @@ _NUSCENES: Final = _table(
 
 
 def nuscenes_class(name: str) -> int:
-    """Returns the surface of a nuScenes category, 0 if it has none here."""
+    """Returns the class of a nuScenes category, 0 if unknown."""
     return next((kind for prefix, kind in _NUSCENES.items() if name.startswith(prefix)), UNKNOWN)
 
 
 def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
-    """Returns the surface of each category number (N,) of Argoverse 2 flow labels.
+    """Returns the class of each category number (N,) of Argoverse 2 flow labels.
 
     0 is the background, 1 to 30 are the categories by alphabet.
 
     Raises:
-        ValueError: A number is none of these.
+        ValueError: A number is out of range.
     """
     table = np.array([UNKNOWN, *(ARGOVERSE2[name] for name in sorted(ARGOVERSE2))], dtype=np.uint8)
     wrong = numbers[(numbers < 0) | (numbers >= len(table))]

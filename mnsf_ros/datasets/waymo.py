@@ -13,9 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
-from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading, regular
+from mnsf_ros.datasets.source_files import as_type, choose, files_in, reading
 from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
-from mnsf_ros.decompression import FileBudget
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose, rigid_pose
 from mnsf_ros.sweeps_io.files import require
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 # The vehicle frame of Waymo Open, in which points, boxes and poses are.
 FRAME_ID: Final = "vehicle"
@@ -40,12 +39,12 @@ _BOX: Final = "[LiDARBoxComponent]"
 
 @dataclass(frozen=True, eq=False)
 class LaserCalibration:
-    """How one lidar sits on the vehicle and where its rows look.
+    """Mount and row angles of one lidar.
 
     Attributes:
-        vehicle_from_laser: (4, 4).
+        vehicle_from_laser: (4, 4) pose.
         inclinations_rad: (H,) angle above the horizontal of each row, from the lowest row up;
-            empty if rows are spread evenly over the range.
+            empty if the rows are spread evenly over the range.
         range_rad: Lowest and highest angle.
     """
 
@@ -66,14 +65,14 @@ class LaserCalibration:
 
 @dataclass(frozen=True, eq=False)
 class LaserReturns:
-    """One lidar's range image.
+    """The range image of one lidar.
 
     Attributes:
-        laser: Number of the lidar; 1 is the one on the roof.
+        laser: Number of the lidar; 1 is on the roof.
         image: (H, W, 4) float32: range (m), intensity, elongation, 1 in a zone without labels.
         pixel_poses: (H, W, 6) float32: roll, pitch, yaw (rad), x, y, z (m) of the vehicle in
-            the world when the pixel was measured; None: all at the same time.
-        calibration: Of this lidar.
+            the world at the time of each pixel; None: the same time for all.
+        calibration: Calibration of the lidar.
     """
 
     laser: int
@@ -95,19 +94,15 @@ class LaserReturns:
         level, up = distance * np.cos(inclination), distance * np.sin(inclination)
         local = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=1)
         points = apply(mount, local)
-        if self.pixel_poses is None:
+        if self.pixel_poses is None or not len(rows):
             return points
-        if self.pixel_poses.shape[:2] != (height, width):
-            raise ValueError(f"poses of {self.pixel_poses.shape} for an image of {height}, {width}")
         pose = self.pixel_poses[rows, columns].astype(np.float64)
-        if len(pose):
-            points = Rotation.from_euler("ZYX", pose[:, 2::-1]).apply(points) + pose[:, 3:6]
-            points = apply(invert(world_from_vehicle), points)
-        return points
+        points = Rotation.from_euler("ZYX", pose[:, 2::-1]).apply(points) + pose[:, 3:6]
+        return apply(invert(world_from_vehicle), points)
 
 
-def shaped(values: NDArray[Any], shape: Sequence[int], channels: int) -> NDArray[np.float32]:
-    """Returns flat values as an image with so many channels at least, or raises a ValueError."""
+def shaped(values: ArrayLike, shape: Sequence[int], channels: int) -> NDArray[np.float32]:
+    """Returns flat values as an image (H, W, `channels` or more), or raises a ValueError."""
     if len(shape) != 3 or shape[2] < channels:
         raise ValueError(f"range image of shape {list(shape)}, expected (H, W, {channels})")
     return np.asarray(values, dtype=np.float32).reshape(tuple(shape))
@@ -151,7 +146,7 @@ def waymo_sweep(
 def waymo_box(
     center: Sequence[float], size: Sequence[float], heading: float, kind: int, track_id: str
 ) -> Box:
-    """Returns a box of a label: center and size (x, y, z) in metres, heading in radians."""
+    """Returns the box of a label: center and size (x, y, z) in metres, heading in radians."""
     x, y, z = center
     return Box(
         pose=planar_pose(x, y, heading, z),
@@ -169,7 +164,11 @@ def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
     """
     names = [file.stem for file in files_in(source / "lidar", "*.parquet")]
     file_name = f"{choose(sequence, names, source / 'lidar', 'segment')}.parquet"
-    vehicle_poses = _read_vehicle_poses(source / "vehicle_pose" / file_name)
+    path = source / "vehicle_pose" / file_name
+    vehicle_poses = {}
+    for micros, transform in _rows(path, [_STAMP, _VEHICLE]):
+        with reading(path, f"frame {micros}"):
+            vehicle_poses[micros] = rigid_pose(transform)
     return SweepSource(FRAME_ID, len(vehicle_poses), _sweeps(source, file_name, vehicle_poses))
 
 
@@ -203,30 +202,25 @@ def _frames(
     with reading(path):
         for micros, frame in groupby(rows, key=lambda row: int(row[0])):
             if micros < last:
-                raise DatasetError(f"{path}: its rows are not in the order of {_STAMP!r}")
+                raise ValueError(f"its rows are not in the order of {_STAMP!r}")
             last = micros
-            yield (
-                micros,
-                {
-                    laser: shaped(values, shape, channels)
-                    for _, laser, values, shape in frame
-                    if values is not None
-                },
-            )
+            images = {
+                laser: shaped(values, shape, channels)
+                for _, laser, values, shape in frame
+                if values is not None
+            }
+            yield micros, images
 
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:
-    """Yields the rows of a Parquet file, a few in memory at a time, lists in them as arrays."""
-    with reading(path), require("pyarrow.parquet").ParquetFile(regular(path)) as file:
+    """Yields the rows of a Parquet file, a batch in memory at a time, lists in them as arrays."""
+    with reading(path), require("pyarrow.parquet").ParquetFile(path) as file:
         found = file.schema_arrow.names
         missing = [name for name in columns if name not in found]
         if missing:
             raise ValueError(f"has no column {', '.join(missing)}; it has {', '.join(found)}")
-        claimed = sum(
-            file.metadata.row_group(number).total_byte_size for number in range(file.num_row_groups)
-        )
-        FileBudget(path.stat().st_size, "the Parquet file").spend(claimed)
-        for batch in file.iter_batches(batch_size, columns=list(columns)):
+        # Where memory ends, the threads of Arrow abort the process.
+        for batch in file.iter_batches(batch_size, columns=list(columns), use_threads=False):
             for number in range(batch.num_rows):
                 yield [_value(batch.column(name)[number]) for name in columns]
 
@@ -235,14 +229,6 @@ def _value(scalar: Any) -> Any:  # noqa: ANN401
     values = getattr(scalar, "values", None)
     # Null lists have no values; numbers have no such attribute.
     return scalar.as_py() if values is None else np.asarray(values)
-
-
-def _read_vehicle_poses(path: Path) -> dict[int, NDArray[np.float64]]:
-    poses = {}
-    for micros, transform in _rows(path, [_STAMP, _VEHICLE]):
-        with reading(path, f"frame {micros}"):
-            poses[micros] = rigid_pose(transform)
-    return poses
 
 
 def _read_calibrations(path: Path) -> dict[int, LaserCalibration]:

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.waymo import (
     FRAME_ID,
@@ -19,7 +20,6 @@ from mnsf_ros.datasets.waymo import (
     waymo_box,
     waymo_sweep,
 )
-from mnsf_ros.decompression import check_size, decompress
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import rigid_pose
 from mnsf_ros.sweeps_io.files import require
@@ -38,12 +38,11 @@ _CASTAGNOLI: Final = 0x82F63B78
 def tf_records(path: Path) -> Iterator[bytes]:
     """Yields the records of an uncompressed file.
 
-    The checksum of the length of a record is compared, which tells other files apart; that of
-    its content is not, since without a library for it this takes longer than all the rest.
+    The checksum of the length of a record is compared, which tells other files apart. That of its
+    content is not: in Python this would take longer than all the rest.
 
     Raises:
-        DatasetError: The file is missing, is none of these, is empty, is cut short, or claims
-            more bytes than a frame has.
+        DatasetError: The file is missing, empty, cut short, or of another format.
     """
     with reading(path), path.open("rb") as file:
         index = 0
@@ -56,7 +55,6 @@ def tf_records(path: Path) -> Iterator[bytes]:
                     f"{path}: checksum of record {index} is wrong; "
                     "it is damaged or no uncompressed TFRecord file"
                 )
-            check_size(length, f"record {index}")
             record = file.read(length)
             if len(record) < length or len(file.read(_FOOTER_BYTES)) < _FOOTER_BYTES:
                 raise DatasetError(f"{path}: is cut short in record {index}")
@@ -67,7 +65,7 @@ def tf_records(path: Path) -> Iterator[bytes]:
 
 
 def _masked_checksum(data: bytes) -> int:
-    """CRC-32C, rotated and shifted as TFRecord wants it."""
+    """CRC-32C, masked as in TFRecord files."""
     crc = 0xFFFFFFFF
     for byte in data:
         crc ^= byte
@@ -77,7 +75,7 @@ def _masked_checksum(data: bytes) -> int:
     return (((crc >> 15) | (crc << 17)) + 0xA282EAD8) & 0xFFFFFFFF
 
 
-# The messages and fields that are read: number, type (* if repeated) and name of each field.
+# The messages and fields in use: number, type (* if repeated) and name of each field.
 _SCHEMA: Final = {
     "Transform": "1 double* values",
     "Shape": "1 int32* dims",
@@ -96,7 +94,7 @@ _SCHEMA: Final = {
 
 @cache
 def _messages() -> dict[str, Any]:
-    """The classes of all messages."""
+    """Returns the classes of all messages by name."""
     factory = require("google.protobuf.message_factory", "protobuf")
     descriptors = require("google.protobuf.descriptor_pb2", "protobuf")
     file = descriptors.FileDescriptorProto(name="waymo_open.proto", package="waymo_open")
@@ -114,7 +112,7 @@ def _messages() -> dict[str, Any]:
 
 
 def parse(name: str, data: bytes) -> Any:  # noqa: ANN401
-    """Returns the message of that name in some bytes, or raises a ValueError."""
+    """Returns a message of one type, or raises a ValueError."""
     error_class = require("google.protobuf.message", "protobuf").DecodeError
     try:
         return _messages()[name].FromString(data)
@@ -140,26 +138,23 @@ def _sweep(frame: Any) -> LabelledSweep:  # noqa: ANN401
     returns = [
         LaserReturns(
             laser.name,
-            matrix(laser.first_return.image, 4),
-            matrix(laser.first_return.poses, 6) if laser.first_return.poses else None,
+            _image(laser.first_return.image, 4),
+            _image(laser.first_return.poses, 6) if laser.first_return.poses else None,
             calibrations[laser.name],
         )
         for laser in frame.lasers
         if laser.first_return.image
     ]
-    boxes = (
-        waymo_box(
-            (label.box.x, label.box.y, label.box.z),
-            (label.box.length, label.box.width, label.box.height),
-            label.box.heading,
-            label.type,
-            label.id,
-        )
-        for label in frame.labels
-    )
-    # Segments of the test split have no labels in any frame.
+    boxes = tuple(_box(label) for label in frame.labels)
     pose = rigid_pose(list(frame.pose.values))
-    return waymo_sweep(frame.micros * 1000, pose, returns, tuple(boxes) or None)
+    # Segments of the test split have no labels in any frame.
+    return waymo_sweep(frame.micros * 1000, pose, returns, boxes or None)
+
+
+def _box(label: Any) -> Box:  # noqa: ANN401
+    box = label.box
+    center, size = (box.x, box.y, box.z), (box.length, box.width, box.height)
+    return waymo_box(center, size, box.heading, label.type, label.id)
 
 
 def _calibration(message: Any) -> LaserCalibration:  # noqa: ANN401
@@ -167,7 +162,7 @@ def _calibration(message: Any) -> LaserCalibration:  # noqa: ANN401
     return LaserCalibration(mount, np.array(message.angles), (message.low, message.high))
 
 
-def matrix(compressed: bytes, channels: int) -> NDArray[np.float32]:
-    """Returns the range image in a compressed message."""
-    message = parse("Matrix", decompress("zlib", compressed))
+def _image(compressed: bytes, channels: int) -> NDArray[np.float32]:
+    """Returns the range image of a compressed message."""
+    message = parse("Matrix", zlib.decompress(compressed))
     return shaped(message.data, message.shape.dims, channels)

@@ -28,8 +28,7 @@ from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.options import TaskKey
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
-from mnsf_ros.sweeps_io.arrays import open_archive
-from mnsf_ros.sweeps_io.files import UNREADABLE
+from mnsf_ros.sweeps_io.files import UNREADABLE, open_npz
 
 # Parts of the folder of a run: the flows that are shown, and the recordings of all flow.
 PICTURES_FOLDER: Final = "pictures"
@@ -235,8 +234,8 @@ def _without_points(flow: ShownFlow) -> ShownFlow:
 
 def _read(path: Path) -> ShownFlow | None:
     try:
-        with open_archive(path) as archive:
-            arrays = {name: archive.array(name) for name in archive.names}
+        with open_npz(path) as archive:
+            arrays = dict(archive)
         values: dict[str, Any] = {name: x if x.ndim else x.item() for name, x in arrays.items()}
         found = ShownFlow(**values)
         sizes = {

@@ -28,8 +28,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import MethodError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from mnsf_ros.sweeps_io.arrays import open_archive, read_feather_columns
-from mnsf_ros.sweeps_io.files import reading
+from mnsf_ros.sweeps_io.files import array_in, open_npz, read_feather_columns, reading
 
 FILE_PREFIX: Final = "file:"
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
@@ -138,8 +137,8 @@ def _file_of(folder: Path, sweep: Sweep) -> Path:
 def _read_flow(file: Path) -> NDArray[np.float32]:
     if file.suffix == ".feather":
         return _read_columns(file, _COLUMNS)
-    with reading(file, kind=MethodError), open_archive(file) as archive:
-        flow = archive.array("flow")
+    with reading(file, kind=MethodError), open_npz(file) as archive:
+        flow = array_in(archive, "flow")
     if flow.ndim != 2 or flow.shape[1] != 3 or flow.dtype.kind not in "fiu":
         raise MethodError(
             f"{file}: flow has shape {flow.shape} of {flow.dtype}, expected (N, 3) numbers"

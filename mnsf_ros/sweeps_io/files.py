@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Files of other people: read with one line of text for all that may be wrong with them."""
+"""Reading files of any origin: every failure becomes one error of one line."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from mnsf_ros.decompression import check_size
 from mnsf_ros.errors import MnsfError, SweepFileError
 
-# LookupError and TypeError: on files laid out otherwise. MemoryError: a damaged header may ask for
-# any size. SyntaxError: NumPy parses headers as Python source, and XML errors are of this kind.
+# LookupError, TypeError and AttributeError: the file has another structure. MemoryError: a damaged
+# header may ask for any size. SyntaxError: NumPy parses headers as Python source, and XML errors
+# are of this kind.
 UNREADABLE: Final = (
     OSError,
     EOFError,
     ValueError,
     LookupError,
     TypeError,
+    AttributeError,
     ArithmeticError,
     MemoryError,
     RuntimeError,
@@ -40,7 +42,7 @@ _MAX_LENGTH: Final = 200
 
 
 def reason(error: BaseException) -> str:
-    """Returns what an error says, in one short line without a full stop."""
+    """Returns the text of an error as one short line without a full stop."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     text = " ".join(str(error).split())[:_MAX_LENGTH].rstrip(".")
@@ -50,26 +52,11 @@ def reason(error: BaseException) -> str:
     return text or type(error).__name__
 
 
-def parse_rows(text: bytes, num_rows: int, places: Sequence[int]) -> list[NDArray[Any]]:
-    """Parses some columns, counted from 0, of the first rows of a text: (N,) float64 each.
-
-    Raises:
-        ValueError: There are fewer rows, a row is too short, or something is no number.
-    """
-    lines = [line for line in text.splitlines() if not line.isspace() and line][:num_rows]
-    if len(lines) < num_rows:
-        raise ValueError(f"is cut short: {len(lines)} of {num_rows} rows")
-    if not lines:
-        return [np.zeros(0) for _ in places]
-    return list(np.loadtxt(lines, usecols=tuple(places), ndmin=2, comments=None).T)
-
-
 @contextmanager
 def reading(path: Path, part: str = "", kind: type[MnsfError] = SweepFileError) -> Iterator[None]:
-    """Turns what parsers raise inside the block into one kind of error, with file and part.
+    """Turns errors of parsers inside the block into one kind of error, with file and part.
 
-    What is there but no regular file is refused before the block: a named pipe would keep it
-    waiting for ever.
+    A named pipe or a device is refused before the block: reading it might never end.
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
@@ -86,7 +73,7 @@ def require(module: str, library: str = "") -> Any:  # noqa: ANN401
     """Imports a module of a library that only some formats need.
 
     Raises:
-        ValueError: The library is not installed; the text has the command that helps.
+        ValueError: The library is not installed; the text has the command that installs it.
     """
     library = library or module.partition(".")[0]
     try:
@@ -100,25 +87,49 @@ def require(module: str, library: str = "") -> Any:  # noqa: ANN401
         ) from error
 
 
-def content_of(path: Path) -> bytes:
-    """Returns all that is in a file; call it inside of `reading`.
+@contextmanager
+def open_npz(path: Path) -> Iterator[NpzFile]:
+    """Opens an npz file; call it inside of `reading`.
 
     Raises:
-        OSError: It cannot be read.
-        SizeLimitError: It is larger than any cloud.
+        ValueError: The file holds a single array, as npy files do.
     """
-    check_size(path.stat().st_size, "the file")
-    return path.read_bytes()
+    with path.open("rb") as file:
+        archive = np.load(file, allow_pickle=False)
+        if not isinstance(archive, NpzFile):
+            raise ValueError("is a single array, expected an npz archive")
+        with archive:
+            yield archive
 
 
-def read_bytes(path: Path) -> bytes:
-    """Returns the content of a file.
+def array_in(archive: NpzFile, name: str) -> NDArray[Any]:
+    """Returns an array of an npz file.
 
     Raises:
-        SweepFileError: There is none, or it is empty or too large.
+        ValueError: There is none of that name, or it holds Python objects.
     """
-    with reading(path):
-        content = content_of(path)
-    if not content:
-        raise SweepFileError(f"{path}: is empty")
-    return content
+    if name not in archive.files:
+        raise ValueError(f"has no array {name!r}; it has {', '.join(archive.files) or 'none'}")
+    array: NDArray[Any] = archive[name]
+    return array
+
+
+def read_feather_columns(
+    path: Path, names: Iterable[str], optional: Iterable[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Returns columns of a Feather file as (N,) arrays, optional ones where present.
+
+    Call it inside of `reading`.
+
+    Raises:
+        ValueError: pyarrow is not installed, or the file lacks a column.
+    """
+    # memory_map: damage in a mapped file would only show later. use_threads: where memory ends, the
+    # threads of Arrow abort the process.
+    table = require("pyarrow.feather").read_table(path, memory_map=False, use_threads=False)
+    missing = [name for name in names if name not in table.column_names]
+    if missing:
+        found = ", ".join(table.column_names)
+        raise ValueError(f"has no column {', '.join(missing)}; it has {found}")
+    wanted = (*names, *(name for name in optional if name in table.column_names))
+    return {name: table.column(name).to_numpy() for name in wanted}

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""PointCloud2 -> Sweep, and flow -> PointCloud2: the same for messages of ROS and of recordings."""
+"""PointCloud2 to sweep, and flow to PointCloud2, for live and recorded messages."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _CLASH_PREFIX: Final = "sensor_"
 
 @dataclass(frozen=True, eq=False)
 class CloudSource:
-    """The cloud that a sweep was decoded from.
+    """The cloud of a sweep.
 
     Attributes:
-        message: A sensor_msgs/PointCloud2, or what has its attributes.
+        message: A sensor_msgs/PointCloud2, or an object with its attributes.
         finite: (height * width,) bool, the points of the message that are in the sweep.
-        times: What the cloud says of the times of these points.
+        times: Times of these points.
         is_stamped: Whether the message has a stamp.
     """
 
@@ -64,11 +64,11 @@ def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: 
 def flow_cloud(
     sweep: Sweep, estimate: FlowEstimate, interval_s: float, output: OutputSettings
 ) -> bytes:
-    """Returns the cloud that a sweep came from with the columns of its flow, serialized.
+    """Returns the cloud of a sweep with the columns of its flow, serialized.
 
-    It has the same header, height, width and order, the fields of the cloud, and those of
-    FLOW_COLUMNS. A field of the cloud that has the name of one of these is kept as `sensor_...`.
-    A compact one has no field of the cloud but x, y and z.
+    Header, height, width and order of the points stay. The fields of the cloud come first, then
+    those of FLOW_COLUMNS; a field of the cloud with the same name is renamed to `sensor_...`.
+    The compact layout keeps only x, y and z of the cloud.
     """
     source: CloudSource = sweep.source
     message, measured = source.message, source.finite
@@ -82,7 +82,7 @@ def flow_cloud(
 
 
 def renamed_fields(message: PointCloudLike, output: OutputSettings) -> dict[str, str]:
-    """Returns old name -> new name of fields of a cloud that `flow_cloud` renames."""
+    """Returns the fields of a cloud that `flow_cloud` renames: old name to new name."""
     if output.layout == "compact":
         return {}
     names = [field.name for field in message.fields]

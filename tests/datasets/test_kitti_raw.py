@@ -122,17 +122,13 @@ def test_only_what_the_camera_sees_and_boxes_are_valid(tmp_path):
 
 def test_without_tracklets_nothing_is_valid(tmp_path):
     drive = write_drive(tmp_path, tracklets=False)
+    # The calibration may lie in the drive, too.
+    for file in drive.parent.glob("calib_*.txt"):
+        file.rename(drive / file.name)
     assert not tiny_world.read(convert(drive, tmp_path / "out")).truth[0].valid.any()
     found = tiny_world.read(convert(drive, tmp_path / "all", unlabelled_static=True))
     assert found.truth[0].valid.all()
     assert not found.truth[0].dynamic.any()
-
-
-def test_the_calibration_may_lie_in_the_drive(tmp_path):
-    drive = write_drive(tmp_path)
-    for file in drive.parent.glob("calib_*.txt"):
-        file.rename(drive / file.name)
-    tiny_world.check_recording(convert(drive, tmp_path / "out", unlabelled_static=True), "velodyne")
 
 
 def test_points_that_are_not_finite_stay_without_valid_flow(tmp_path):
@@ -148,62 +144,36 @@ def test_points_that_are_not_finite_stay_without_valid_flow(tmp_path):
     assert found.truth[1].valid[18:].any()
 
 
-def remove(name):
-    return lambda drive: (drive / name).unlink()
-
-
-def cut(name, keep):
-    def change(drive):
-        path = drive / name
-        path.write_bytes(path.read_bytes()[:keep])
-
-    return change
-
-
-def write(name, text):
-    return lambda drive: (drive / name).write_text(text)
-
-
 @pytest.mark.parametrize(
-    ("damage", "message"),
+    ("name", "content", "message"),
     [
-        (cut("velodyne_points/data/0000000002.bin", 1001), r"0000000002\.bin: is cut short: 1001"),
-        (cut("velodyne_points/data/0000000002.bin", 0), r"0000000002\.bin: is cut short: 0 bytes"),
-        (
-            write("velodyne_points/data/0000000002.bin", "~" * 160),
-            r"0000000002\.bin: cannot be read: sweep of stamp .*: a point has the coordinate 8\.4",
-        ),
-        (write("oxts/data/0000000002.txt", "nan " * 30), r"0000000002\.txt: holds \(nan, .*finite"),
-        (remove("oxts/data/0000000002.txt"), r"0000000002\.txt: no such file"),
-        (cut("oxts/data/0000000003.txt", 20), r"0000000003\.txt: has \d numbers, expected 30"),
-        (remove("velodyne_points/timestamps.txt"), r"timestamps\.txt: no such file"),
-        (write("velodyne_points/timestamps.txt", "2011\n"), r"has no line 3 for that sweep"),
-        (write("velodyne_points/timestamps.txt", "x\n" * 9), r"timestamps\.txt: cannot be read"),
-        (cut("tracklet_labels.xml", 500), r"tracklet_labels\.xml: cannot be read"),
-        (write("tracklet_labels.xml", "<a/>"), r"has no element 'tracklets'"),
-        (remove("../calib_imu_to_velo.txt"), r"calib_imu_to_velo\.txt: no such file"),
-        (write("../calib_cam_to_cam.txt", "K_00: 1"), r"has no entry 'R_rect_00'; it has K_00"),
-        (
-            write("../calib_imu_to_velo.txt", "R: 2 0 0 0 2 0 0 0 2\nT: 0 0 0"),
-            r"calib_imu_to_velo\.txt: cannot be read: pose is no rigid motion",
-        ),
-        (
-            write("tracklet_labels.xml", tracklet_text().replace("<l>", "<l>-")),
-            r"tracklet_labels\.xml: cannot be read: sweep 0: box of track 0: its size is \[-4",
-        ),
-        (
-            write("tracklet_labels.xml", tracklet_text().replace("<tx>", "<tx>nan</tx><tx>")),
-            r"tracklet_labels\.xml: cannot be read: sweep 0: box of track 0: its pose is no rigid",
-        ),
-        (write("../calib_velo_to_cam.txt", "R: 1 2\nT: 0 0 0"), r"calib_velo_to_cam\.txt: cannot"),
+        ("velodyne_points/data/0000000002.bin", "x" * 1001, "is cut short: 1001 bytes"),
+        ("velodyne_points/data/0000000002.bin", "", "is cut short: 0 bytes"),
+        ("velodyne_points/data/0000000002.bin", "~" * 160, "a point has the coordinate 8"),
+        ("oxts/data/0000000002.txt", "nan " * 30, r"begins with \[nan, .*6 finite numbers"),
+        ("oxts/data/0000000002.txt", None, "no such file"),
+        ("oxts/data/0000000003.txt", "1 2 3", "expected 6 finite numbers"),
+        ("velodyne_points/timestamps.txt", None, "no such file"),
+        ("velodyne_points/timestamps.txt", "2011\n", "line 3: index error"),
+        ("velodyne_points/timestamps.txt", "x\n" * 9, "line 1: Error parsing datetime"),
+        ("tracklet_labels.xml", "<a><b>", "no element found"),
+        ("tracklet_labels.xml", "<a/>", "has no element 'tracklets'"),
+        ("tracklet_labels.xml", tracklet_text().replace("<l>", "<l>-"), r"its size is \[-4"),
+        ("tracklet_labels.xml", tracklet_text().replace("<tx>", "<tx>nan</tx><tx>"), "no rigid"),
+        ("tracklet_labels.xml", tracklet_text().replace("ty>", "tyy>"), "it has no 'ty'"),
+        ("../calib_imu_to_velo.txt", None, "no such file"),
+        ("../calib_imu_to_velo.txt", "R: 2 0 0 0 2 0 0 0 2\nT: 0 0 0", "pose is no rigid motion"),
+        ("../calib_cam_to_cam.txt", "K_00: 1", "it has no 'R_rect_00'"),
+        ("../calib_velo_to_cam.txt", "R: 1 2\nT: 0 0 0", "cannot reshape"),
     ],
 )
-def test_damage_is_named_and_nothing_is_left_behind(tmp_path, damage, message):
-    drive = write_drive(tmp_path)
-    damage(drive)
-    with pytest.raises(DatasetError, match=message):
-        convert(drive, tmp_path / "out" / "bag")
-    assert not list(tmp_path.glob("out/*"))
+def test_damage_is_named(tmp_path, name, content, message):
+    path = write_drive(tmp_path) / name
+    path.unlink()
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(DatasetError, match=f"{path.name}: .*{message}"):
+        convert(tmp_path / "2011_09_26" / "2011_09_26_drive_0005_sync", tmp_path / "out")
 
 
 def test_other_folders_are_refused(tmp_path):

@@ -1,15 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import zlib
-
 import numpy as np
 import pytest
 import tiny_world
 
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
-from mnsf_ros.decompression import MAX_BYTES
 from mnsf_ros.errors import DatasetError
 
 h5py = pytest.importorskip("h5py")
@@ -104,43 +101,20 @@ def test_flow_of_a_few_standing_points_tells_no_pose(tmp_path):
     check_poses(tiny_world.read(convert(path, tmp_path / "out")), num_sweeps=1)
 
 
-def test_sweeps_without_flow_are_not_valid(tmp_path):
-    path = write_sequence(tmp_path / "log.h5")
-    remove(path, f"{tiny_world.stamp_ns(1)}/flow")
-    found = tiny_world.read(convert(path, tmp_path / "out"))
-    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
-
-
-def test_damage_is_named_and_nothing_is_left_behind(tmp_path):
-    path = write_sequence(tmp_path / "log.h5")
-    whole = path.read_bytes()
-    for keep in (0, 100, len(whole) // 2):
-        path.write_bytes(whole[:keep])
-        with pytest.raises(DatasetError, match=r"log\.h5: cannot be read"):
-            convert(path, tmp_path / "out" / "bag")
-    path.write_bytes(whole)
-    with h5py.File(path, "a") as file:
-        del file[f"{tiny_world.stamp_ns(1)}/pose"]
-    with pytest.raises(DatasetError, match=r"log\.h5: cannot be read: .*pose"):
-        convert(path, tmp_path / "out" / "bag")
-    assert not list(tmp_path.glob("out/*"))
-
-
 @pytest.mark.parametrize(
     ("name", "values", "message"),
     [
         ("lidar", np.zeros((50, 2), np.float32), r"xyz has shape \(50, 2\), expected \(N, 3\)"),
-        (
-            "lidar",
-            np.zeros((50, 3), np.complex64),
-            r"it holds complex64 of shape \(50, 3\), expected real",
-        ),
+        ("lidar", np.zeros((50, 3), np.complex64), "holds complex numbers"),
+        ("lidar", ["a", "b"], "could not convert string to float"),
+        ("lidar", h5py.Empty("<f4"), ""),
+        ("lidar", h5py.SoftLink("pose"), "'lidar' is a link, expected it in the file"),
+        ("lidar", h5py.ExternalLink("nowhere", "/data"), "'lidar' is a link, expected it in the"),
         ("flow", np.zeros((7, 3), np.float32), r"flow has shape \(7, 3\), expected"),
         ("flow", np.full((7, 3), 1e300), "overflow encountered in cast"),
         ("ground_mask", np.zeros(7, bool), r"ground has shape \(7,\), expected"),
         ("flow_category_indices", np.zeros(7, np.uint8), r"class_id has shape \(7,\), expected"),
         ("pose", np.diag([2.0, 2, 2, 1]), "pose is no rigid motion"),
-        ("pose", np.zeros((4, 4)), "pose is no rigid motion"),
         ("pose", None, "has no data set pose; it has ego_motion, flow, "),
         ("flow_is_valid", None, "has no data set flow_is_valid; it has ego_motion, flow, "),
     ],
@@ -157,150 +131,39 @@ def test_what_does_not_fit_is_named_with_file_and_sweep(tmp_path, name, values, 
         convert(path, tmp_path / "out")
 
 
-def test_other_files_are_refused(tmp_path):
-    with pytest.raises(DatasetError, match="nowhere: no such file"):
-        open_source("opensceneflow", tmp_path / "nowhere")
-    with h5py.File(tmp_path / "other.h5", "w") as file:
-        file["points"] = [1]
-    with pytest.raises(DatasetError, match="has group 'points', expected one named by the stamp"):
-        open_source("opensceneflow", tmp_path / "other.h5")
-    with h5py.File(tmp_path / "empty.h5", "w"):
-        pass
-    with pytest.raises(DatasetError, match="has no group"):
-        open_source("opensceneflow", tmp_path / "empty.h5")
-
-
-def test_data_set_beyond_the_limit_is_refused_before_it_is_read(tmp_path):
-    path = write_sequence(tmp_path / "log.h5")
-    with h5py.File(path, "a") as file:
-        group = file[str(tiny_world.stamp_ns(1))]
-        del group["lidar"]
-        # Chunks that were never written take no room in the file.
-        group.create_dataset("lidar", (10**8, 4), np.float32, chunks=(1000, 4))
-    message = r"log\.h5.*group.*data set 'lidar': it has 1600000000 bytes, the limit is 268435456"
-    with pytest.raises(DatasetError, match=message):
-        convert(path, tmp_path / "out")
-
-
-def write_external(group, other):
-    group.create_dataset("lidar", (4, 3), "<f4", external=[(str(other), 0, 48)])
-
-
-def write_virtual(group, other):
-    layout = h5py.VirtualLayout((4, 3), "<f4")
-    layout[...] = h5py.VirtualSource(str(other), "data", (4, 3))
-    group.create_virtual_dataset("lidar", layout)
-
-
-def write_external_link(group, other):
-    group["lidar"] = h5py.ExternalLink(str(other), "/data")
-
-
-def write_soft_link(group, _):
-    group["lidar"] = h5py.SoftLink("pose")
-
-
-def write_lists(group, _):
-    group.create_dataset("lidar", (4,), h5py.vlen_dtype(np.float32))
-
-
-def write_texts(group, _):
-    group["lidar"] = ["a", "b"]
-
-
-def write_nothing(group, _):
-    group["lidar"] = h5py.Empty("<f4")
-
-
-def write_subgroup(group, _):
-    group.create_group("lidar")
-
-
-def write_bomb(group, _):
-    data = group.create_dataset("lidar", (4, 3), "<f4", chunks=(4, 3), compression="gzip")
-    data.id.write_direct_chunk((0, 0), zlib.compress(bytes(10**6)))
-
-
-def write_large_chunk(group, _):
-    rows = MAX_BYTES // 12 + 1
-    group.create_dataset(
-        "lidar", (4, 3), "<f4", chunks=(rows, 3), maxshape=(None, 3), compression="gzip"
-    ).id.write_direct_chunk((0, 0), zlib.compress(bytes(48)))
-
-
-def write_other_filter(group, _):
-    group.create_dataset("lidar", data=np.zeros((4, 3), "<f4"), compression="lzf")
-
-
-@pytest.mark.parametrize(
-    ("write", "message"),
-    [
-        (write_external, "data set 'lidar': its values are in '.*other', expected them in the"),
-        (write_virtual, "data set 'lidar': its values are in other data sets, expected them in"),
-        (write_external_link, "'lidar' is a link to another place, expected it in the file"),
-        (write_soft_link, "'lidar' is a link to another place, expected it in the file"),
-        (write_lists, r"data set 'lidar': it holds object of shape \(4,\), expected real"),
-        (write_texts, r"data set 'lidar': it holds object of shape \(2,\), expected real"),
-        (write_nothing, "data set 'lidar': it holds float32 of shape None, expected real"),
-        (write_subgroup, "'lidar' is a Group, expected a Dataset"),
-        (write_bomb, "data set 'lidar': .* zlib data expand to more than 48 bytes"),
-        (write_large_chunk, f"data set 'lidar': all chunks .*, the limit is {MAX_BYTES} bytes"),
-        (write_other_filter, r"data set 'lidar': it has the filters \[32000\], expected none, or"),
-    ],
-)
-def test_only_limited_arrays_of_the_file_itself_are_read(tmp_path, write, message):
-    other = tmp_path / "other"
+@pytest.mark.parametrize("kind", ["external", "virtual", "group"])
+def test_values_of_other_files_are_not_read(tmp_path, kind):
+    """HDF5 would read any file on the machine."""
+    other, key = tmp_path / "other", str(tiny_world.stamp_ns(0))
     with h5py.File(other, "w") as file:
         file["data"] = np.ones((4, 3), np.float32)
-    key = str(tiny_world.stamp_ns(0))
     with h5py.File(tmp_path / "log.h5", "w") as file:
-        group = file.create_group(key)
-        write(group, other)
-        group["pose"] = np.eye(4)
-    where = rf"log\.h5: cannot be read: group '{key}': "
-    with pytest.raises(DatasetError, match=where + message):
+        if kind == "group":
+            file[key] = h5py.ExternalLink(str(other), "/")
+        elif kind == "external":
+            file.create_dataset(f"{key}/lidar", (4, 3), "<f4", external=[(str(other), 0, 48)])
+        else:
+            layout = h5py.VirtualLayout((4, 3), "<f4")
+            layout[...] = h5py.VirtualSource(str(other), "data", (4, 3))
+            file.create_group(key).create_virtual_dataset("lidar", layout)
+    with pytest.raises(DatasetError, match=r"is a link|the values of 'lidar' are in another file"):
         convert(tmp_path / "log.h5", tmp_path / "out")
 
 
-@pytest.mark.parametrize("name", ["flow", "ground_mask", "pose"])
-def test_each_data_set_is_the_file_s_own(tmp_path, name):
-    group = str(tiny_world.stamp_ns(1))
-    path = remove(write_sequence(tmp_path / "log.h5"), f"{group}/{name}")
-    with h5py.File(path, "a") as file:
-        file[f"{group}/{name}"] = h5py.ExternalLink(str(path), "/nowhere")
-    with pytest.raises(DatasetError, match=f"{name}' is a link to another place"):
-        convert(path, tmp_path / "out")
+def test_cut_files_are_named(tmp_path):
+    path = write_sequence(tmp_path / "log.h5")
+    whole = path.read_bytes()
+    for keep in (0, 100, len(whole) // 2):
+        path.write_bytes(whole[:keep])
+        with pytest.raises(DatasetError, match=r"log\.h5: cannot be read"):
+            convert(path, tmp_path / "out")
 
 
-def test_a_group_in_another_file_is_refused(tmp_path):
-    other = write_sequence(tmp_path / "other.h5")
-    with h5py.File(tmp_path / "log.h5", "w") as file:
-        file["1700000000000000000"] = h5py.ExternalLink(str(other), f"/{tiny_world.stamp_ns(0)}")
-    with pytest.raises(DatasetError, match="'1700000000000000000' is a link to another place"):
-        convert(tmp_path / "log.h5", tmp_path / "out")
-
-
-@pytest.mark.parametrize("name", ["²", "9" * 20, "9" * 5000], ids=["power", "20", "5000"])
+@pytest.mark.parametrize("name", ["", "points", "²", "9" * 20, "9" * 5000], ids=len)
 def test_names_that_are_no_stamps_are_refused(tmp_path, name):
     with h5py.File(tmp_path / "log.h5", "w") as file:
-        file.create_group(name)
-    with pytest.raises(DatasetError, match=f"has group '{name}', expected one named by the stamp"):
+        if name:
+            file.create_group(name)
+    found = f"group '{name}'" if name else "no group"
+    with pytest.raises(DatasetError, match=f"has {found}, expected one named by the stamp"):
         convert(tmp_path / "log.h5", tmp_path / "out")
-
-
-def test_compressed_data_sets_are_read(tmp_path):
-    path = write_sequence(tmp_path / "log.h5")
-    xyz = tiny_world.sweep(0).xyz
-    how = {"chunks": (3, 2), "compression": "gzip", "shuffle": True, "fletcher32": True}
-    with h5py.File(path, "a") as file:
-        group = file[str(tiny_world.stamp_ns(0))]
-        del group["lidar"], group["lidar_dt"]
-        group.create_dataset("lidar", data=xyz, **how)
-        shape = (len(xyz),)
-        times = group.create_dataset("lidar_dt", shape, "<f4", chunks=shape, compression="gzip")
-        # One chunk, stored as it is.
-        as_it_is = np.full(shape, 0.01, "<f4").tobytes()
-        times.id.write_direct_chunk((0,), as_it_is, filter_mask=1)
-    found = tiny_world.read(convert(path, tmp_path / "out"))
-    assert np.array_equal(found.xyz[0], xyz)
-    assert set(found.columns[0]["time_offset"]) == {np.float32(0.01)}

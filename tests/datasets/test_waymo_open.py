@@ -3,14 +3,13 @@ from __future__ import annotations
 
 import itertools
 import math
-import struct
 import zlib
 
 import numpy as np
 import pytest
 import tiny_waymo
 import tiny_world
-from tiny_protobuf import crc32c, field, tf_record
+from tiny_protobuf import crc32c, field, tf_record, varint
 
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
@@ -20,8 +19,7 @@ from mnsf_ros.datasets.waymo import (
     shaped,
     waymo_sweep,
 )
-from mnsf_ros.datasets.waymo_records import tf_records
-from mnsf_ros.decompression import MAX_BYTES
+from mnsf_ros.datasets.waymo_records import parse
 from mnsf_ros.errors import DatasetError
 
 
@@ -83,29 +81,18 @@ def test_records_become_a_recording_with_truth(tmp_path, images):
     tiny_waymo.check(convert("waymo-v1", path, tmp_path / "out"), images)
 
 
-def test_record_that_claims_more_than_a_frame_has_is_not_read(tmp_path):
-    path = tmp_path / "segment.tfrecord"
-    length = struct.pack("<Q", MAX_BYTES + 1)
-    crc = crc32c(length)
-    masked = struct.pack("<I", ((crc >> 15 | crc << 17) + 0xA282EAD8) % 2**32)
-    with path.open("wb") as file:
-        file.write(length + masked)
-        file.truncate(MAX_BYTES + 100)
-    with pytest.raises(DatasetError, match=f"record 0 has {MAX_BYTES + 1} bytes, the limit"):
-        next(tf_records(path))
-
-
 def test_records_without_labels_have_no_valid_flow(tmp_path, images):
     path = write_records(tmp_path / "segment.tfrecord", images, labels=False)
     found = tiny_world.read(convert("waymo-v1", path, tmp_path / "out"))
     assert not any(truth.valid.any() for truth in found.truth)
 
 
-def test_damaged_records_are_named_and_nothing_is_left_behind(tmp_path, images):
+def test_damaged_records_are_named(tmp_path, images):
     assert crc32c(b"123456789") == 0xE3069283
     path = write_records(tmp_path / "segment.tfrecord", images)
     whole = path.read_bytes()
     first = len(tf_record(frame(0, images)))
+    flat = field(6, field(1, field(6, -1.0)))
     damages = {
         whole[: first + 5]: "cut short in the header of record 1",
         whole[: first + 500]: "cut short in record 1",
@@ -113,17 +100,31 @@ def test_damaged_records_are_named_and_nothing_is_left_behind(tmp_path, images):
         b"\0" + whole: "checksum of record 0 is wrong",
         whole[: first + 12] + b"\xff" * 2000 + whole[first + 2012 :]: "tfrecord: cannot be read",
         tf_record(frame(0, images)[:-9]): "tfrecord: cannot be read: record 0: .* cut short",
-        tf_record(field(2, 5) + field(3, b"")): "cannot be read: record 0: cannot reshape",
         tf_record(field(2, 5) + field(3, 5)): "cannot be read: record 0: cannot reshape",
+        whole + tf_record(frame(1, images) + flat): "cannot be read: record 3: box of track",
         b"": r"segment\.tfrecord: is empty",
     }
     for damaged, message in damages.items():
         path.write_bytes(damaged)
         with pytest.raises(DatasetError, match=message):
-            convert("waymo-v1", path, tmp_path / "out" / "bag")
-    assert not list(tmp_path.glob("out/*"))
-    with pytest.raises(DatasetError, match="nowhere: no such file"):
-        open_source("waymo-v1", tmp_path / "nowhere")
+            convert("waymo-v1", path, tmp_path / "out")
+
+
+def test_fields_of_a_record():
+    pytest.importorskip("google.protobuf")
+    numbers = np.array([1.5, -2.5])
+    angles = field(2, numbers) + field(2, numbers, packed=True)
+    dims = field(1, [1, 2]) + field(1, varint(3) + varint(2**30))
+    data = field(1, numbers.astype("<f4"), packed=True) + varint(1 << 3 | 5)
+    calibration = parse("Calibration", field(1, -3) + angles + field(4, 0.5) + field(99, "x"))
+    assert (calibration.name, calibration.low, calibration.high) == (-3, 0.0, 0.5)
+    assert list(calibration.angles) == [1.5, -2.5] * 2
+    message = parse("Matrix", data + np.float32(0.5).tobytes() + field(2, dims))
+    assert list(message.data) == [1.5, -2.5, 0.5]
+    assert list(message.shape.dims) == [1, 2, 3, 2**30]
+    frame = parse("Frame", field(2, 2**40) + field(6, [field(4, "räder"), field(3, 4)]))
+    assert [(label.id, label.type) for label in frame.labels] == [("räder", 0), ("", 4)]
+    assert (frame.micros, list(frame.pose.values), list(frame.lasers)) == (2**40, [], [])
 
 
 # The second edition: Parquet files.
@@ -191,14 +192,6 @@ def test_parquet_files_become_a_recording_with_truth(tmp_path, images):
     tiny_waymo.check(convert("waymo", source, tmp_path / "out"), images)
 
 
-def test_parquet_file_beyond_the_limit_is_refused_before_it_is_read(tmp_path, monkeypatch, images):
-    source = write_split(tmp_path / "split", images[:1])
-    monkeypatch.setattr("mnsf_ros.decompression.MAX_BYTES", 1000)
-    monkeypatch.setattr("mnsf_ros.decompression._MAX_FILE_RATIO", 0)
-    with pytest.raises(DatasetError, match=r"one\.parquet.* expands to more than 1000 bytes"):
-        convert("waymo", source, tmp_path / "out")
-
-
 def test_one_of_several_segments_is_named(tmp_path, images):
     source = write_split(tmp_path, images[:2], "one")
     write_split(tmp_path, images[:2], "two")
@@ -210,17 +203,17 @@ def test_one_of_several_segments_is_named(tmp_path, images):
         open_source("waymo", source, sequence="three")
 
 
-def test_damaged_parquet_files_are_named_and_nothing_is_left_behind(tmp_path, images):
-    source = write_split(tmp_path / "split", images[:2])
-    rows = tables(images[:2])
-    out = tmp_path / "out" / "bag"
-    for name, message in (("lidar", "cannot be read"), ("lidar_pose", "cannot be read")):
-        path = source / name / "one.parquet"
-        whole = path.read_bytes()
-        path.write_bytes(whole[: len(whole) // 2])
-        with pytest.raises(DatasetError, match=rf"{name}/one\.parquet: {message}"):
-            convert("waymo", source, out)
-        path.write_bytes(whole)
+VEHICLE = "[VehiclePoseComponent].world_from_vehicle.transform"
+BOX = "[LiDARBoxComponent].box"
+
+
+def test_damaged_parquet_files_are_named(tmp_path, images):
+    source, rows = write_split(tmp_path / "split", images[:2]), tables(images[:2])
+    path = source / "lidar/one.parquet"
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DatasetError, match=r"lidar/one\.parquet: cannot be read"):
+        convert("waymo", source, tmp_path / "out")
     changes = {
         "are not in the order of 'key.frame": {
             name: rows[name][::-1] for name in ("lidar", "lidar_pose")
@@ -235,26 +228,16 @@ def test_damaged_parquet_files_are_named_and_nothing_is_left_behind(tmp_path, im
     for message, change in changes.items():
         write_split(source, images[:2], **change)
         with pytest.raises(DatasetError, match=message):
-            convert("waymo", source, out)
-    (source / "vehicle_pose/one.parquet").unlink()
-    with pytest.raises(DatasetError, match=r"vehicle_pose/one\.parquet: no such file"):
-        convert("waymo", source, out)
-    assert not list(tmp_path.glob("out/*"))
-
-
-VEHICLE = "[VehiclePoseComponent].world_from_vehicle.transform"
-BOX = "[LiDARBoxComponent].box"
+            convert("waymo", source, tmp_path / "out")
 
 
 @pytest.mark.parametrize(
     ("table", "change", "message"),
     [
         ("lidar_box", {f"{BOX}.size.x": None}, "its size is"),
-        ("lidar_box", {f"{BOX}.size.y": -3.0}, "its size is"),
         ("lidar_box", {f"{BOX}.heading": math.nan}, "its pose is no rigid motion"),
         ("lidar_box", {f"{BOX}.heading": None}, "must be real number"),
         ("vehicle_pose", {VEHICLE: [0.0] * 16}, "pose is no rigid motion"),
-        ("vehicle_pose", {VEHICLE: np.diag([3.0, 3, 3, 1]).ravel().tolist()}, "no rigid motion"),
         ("vehicle_pose", {VEHICLE: [0.0] * 15}, "cannot reshape"),
     ],
 )
@@ -265,16 +248,6 @@ def test_a_damaged_row_is_named_with_its_file_and_frame(tmp_path, images, table,
     where = rf"{table}/one\.parquet: cannot be read: frame {tiny_world.stamp_ns(0) // 1000}: "
     with pytest.raises(DatasetError, match=f"{where}.*{message}"):
         convert("waymo", source, tmp_path / "out")
-
-
-def test_a_damaged_box_in_records_is_named(tmp_path, images):
-    path = write_records(tmp_path / "segment.tfrecord", images[:1], num_sweeps=1)
-    height = field(1, field(6, -1.0))
-    path.write_bytes(path.read_bytes() + tf_record(frame(1, images) + field(6, height)))
-    with pytest.raises(
-        DatasetError, match=r"segment\.tfrecord: cannot be read: record 1: box of tr"
-    ):
-        convert("waymo-v1", path, tmp_path / "out")
 
 
 # Range images alone.

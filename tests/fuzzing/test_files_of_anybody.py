@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import importlib.util
 import time
-import tracemalloc
 import warnings
 from contextlib import closing
 
@@ -20,7 +19,6 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.decompression import COMPRESSIONS, DecompressionError, decompress
-from mnsf_ros.decompression import MAX_BYTES as LIMIT
 from mnsf_ros.errors import RecordingError, SweepFileError
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
@@ -34,10 +32,6 @@ XYZ = np.arange(12, dtype=np.float32).reshape(4, 3)
 PCD = (
     "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\n"
     "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\nDATA {}\n"
-)
-PLY = (
-    "ply\nformat {} 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-    "end_header\n"
 )
 ROWS = "\n".join(" ".join(map(str, row)) for row in XYZ.tolist()).encode() + b"\n"
 # Where, how much is taken away, and what is put there instead.
@@ -54,8 +48,6 @@ IN_PLACE = st.lists(
     min_size=1,
     max_size=4,
 )
-# A Feather file of a kilobyte may claim as much as the largest cloud has, not more.
-MAX_BYTES = LIMIT + 64 * 2**20
 JAZZY, NOETIC = get_typestore(Stores.ROS2_JAZZY), get_typestore(Stores.ROS1_NOETIC)
 NUM_MESSAGES = 4
 # Of CPU; what computes without a limit never ends.
@@ -79,8 +71,6 @@ def sweeps(tmp_path_factory):
     contents = {
         "ascii.pcd": PCD.format("ascii").encode() + ROWS,
         "binary.pcd": PCD.format("binary").encode() + XYZ.tobytes(),
-        "ascii.ply": PLY.format("ascii").encode() + ROWS,
-        "binary.ply": PLY.format("binary_little_endian").encode() + XYZ.tobytes(),
     }
     for name, content in contents.items():
         (folder / name).write_bytes(content)
@@ -97,7 +87,6 @@ def test_a_damaged_sweep_is_read_or_refused_in_one_line(sweeps, tmp_path_factory
     name = data.draw(st.sampled_from(sorted(sweeps)))
     file = tmp_path_factory.getbasetemp() / name
     file.write_bytes(edited(sweeps[name], data.draw(EDITS)))
-    tracemalloc.start()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
@@ -106,10 +95,6 @@ def test_a_damaged_sweep_is_read_or_refused_in_one_line(sweeps, tmp_path_factory
         assert "\n" not in str(error)
     else:
         assert found.xyz.ndim == 2 or isinstance(found, Sweep)
-    finally:
-        _, peak = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-    assert peak < MAX_BYTES
 
 
 @given(st.sampled_from(COMPRESSIONS), st.binary(max_size=200))
