@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""`mnsf tune`: the best settings of the method online for some recordings."""
+"""`mnsf tune`: settings of the method online fitted to recordings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand
+from mnsf_ros.cli.arguments import RESUME, Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import preset
@@ -19,7 +19,7 @@ from mnsf_ros.settings import parse_assignments
 
 if TYPE_CHECKING:
     from mnsf_ros.evaluation.recordings import EvaluatedRecording
-    from mnsf_ros.tuning.outcome import Found
+    from mnsf_ros.tuning.outcome import Outcome
     from mnsf_ros.tuning.tune import TuneOptions
 
 _EPILOG = """\
@@ -32,7 +32,7 @@ Goals:
   consistency  without labels: points must land on a surface 0.3 s later
 
 Files in DIR: tuned.yaml (a ROS parameter file with what changes), tuning.md,
-trials.log (all trials; --resume goes on with them).
+trials.log (all trials, for --resume).
 """
 
 
@@ -49,7 +49,7 @@ def add_to(subparsers: Subparsers) -> None:
     )
     arguments.value("bags BAG", "recordings", Path, nargs="+")
     arguments.value("--out DIR", "folder for results", Path, default=Path("tuned"))
-    arguments.flag("--resume", "go on with the trials in DIR: repeat the command and add --resume")
+    arguments.flag("--resume", RESUME)
     arguments.value(
         "--goal NAME",
         "what to improve, see below (default: epe, or consistency without true flow)",
@@ -70,77 +70,60 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.demo.console_progress import counting_progress
     from mnsf_ros.evaluation.recordings import choose_topics, recording_names
     from mnsf_ros.recording.inspection import inspect_recording
-    from mnsf_ros.tuning.outcome import (
-        concluded,
-        figures_table,
-        gains_table,
-        write_best,
-        write_outcome,
-    )
-    from mnsf_ros.tuning.search import Budget
+    from mnsf_ros.tuning.outcome import figures_table, gains_table, write_outcome
+    from mnsf_ros.tuning.search import check_optuna
+
+    check_optuna()
+    console, tuning = Console(), _options(options)
+    recordings = [
+        choose_topics(inspect_recording(path), name, options.points)
+        for path, name in zip(options.bags, recording_names(options.bags), strict=True)
+    ]
+    outcome = _tuned(recordings, tuning, console)
+    for table in (figures_table(outcome), *([gains_table(outcome)] if outcome.changed else [])):
+        console.print(table)
+    console.say(outcome.verdict)
+    for path in write_outcome(outcome, options.out, shlex.join(["mnsf", *sys.argv[1:]])):
+        console.say(f"Written: {path}", soft_wrap=True)
+
+
+def _options(options: argparse.Namespace) -> TuneOptions:
     from mnsf_ros.tuning.tune import TuneOptions
 
-    console = Console()
-    command = shlex.join(["mnsf", *sys.argv[1:]])
     start = preset("online").changed(parse_assignments(options.assignments))
     if start.method.name != "online":
         raise SettingsError(f"method.name: got {start.method.name!r}; only online can be tuned")
     names = (options.parameters or "").split(",")
-    tuning = TuneOptions(
+    return TuneOptions(
         out=options.out,
         start=start,
-        budget=Budget(options.trials, math.inf if options.minutes is None else options.minutes),
+        num_trials=options.trials,
+        minutes=math.inf if options.minutes is None else options.minutes,
         names=tuple(filter(None, map(str.strip, names))),
         goal=options.goal,
         max_examples=options.max_examples,
         seed=options.seed,
         resume=options.resume,
     )
-    recordings = [
-        choose_topics(inspect_recording(path), name, options.points)
-        for path, name in zip(options.bags, recording_names(options.bags), strict=True)
-    ]
-    found = _searched(recordings, tuning, console)
-    write_best(found, options.out, command)
-    with counting_progress(console) as progress:
-        task = progress.add_task("judging each change, and on the other half", total=None)
-
-        def show(num_done: int, num_in_all: int) -> None:
-            progress.update(task, completed=num_done, total=num_in_all)
-
-        outcome = concluded(found, show)
-    for table in (figures_table(outcome), *([gains_table(outcome)] if outcome.gains else [])):
-        console.print(table)
-    console.say(outcome.verdict)
-    for path in write_outcome(outcome, tuning.start, options.out, command):
-        console.say(f"Written: {path}", soft_wrap=True)
 
 
-def _searched(
+def _tuned(
     recordings: Sequence[EvaluatedRecording], tuning: TuneOptions, console: Console
-) -> Found:
-    """Searches, and says on Ctrl-C how to go on."""
+) -> Outcome:
+    """Tunes with a bar; on Ctrl-C names the way to continue."""
     from mnsf_ros.demo.console_progress import counting_progress
-    from mnsf_ros.tuning.tune import search_settings
+    from mnsf_ros.tuning.tune import tune
 
-    so_far = "no trial is finished"
     try:
         with counting_progress(console) as progress:
-            task = progress.add_task("trials", total=tuning.budget.num_trials)
+            task = progress.add_task("trials", total=tuning.num_trials)
 
-            def show(num_done: int, lowest: float) -> None:
-                nonlocal so_far
-                so_far = f"{num_done} trials, lowest cost {lowest:.4f}"
-                text = f"trials, lowest cost {lowest:.4f}"
-                progress.update(task, completed=num_done, description=text)
+            def show(text: str, num_done: int, num_in_all: int) -> None:
+                progress.update(task, description=text, completed=num_done, total=num_in_all)
 
-            return search_settings(recordings, tuning, show)
+            return tune(recordings, tuning, show)
     except KeyboardInterrupt:
-        console.say(
-            f"{so_far}; repeat the command with --resume to go on from {tuning.out}",
-            soft_wrap=True,
-        )
+        console.say(f"{tuning.out}: {RESUME}", soft_wrap=True)
         raise

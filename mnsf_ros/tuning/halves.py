@@ -22,17 +22,17 @@ Estimate = tuple[Example, FlowEstimate | None]
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """Examples of one half of each recording, in order.
+    """One half of each recording.
 
     Attributes:
-        stretches: One for each recording.
+        stretches: For each recording, its examples in order.
     """
 
     stretches: tuple[tuple[Example, ...], ...]
 
     @property
     def num_examples(self) -> int:
-        """How many there are in all."""
+        """Number of examples in all."""
         return sum(map(len, self.stretches))
 
     def estimated(self, settings: Settings) -> Iterator[Iterator[Estimate]]:

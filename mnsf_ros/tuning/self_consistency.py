@@ -1,12 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What settings are worth without labels: do points land where a later sweep has a surface?
+"""Cost of settings without labels: do points land on a surface of a later sweep?
 
-A point with its motion over ground is followed for about 0.3 s, at constant velocity, into a sweep
-that the estimate has not seen. The distance to the nearest point there is small if the motion is
-right: a mover that is called static is left behind, a static object that is called a mover lands
-where nothing is. Points that a static world does not explain are few, so they count as much as all
-the others together; which they are is decided once, with the settings to start from. So nothing is
-won by calling everything static, nor by calling everything dynamic.
+Points are moved on by their motion over ground, at constant velocity for about 0.3 s, into a sweep
+that the estimate has not seen. If the motion is right, a point of that sweep is near: a mover that
+is called static is left behind, a static object that is called dynamic lands in free space. The few
+points that a static world does not explain, by the settings to start from, weigh as much as all
+others together. So neither "everything is static" nor "everything is dynamic" wins.
 """
 
 from __future__ import annotations
@@ -28,20 +27,21 @@ from mnsf_ros.tuning.judges import Judgement
 _LATER_S: Final = (0.2, 0.45)
 _WANTED_S: Final = 0.3
 _MAX_POINTS: Final = 4000
-# Farther from any surface is not explained at all, however far.
+# Upper limit of landing errors.
 _LIMIT_M: Final = 0.5
-# A static point is this near to a point of a later sweep: noise, and the spacing of the lidar.
+# Distance of a static point to the nearest point of a later sweep: noise, plus a share of the range
+# for the spacing of the beams.
 _NOISE_M: Final = 0.1
 _SPACING: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class _Followed:
-    """Points of a sweep as an estimate moves them.
+    """The chosen points of an estimate.
 
     Attributes:
         velocity: (M, 3) m/s over ground, axes of the sensor.
-        world_from_sensor: (4, 4) where the sweep was taken.
+        world_from_sensor: (4, 4) pose of the sweep.
     """
 
     velocity: NDArray[np.float64]
@@ -55,7 +55,7 @@ class _Pair:
     Attributes:
         place: Number of the example in its stretch.
         later: Number of the later one.
-        seconds: From the one to the other.
+        seconds: Time between them.
         xyz: (M, 3) metres, points of the first one, sensor frame.
         tree: The points of the later one, its sensor frame.
     """
@@ -69,7 +69,7 @@ class _Pair:
     def distances(
         self, followed: Sequence[_Followed | None], *, are_static: bool = False
     ) -> NDArray[np.float64]:
-        """(M,) metres from where the points should be later to the nearest point there."""
+        """(M,) landing errors: metres from a moved point to the nearest later point."""
         now, then = followed[self.place], followed[self.later]
         if now is None or then is None:
             return np.full(len(self.xyz), _LIMIT_M)
@@ -82,10 +82,12 @@ class _Pair:
 
 
 class ConsistencyJudge:
-    """Judges by where points land in a sweep about 0.3 s later."""
+    """Judges settings by landing errors about 0.3 s later."""
+
+    goal: Final = "landing error 0.3 s later (m)"
 
     def __init__(self, half: Half, settings: Settings, seed: int = 0) -> None:
-        """Decides with these settings which points a static world does not explain."""
+        """Chooses the points that a static world does not explain, with these settings."""
         self.half = half
         self._rows = [[_chosen(one, seed) for one in part] for part in half.stretches]
         self._pairs = [
@@ -96,18 +98,8 @@ class ConsistencyJudge:
         limits = _NOISE_M + _SPACING * np.concatenate([*ranges, np.zeros(0)])
         self._is_open = static > limits
 
-    @property
-    def goal(self) -> str:
-        """What the cost is, with its unit."""
-        return "landing error 0.3 s later (m)"
-
-    @property
-    def num_unexplained(self) -> int:
-        """How many points a static world does not explain."""
-        return int(np.count_nonzero(self._is_open))
-
     def __call__(self, settings: Settings) -> Judgement:
-        """Estimates all examples and measures where their points land."""
+        """Estimates all examples and measures their landing errors."""
         distances = self._distances(settings)
         parts = [
             float(distances[mask].mean()) if mask.any() else 0.0
@@ -147,16 +139,14 @@ def _pairs(stretch: Sequence[Example], rows: Sequence[NDArray[np.int64]]) -> lis
 
 def _later(stretch: Sequence[Example], place: int) -> int | None:
     """The example about 0.3 s later, if no sweep is missing in between."""
-    first, candidates = stretch[place], dict[int, float]()
+    first, apart_s = stretch[place], dict[int, float]()
     for later in range(place + 1, len(stretch)):
         other = stretch[later]
         passed_ns = other.triplet.current.stamp_ns - first.triplet.current.stamp_ns
         has_gap = other.number - first.number != later - place
-        if has_gap or passed_ns > _LATER_S[1] * NANOSECONDS:
-            break
-        if passed_ns >= _LATER_S[0] * NANOSECONDS:
-            candidates[later] = abs(passed_ns / NANOSECONDS - _WANTED_S)
-    return min(candidates, key=lambda later: candidates[later], default=None)
+        if not has_gap and _LATER_S[0] <= passed_ns / NANOSECONDS <= _LATER_S[1]:
+            apart_s[later] = abs(passed_ns / NANOSECONDS - _WANTED_S)
+    return min(apart_s, key=lambda later: apart_s[later], default=None)
 
 
 def _followed(estimate: Estimate, rows: NDArray[np.int64]) -> _Followed | None:
