@@ -118,9 +118,11 @@ audit: $(COMPLETE)
 benchmark: $(COMPLETE)
 	nice $(BIN)/python benchmarks/paper_table.py --document docs/performance.md $(BENCHMARK_OPTIONS)
 
-# The online preset against its targets, live node included; half an hour on two quiet cores.
+# Errors, cost and latency of the method online; half an hour on two quiet cores.
 benchmark-online: $(COMPLETE)
-	$(BIN)/python benchmarks/online_targets.py --document docs/performance.md $(BENCHMARK_OPTIONS)
+	for part in accuracy cost live; do \
+		$(BIN)/python benchmarks/$$part.py --document docs/performance.md $(BENCHMARK_OPTIONS) || exit; \
+	done
 
 # How well movers are found and followed, against targets; some minutes.
 benchmark-movers: $(COMPLETE)

@@ -18,13 +18,11 @@ known. What comes out is one of:
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import signal
-import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -32,7 +30,6 @@ from typing import Any, Final
 import numpy as np
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
-from promises import Figure, Promise, Rounds, fates
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
@@ -52,7 +49,6 @@ from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
 LIMIT_S = 60
-MEMORY_BYTES = 8 * 2**30
 MAX_PEAK_MB = 2000
 METHODS = ("zero", "ego")
 BAD = ("silent", "crash", "hang")
@@ -251,29 +247,3 @@ def run(numbers: Iterable[int], seed: int, folder: Path) -> tuple[Counts, Counts
 def _recording(file: Path) -> Path:
     # Those of rosbag2 are folders.
     return file.parent if (file.parent / "metadata.yaml").exists() else file
-
-
-def recordings(rounds: Rounds) -> Iterator[Figure]:
-    """Recordings of nine formats, damaged in seven ways; bad ones are kept."""
-    # A length that asks for all memory there is must be an error, not the end of the machine.
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, most))
-    folder = Path(tempfile.mkdtemp(prefix="mutated_bags_"))
-    by_format, by_kind, bad = run((number for number, _ in rounds), rounds.seed, folder)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    yield fates("all", sum(by_format.values(), Counter()), BAD)
-    for name, counts in (by_format | by_kind).items():
-        yield fates(name, counts, BAD)
-    for text in bad:
-        yield "bad", text, False
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    yield "peak memory", f"{peak_mb:.0f} MB", peak_mb <= MAX_PEAK_MB
-
-
-PROMISES: Final = {
-    "recordings": Promise(
-        "damaged recordings of nine formats: no traceback, nothing over 60 s or 2 GB, no figure "
-        "changed without a warning where there are checksums",
-        *(10_000, "recordings", recordings),
-    )
-}

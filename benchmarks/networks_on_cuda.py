@@ -1,18 +1,17 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Everything about the networks on CUDA in one run: correctness, time, memory.
+"""The networks on CUDA: correctness against the CPU, time and memory, in one run.
 
     python benchmarks/networks_on_cuda.py [--document FILE] [--sweeps N] [--device cuda]
 
 Each method that fits networks is compared with itself on the CPU, then timed on full sweeps with
-its preset, with the memory that it takes. Sweeps are those of KITTI 0005 where it is at hand (see
-online_recordings.py), else those of a simulated street. Without CUDA nothing is measured;
-`--device cpu` tries the script itself, with the stacked fit in place of CUDA.
+its preset. Sweeps are those of KITTI 0005 if the shared data is there (see drives.py), else those
+of a simulated street. Without CUDA nothing is measured; `--device cpu` tries the script itself,
+with the stacked fit in place of CUDA.
 """
 
 from __future__ import annotations
 
 import argparse
-import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,23 +19,19 @@ from typing import Final
 
 import numpy as np
 import torch
-from marked_section import add_document_option, replace_section
-from online_recordings import TrueSweep, real_sweeps, simulated_sweeps
-from rich.console import Console
+from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
+from frame import NOT_MEASURED, Table, make_parser, publish, this_machine, verdict
 
 from mnsf_ros.core.distance_transform import DistanceTransform, GridBox, distances_within
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.scoring import by_motion
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
-from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.kept_points import crop_mask
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep
 
-UNMEASURED: Final = "not measured"
-_SECTION: Final = "cuda"
 _FNSF: Final = ("fnsf", "fnsf-linear", "fnsf-joint", "fnsf-time")
 METHODS: Final = ("mnsf", *_FNSF, "mnsf-cycle", "nsfp", "nsfp-linear")
 # Few steps on the same points: rounding has no time to grow. Coarse grids: fast on a CPU.
@@ -61,9 +56,9 @@ class Timed:
     Attributes:
         preset: Name of the preset.
         method: Name of the method.
-        changes: Settings on top.
+        changes: Settings that differ from the preset.
         limit_ms: Target of the 95th percentile, or None.
-        share: Estimates of this row, as a share of those asked for.
+        share: Estimates of this row, as a share of `--sweeps`.
     """
 
     preset: str
@@ -94,43 +89,40 @@ _CHECKS_HEADER: Final = ("checked against the CPU", "difference (mm)", "at most"
 
 
 def main() -> None:
-    """Measures everything, prints the tables, and writes them if asked to."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    """Measures everything, prints the tables, and writes them into a document."""
+    parser = make_parser(__doc__)
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
     parser.add_argument("--sweeps", type=int, default=100, help="estimates of the longest row")
     parser.add_argument("--points", type=int, default=0, help="points of a sweep; 0: all")
     parser.add_argument("--few-steps", action="store_true", help="8 steps a network, to try it out")
-    add_document_option(parser)
     options = parser.parse_args()
     if options.device == "cuda" and not torch.cuda.is_available():
-        Console().print("torch finds no usable CUDA device: nothing is measured")
+        print("torch finds no usable CUDA device: nothing is measured")
         return
     sweeps = _sweeps(options.points)
-    texts = [f"Machine: {_machine(options.device)}, {len(sweeps[0].sweep):,} points a sweep.\n"]
-    for table in (
-        checks_table(list(_checks(sweeps, options.device))),
-        times_table(_times(sweeps, options)),
-    ):
-        Console(width=160).print(table)
-        texts.append(f"{table.markdown()}\n")
-    if options.document:
-        replace_section(options.document, _SECTION, "\n".join(texts))
+    device = torch.cuda.get_device_name() if options.device == "cuda" else "CPU"
+    points = f"{len(sweeps[0].sweep):,} points a sweep"
+    machine = f"{this_machine()}, {device}, torch {torch.__version__}, {points}"
+    publish("cuda", _tables(sweeps, options), options.document, machine)
 
 
-def checks_table(rows: Sequence[Sequence[str]] = ()) -> TextTable:
-    """What was compared with the CPU; without rows, what would be."""
+def _tables(sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> Iterator[Table]:
+    yield checks_table(list(_checks(sweeps, options.device)))
+    yield times_table(_times(sweeps, options))
+
+
+def checks_table(rows: Sequence[Sequence[str]] = ()) -> Table:
+    """Comparisons with the CPU; rows that are not given are not measured."""
     names = ["distance transform", *(f"{method}, 8 steps" for method in METHODS)]
-    unmeasured = [[name, UNMEASURED, "", ""] for name in names]
-    return TextTable(_CHECKS_HEADER, rows or unmeasured, "Correctness")
+    rows = rows or [[name, NOT_MEASURED, "", ""] for name in names]
+    return Table("Correctness", _CHECKS_HEADER, rows)
 
 
-def times_table(measured: Mapping[str, Sequence[str]]) -> TextTable:
-    """Times, errors and memory of each row; `measured` has the cells behind its name."""
-    nothing = [UNMEASURED, *[""] * (len(_TIMES_HEADER) - 2)]
+def times_table(measured: Mapping[str, Sequence[str]]) -> Table:
+    """Times, errors and memory of each row; `measured` has the cells of a name."""
+    nothing = [NOT_MEASURED, *[""] * (len(_TIMES_HEADER) - 2)]
     rows = [[row.name, *measured.get(row.name, nothing)] for row in TIMED]
-    return TextTable(_TIMES_HEADER, rows, "Time of an estimate of full sweeps, and its memory")
+    return Table("Time of an estimate of full sweeps, and its memory", _TIMES_HEADER, rows)
 
 
 def _sweeps(num_points: int) -> list[TrueSweep]:
@@ -148,13 +140,8 @@ def _thinned(item: TrueSweep, num_points: int) -> TrueSweep:
     return TrueSweep(sweep, item.pose, *(None if part is None else part[rows] for part in truth))
 
 
-def _machine(device: str) -> str:
-    name = torch.cuda.get_device_name() if device == "cuda" else platform.machine()
-    return f"{name}, torch {torch.__version__}"
-
-
 def _checks(sweeps: Sequence[TrueSweep], device: str) -> Iterator[list[str]]:
-    """One row for each thing that must be on the device what it is on the CPU."""
+    """One row for each result that must be the same on the device as on the CPU."""
     points = torch.from_numpy(sweeps[1].sweep.xyz)
     points = points[points.norm(dim=1) < 30]
     box = GridBox.around(points, 0.2)
@@ -162,7 +149,7 @@ def _checks(sweeps: Sequence[TrueSweep], device: str) -> Iterator[list[str]]:
     ours = distances_within(points.to(device), box, _REACH_M).cpu()
     difference_mm = 1e3 * float((on_cpu - ours)[on_cpu <= _REACH_M].abs().max())
     yield _check("distance transform", difference_mm, _MAX_GRID_DIFFERENCE_MM)
-    three = [_thinned(item, 8192).sweep for item in sweeps[:3]]
+    three = [_thinned(item, 8192) for item in sweeps[:3]]
     for method in METHODS:
         few = preset("paper").changed(_FEW_STEPS)
         flows = [
@@ -177,14 +164,13 @@ def _checks(sweeps: Sequence[TrueSweep], device: str) -> Iterator[list[str]]:
 
 
 def _check(name: str, difference_mm: float, limit_mm: float) -> list[str]:
-    # A NaN is no match.
-    verdict = "same" if difference_mm <= limit_mm else "DIFFERS"
-    return [name, f"{difference_mm:.4f}", f"{limit_mm:g}", verdict]
+    # A NaN is not the same.
+    text = "same" if difference_mm <= limit_mm else "DIFFERS"
+    return [name, f"{difference_mm:.4f}", f"{limit_mm:g}", text]
 
 
-def _estimate(method: str, settings: Settings, sweeps: Sequence[Sweep]) -> FlowEstimate:
-    previous, current, following = sweeps
-    return make_method(method, settings).estimate(SweepTriplet(previous, current, following))
+def _estimate(method: str, settings: Settings, sweeps: Sequence[TrueSweep]) -> FlowEstimate:
+    return make_method(method, settings).estimate(triplet_at(sweeps, 1))
 
 
 def _times(sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> dict[str, list[str]]:
@@ -206,10 +192,9 @@ def _timed(row: Timed, settings: Settings, sweeps: Sequence[TrueSweep], number: 
         torch.cuda.reset_peak_memory_stats()
     times_ms, stages, errors = [], [], []
     for count in range(number + _NUM_WARM_UP):
-        # Again and again from the first sweep: time goes back, and the estimate starts cold.
+        # After the last sweep comes the first: time steps back, and the estimate starts cold.
         index = 1 + count % (len(sweeps) - 2)
-        previous, current, following = (item.sweep for item in sweeps[index - 1 : index + 2])
-        triplet = SweepTriplet(previous, current, following)
+        triplet = triplet_at(sweeps, index)
         start = time.perf_counter()
         estimate = estimator.estimate(triplet)
         if count < _NUM_WARM_UP:
@@ -222,11 +207,11 @@ def _timed(row: Timed, settings: Settings, sweeps: Sequence[TrueSweep], number: 
         valid = truth.scored & crop_mask(truth.sweep.xyz, settings.crop)
         errors.append(by_motion(estimate.flow, truth.flow, truth.dynamic, valid))
     p95_ms = float(np.percentile(times_ms, 95))
-    verdict = "" if row.limit_ms is None else "met" if p95_ms <= row.limit_ms else "MISSED"
+    target = f"{row.limit_ms:g} {verdict(p95_ms <= row.limit_ms)}" if row.limit_ms else ""
     return [
         f"{np.median(times_ms):.1f}",
         f"{p95_ms:.1f}",
-        "" if row.limit_ms is None else f"{row.limit_ms:g} {verdict}",
+        target,
         *(
             f"{np.nanmean([each[part].epe_m for each in errors]):.3f}"
             for part in ("all", "dynamic", "static")

@@ -1,146 +1,331 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The paper's tables on four moments of KITTI raw drive 0005, beside what the authors' code gets.
+"""The paper's tables on four sweeps of KITTI raw drive 0005, beside the authors' own code.
 
-    python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:mnsf:1]
+    python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:ablations:1]
 
-Estimates with the preset `paper`, one thread; a plan is SCALE:METHODS:SEEDS, where METHODS may be
-groups of paper_plan.py. Every row goes to OUT/rows.jsonl as it gets ready, and rows that are there
-are not computed again: interrupt it and start it again as you like. Where the settings of a method
-have changed since, --again METHODS computes its rows of the plan anew. At its end, or with --tables
-alone, the tables are printed and written to --document. The data is looked for beside the
-checkout, or where the environment variable MNSF_DATA says; without it nothing is done.
+A plan is SCALE:ROWS:SEEDS; ROWS are methods or tables. Estimates run on one thread, every triplet from
+scratch. Each result is appended to OUT/rows.jsonl, and results that are there are not computed
+again: interrupt it and start it again as you like, but use another folder after a change of
+settings. `--tables` only prints what is there. The data is looked for beside the checkout, or in
+the folder MNSF_DATA.
+
+The triplets of 8,192 points are npz files in the layout of the authors of FNSF and MNSF: pc1, pc2,
+pc3 (N, 3) and flow23 (N, 3) in metres, without ground, cropped to 80 m and 4 m of height, and
+is_dynamic and label_valid (N,). Full sweeps have the same crop, without labelled ground.
 """
 
 from __future__ import annotations
 
-import argparse
+import json
 import os
-import sys
 import time
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Final
 
-# Before torch is loaded: whoever shares the machine gets the other cores.
+# Before torch is loaded: other programs on the machine keep the other cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from kitti_examples import KittiExample, missing_data, read_example
-from marked_section import add_document_option, replace_section
-from paper_document import document, printed
-from paper_plan import (
-    PLAN,
-    Job,
-    PaperRecord,
-    done_jobs,
-    merged_settings,
-    method_names,
-    missing,
-    outdated,
-    planned,
-)
-from rich.console import Console
+import numpy as np
+import pandas as pd
+from drives import DATA
+from frame import Table, make_parser, publish
+from numpy.typing import NDArray
 
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_files import (
-    ROWS_FILE,
-    RUN_FILE,
-    cut_off_unfinished_line,
-    read_json,
-    replace_file,
-)
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import SessionRecord
-from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.metrics import by_motion, flow_errors
 from mnsf_ros.evaluation.task import warm_up
 from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+MOMENTS: Final = (5, 10, 15, 20)
+FEW, FULL = "8192", "full"
+_NUM_POINTS: Final = 8192
+_MAX_RANGE_M, _MAX_HEIGHT_M = 80.0, 4.0
+Arrays = dict[str, NDArray[Any]]
+
+
+# A row is a method, with the settings that make it a variant; PRESET/METHOD has another preset.
+_MEAN: Final = "mnsf+fusion.kind=mean"
+_ABLATIONS: Final = ("mnsf-no-backward", _MEAN, "mnsf+fusion.inversion=false", "mnsf")
+TABLES: Final = {
+    "methods": (
+        *("zero", "ego", "ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
+        *("fnsf-joint", "fnsf-time", "mnsf-cycle", "mnsf", "authors/mnsf", "online"),
+    ),
+    "ablations": ("fnsf", *_ABLATIONS),
+    "fusion": (_MEAN, "mnsf+fusion.kind=weighted_sum", "mnsf"),
+    # The method itself has 3 layers, and 3 sweeps.
+    "depth": ("mnsf", *(f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 5, 7))),
+    "sweeps": ("mnsf-no-backward", "mnsf", "mnsf-frames4", "mnsf-frames5"),
+}
+ROWS: Final = frozenset(row for rows in TABLES.values() for row in rows)
+# The most important first: an interrupted run has them.
+PLAN: Final = (
+    "8192:methods,ablations,fusion,depth,sweeps:1",
+    f"full:fnsf,mnsf,{_MEAN}:1",
+    "8192:fnsf,mnsf,nsfp:3",
+    "full:methods,ablations:1",
+    "8192:methods,ablations,fusion,depth,sweeps:3",
+    "full:fusion,depth,sweeps:1",
+)
+# Column of a result, to its title, decimals and factor.
+COLUMNS: Final = {
+    "epe_m": ("EPE (m)", 3, 1),
+    "acc5": ("Acc5 (%)", 1, 100),
+    "acc10": ("Acc10 (%)", 1, 100),
+    "outliers": ("Outliers (%)", 1, 100),
+    "angle_error_rad": ("angle (rad)", 3, 1),
+    "dynamic_epe_m": ("EPE dynamic", 3, 1),
+    "static_epe_m": ("EPE static", 3, 1),
+    "time_s": ("time (s)", 1, 1),
+}
+_KEY: Final = ["scale", "row", "seed", "moment"]
+_SHORT: Final = ("epe_m", "acc5", "dynamic_epe_m", "static_epe_m")
+# The authors' released solvers with the settings of their README on the same triplets, one seed,
+# with an exact distance transform and an exact k-d tree in place of their approximations.
+AUTHORS: Final = {
+    "nsfp": ("0.071", "50.7", "0.297", "0.073"),
+    "fnsf": ("0.066", "54.5", "0.370", "0.050"),
+    "mnsf": ("0.087", "51.5", "0.285", "0.073"),
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One estimate."""
+
+    scale: str
+    row: str
+    seed: int
+    moment: int
+
+    @property
+    def method(self) -> str:
+        """Name of the method, with the settings of a variant."""
+        return self.row.rpartition("/")[2]
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the preset, for sweeps without ground."""
+        changes = {"ground.remove": False, "compute.seed": self.seed, "compute.num_threads": 1}
+        return preset(self.row.rpartition("/")[0] or "paper").changed(changes)
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A triplet with the true flow of its current sweep.
+
+    Attributes:
+        triplet: Sweeps without ground, with two earlier ones and the ego motion.
+        flow: (N, 3) metres to the next sweep.
+        dynamic: (N,) bool.
+        labelled: (N,) bool; elsewhere movers have no labels and count as static.
+    """
+
+    triplet: SweepTriplet
+    flow: NDArray[np.float32]
+    dynamic: NDArray[np.bool_]
+    labelled: NDArray[np.bool_]
+
+    def errors(self, estimate: FlowEstimate) -> dict[str, float]:
+        """Errors over all points; EPE also over labelled points that are dynamic, or static."""
+        over_all = vars(flow_errors(estimate.flow, self.flow)).items()
+        parts = by_motion(estimate.flow, self.flow, self.dynamic, self.labelled)
+        errors = {name: value for name, value in over_all if name in COLUMNS}
+        return errors | {f"{name}_epe_m": parts[name].epe_m for name in ("dynamic", "static")}
 
 
 def main() -> None:
-    """Does what is still to do, and writes the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=_Raw)
+    """Computes the missing results and prints the tables."""
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
-    parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:METHODS:SEEDS")
-    parser.add_argument("--again", default="", metavar="METHODS", help="drop their rows first")
-    add_document_option(parser)
+    parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:ROWS:SEEDS")
     parser.add_argument("--tables", action="store_true", help="only print what is there")
     options = parser.parse_args()
-    console = Console(width=120)
-    if missing_data():
-        console.print(f"Nothing to measure: {missing_data()}. Set MNSF_DATA to their folder.")
+    if missing := [file for file in _files() if not file.is_file()]:
+        print(f"Nothing to measure: there is no {missing[0]}. Set MNSF_DATA to the data's folder.")
         return
     try:
-        jobs = list(dict.fromkeys(job for part in options.plan for job in planned(part)))
+        jobs = dict.fromkeys(job for part in options.plan for job in planned(part))
     except ValueError as error:
         parser.error(str(error))
-    folder = RunFolder(options.out)
+    file = options.out / "rows.jsonl"
+    if not options.tables:
+        options.out.mkdir(parents=True, exist_ok=True)
+        with suppress(KeyboardInterrupt):
+            run(list(jobs), file)
+    publish("paper", tables(read_rows(file)), options.document)
+
+
+def planned(part: str) -> list[Job]:
+    """Returns the jobs of SCALE:ROWS:SEEDS, row by row.
+
+    Raises:
+        ValueError: If the plan cannot be read.
+    """
     try:
-        if not options.tables:
-            folder.path.mkdir(parents=True, exist_ok=True)
-            with folder.locked():
-                run(jobs, folder, method_names(options.again), console)
-    except KeyboardInterrupt:
-        console.print("Interrupted; what is finished is kept.")
-    except MnsfError as error:
-        parser.error(str(error))
-    rows = list(folder.rows)
-    for table in printed(rows):
-        console.print(table)
-    if options.document:
-        record = read_json(folder.path / RUN_FILE, PaperRecord)
-        others = outdated(record.settings, {row.method: None for row in rows})
-        # What is missing of the whole plan, whatever part of it this run was asked for.
-        whole = dict.fromkeys(job for part in (*PLAN, *options.plan) for job in planned(part))
-        text = document(rows, record.sessions, missing(whole, rows), others)
-        replace_section(options.document, "paper tables", text)
+        scale, names, seeds = part.split(":")
+        num_seeds = int(seeds)
+    except ValueError:
+        raise ValueError(f"got plan {part!r}, expected SCALE:ROWS:SEEDS") from None
+    rows = [row for name in names.split(",") for row in TABLES.get(name, (name,))]
+    unknown = [row for row in rows if row not in ROWS]
+    if unknown or scale not in (FEW, FULL):
+        raise ValueError(f"plan {part!r}: no row {unknown}" if unknown else f"no scale {scale!r}")
+    return [
+        Job(scale, row, seed, moment)
+        for row in rows
+        for seed in range(num_seeds)
+        for moment in MOMENTS
+    ]
 
 
-def run(jobs: list[Job], folder: RunFolder, again: Collection[str], console: Console) -> None:
-    """Computes the rows that are not there yet, and those of the methods to compute again."""
-    cut_off_unfinished_line(folder.path / ROWS_FILE)
-    folder.drop({(job.recording, job.method) for job in jobs if job.method in again})
-    done = done_jobs(list(folder.rows))
-    todo = [job for job in jobs if job not in done]
-    if todo:
-        file = folder.path / RUN_FILE
-        earlier = read_json(file, PaperRecord) if done else PaperRecord([], {})
-        settings = merged_settings(
-            earlier.settings, {job.method for job in done}, {job.method for job in todo}
-        )
-        sessions = [*earlier.sessions, SessionRecord.now(sys.argv)]
-        replace_file(file, [to_json(PaperRecord(sessions, settings), indent=2), "\n"])
+def read_rows(file: Path) -> pd.DataFrame:
+    """Returns all results; removes a line that an interruption cut off."""
+    whole, end, cut = file.read_text().rpartition("\n") if file.exists() else ("", "", "")
+    if cut:
+        file.write_text(whole + end)
+    rows = [json.loads(line) for line in whole.splitlines()]
+    return pd.DataFrame(rows, columns=[*_KEY, *COLUMNS])
+
+
+def run(jobs: Sequence[Job], file: Path) -> None:
+    """Computes the results that are not in the file yet, and appends them."""
+    done = set(read_rows(file)[_KEY].itertuples(index=False, name=None))
+    todo = [job for job in jobs if tuple(vars(job).values()) not in done]
     for number, job in enumerate(todo, start=1):
-        row = measured(job, read_example(job.scale, job.moment))
-        folder.add_row(row)
-        result = (
-            str(row.failure or "")
-            or f"EPE {row.errors['all'].epe_m:.3f} m, {row.time_ms / 1e3:.1f} s"
+        try:
+            result = measured(job)
+        except MnsfError as error:
+            text = str(error)
+        else:
+            with file.open("a") as stream:
+                stream.write(json.dumps(vars(job) | result) + "\n")
+            text = f"EPE {result['epe_m']:.3f} m, {result['time_s']:.1f} s"
+        print(f"{number}/{len(todo)} {' '.join(map(str, vars(job).values()))}: {text}", flush=True)
+
+
+def measured(job: Job) -> dict[str, float]:
+    """Errors and CPU time of one estimate."""
+    example = read_example(job.scale, job.moment)
+    estimator = make_method(job.method, job.settings)
+    warm_up(job.method, job.settings)
+    start_s = time.process_time()
+    estimate = estimator.estimate(example.triplet)
+    time_s = time.process_time() - start_s
+    return example.errors(estimate) | {"time_s": time_s}
+
+
+def tables(rows: pd.DataFrame) -> Iterator[Table]:
+    """The main rows beside the authors' figures; then each table at each scale."""
+    counts = rows.groupby(_KEY[:3])["moment"].transform("size")
+    seeds = rows[counts == len(MOMENTS)].groupby(_KEY[:3])[list(COLUMNS)].mean()
+    groups = seeds.groupby(["scale", "row"])
+    means, spreads, sizes = groups.mean(), groups.std(), groups.size()
+    cells = {key: _cells(means.loc[key], spreads.loc[key]) for key in means.index}
+    yield _summary(cells)
+    header = ["", *(title for title, _, _ in COLUMNS.values()), "seeds"]
+    for scale, points in ((FEW, "8,192 points"), (FULL, "full sweeps")):
+        for title, names in TABLES.items():
+            known = [name for name in names if (scale, name) in cells]
+            lines = [
+                [name, *cells[scale, name].values(), str(sizes[scale, name])] for name in known
+            ]
+            if lines:
+                yield Table(f"{title.capitalize()}, {points}", header, lines, is_detail=True)
+
+
+def _cells(mean: pd.Series, spread: pd.Series) -> dict[str, str]:
+    """Column to mean over the seeds, EPE with its standard deviation."""
+    cells = {
+        name: f"{factor * mean[name]:.{decimals}f}"
+        for name, (_, decimals, factor) in COLUMNS.items()
+    }
+    if spread["epe_m"] > 0:
+        cells["epe_m"] += f" ± {spread['epe_m']:.3f}"
+    return cells
+
+
+def _summary(cells: Mapping[tuple[str, str], Mapping[str, str]]) -> Table:
+    names = ("nsfp", "fnsf", *_ABLATIONS, "mnsf-cycle", "authors/mnsf", "online")
+    rows = []
+    for name in names:
+        few, full = (cells.get((scale, name), {}) for scale in (FEW, FULL))
+        own = [few.get(column, "") for column in (*_SHORT, "time_s")]
+        rows.append([name, *own, full.get("epe_m", "")])
+        if name in AUTHORS:
+            rows.append([f"{name}, authors' code", *AUTHORS[name], "", ""])
+    header = ["8,192 points", *(COLUMNS[column][0] for column in _SHORT), "time (s)", "EPE in full"]
+    return Table("Mean over four sweeps of KITTI and the seeds", header, rows)
+
+
+def read_example(scale: str, moment: int) -> Example:
+    """Returns the example of a scale whose current sweep has this number."""
+    following, current, previous, *earlier = map(_read, _sweep_files(moment))
+    next_from_current = np.linalg.inv(following["pose"]) @ current["pose"]
+    three = (previous, current, following)
+    if scale == FULL:
+        triplet = SweepTriplet(
+            *(_sweep(item, item["xyz"][_kept(item)]) for item in three),
+            tuple(_sweep(item, item["xyz"][_kept(item)]) for item in earlier),
+            next_from_current,
         )
-        place = f"{number}/{len(todo)} {job.scale} {job.method} seed {job.seed} {job.moment:03d}"
-        console.print(f"{place}: {result}", highlight=False)
+        kept = _kept(current)
+        return Example(
+            triplet, *(current[name][kept] for name in ("flow", "is_dynamic", "label_valid"))
+        )
+    arrays = _read(_triplet_file(moment))
+    # The triplets have three sweeps; earlier ones are drawn from the full ones, as those were.
+    rng = np.random.default_rng(0)
+    drawn = [
+        item["xyz"][rng.choice(np.flatnonzero(_kept(item)), _NUM_POINTS, replace=False)]
+        for item in earlier
+    ]
+    triplet = SweepTriplet(
+        *(
+            _sweep(item, arrays[name])
+            for item, name in zip(three, ("pc1", "pc2", "pc3"), strict=True)
+        ),
+        tuple(map(_sweep, earlier, drawn)),
+        next_from_current,
+    )
+    return Example(triplet, arrays["flow23"], arrays["is_dynamic"], arrays["label_valid"])
 
 
-def measured(job: Job, example: KittiExample) -> ResultRow:
-    """The result row of one estimate, or of its failure."""
-    method = job.method.rpartition("/")[2]
-    unscored = Example(job.recording, job.moment, example.triplet)
-    try:
-        estimator = make_method(method, job.settings)
-        warm_up(method, job.settings)
-        # Of the core, not of the clock: it may be lent to other work, or stopped, for a while.
-        start = time.process_time()
-        estimate = estimator.estimate(example.triplet)
-        time_ms = (time.process_time() - start) * 1e3
-    except MnsfError as error:
-        return failed_row(unscored, job.method, str(error))
-    row = scored_row(unscored, job.method, estimate, time_ms)
-    return replace(row, errors=example.errors(estimate))
+def _sweep(arrays: Arrays, xyz: NDArray[np.float32]) -> Sweep:
+    return Sweep.from_array(xyz, stamp_ns=int(arrays["stamp_ns"]), frame_id="lidar")
 
 
-class _Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
-    """Keeps the lines of the docstring."""
+def _kept(sweep: Arrays) -> NDArray[np.bool_]:
+    xyz = sweep["xyz"]
+    near = (np.hypot(xyz[:, 0], xyz[:, 1]) <= _MAX_RANGE_M) & (xyz[:, 2] <= _MAX_HEIGHT_M)
+    kept: NDArray[np.bool_] = near & ~sweep["is_ground"]
+    return kept
+
+
+def _read(file: Path) -> Arrays:
+    with np.load(file) as content:
+        return dict(content)
+
+
+def _files() -> list[Path]:
+    sweeps = [file for moment in MOMENTS for file in _sweep_files(moment)]
+    return [*map(_triplet_file, MOMENTS), *sweeps]
+
+
+def _triplet_file(moment: int) -> Path:
+    return DATA / "triplets" / f"kitti_0005_{moment:03d}_{_NUM_POINTS}.npz"
+
+
+def _sweep_files(moment: int) -> list[Path]:
+    """The next sweep, the current one, and three before."""
+    return [DATA / "kitti_0005" / f"sweep_{moment + k:03d}.npz" for k in (1, 0, -1, -2, -3)]
 
 
 if __name__ == "__main__":

@@ -1,103 +1,474 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Measures promises of docs/reliability.md: `python benchmarks/reliability.py PROMISE`.
+"""Measures the promises of docs/reliability.md: `python benchmarks/reliability.py PROMISE`.
 
-Each is tried in rounds. The table has a line for each figure; a document gets a row for each
-promise. Ctrl-C ends the promise under way after its round. Use a ROS_DOMAIN_ID of its own.
+Each is tried in rounds, which have numbers and randomness of their own: `--first 100` goes on
+where a shorter run ended. Ctrl-C ends a promise after its round. Prints the figures and a row for
+the document. Use a ROS_DOMAIN_ID of its own.
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
+import itertools
+import math
 import os
+import resource
+import shutil
 import signal
-from collections.abc import Sequence
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import mutated_bags
-import reliability_ends
-import reliability_live
-import reliability_parameters
-from marked_section import add_document_option, read_section, replace_section
-from promises import Figure, Promise, Rounds
-from rich.console import Console
-from rich.table import Table
+import numpy as np
+import pandas as pd
+from drives import INTERVAL_NS, simulated_sweeps, to_and_fro
+from frame import Table, show, this_machine
+from live_node import FIRST_NS, LiveNode, busy_cores, live_node, serialized, with_stamp
 
-# What takes longest comes last: `all` gives the time that a promise leaves to those that follow.
-PROMISES = {
-    **reliability_ends.PROMISES,
-    **mutated_bags.PROMISES,
-    **reliability_parameters.PROMISES,
-    **reliability_live.PROMISES,
-}
-_SECTION = "reliability"
-_HEAD = "| promise | command | measured | when | |\n|---|---|---|---|---|\n"
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+
+Random = np.random.Generator
+# Name of a figure, its text, and whether it keeps the promise.
+Figure = tuple[str, str, bool]
+_OFTEN: Final = "node.diagnostics_period_s:=0.2"
+_FLOW_TIMEOUT_S: Final = 300
+_NODE_START_S: Final = 4.0
+_LOOK_S: Final = 10
+_WARM_UP_MIN: Final = 10
+_MAX_GROWTH_MB: Final = 20
+# With fewer dropped sweeps the machine was not overloaded.
+_MIN_DROPPED: Final = 0.1
+_MAX_LOG_BYTES: Final = 10
+# The fields of a serialized cloud are in its first bytes.
+_HEAD_BYTES: Final = 200
+_MAX_END_S: Final = 1.0
+_END_TIMEOUT_S: Final = 120
+_INTERRUPTED: Final = 130
+_COLUMNS: Final = ("recording", "method", "points", "num_examples", "epe_m", "acc5", "recall")
+_MNSF: Final = (sys.executable, "-m", "mnsf_ros.cli")
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("promise", choices=[*PROMISES, "all"])
-    parser.add_argument("--number", type=int, help="rounds (default: what the promise is about)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first round")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=2880, help="for all promises together")
-    add_document_option(parser)
-    return parser.parse_args()
+class Rounds:
+    """Numbers of rounds, each with its own randomness; they end early when the time is over.
+
+    Attributes:
+        done: Number of rounds that have ended.
+        seed: Seed of the randomness.
+    """
+
+    def __init__(self, number: int, minutes: float, first: int = 0, seed: int = 0) -> None:
+        self.done = 0
+        self._numbers = range(first, first + number)
+        self._end_s = time.monotonic() + minutes * 60
+        self.seed = seed
+
+    def __iter__(self) -> Iterator[tuple[int, Random]]:
+        """Yields the number of each round and its random numbers."""
+        for number in self._numbers:
+            if time.monotonic() > self._end_s:
+                return
+            yield number, np.random.default_rng([self.seed, number])
+            self.done += 1
+
+    def stop(self) -> None:
+        """Makes the current round the last one."""
+        self._end_s = 0.0
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A promise that holds in every round.
+
+    Attributes:
+        text: The promise.
+        number: Rounds after which it counts as measured.
+        unit: Name of the rounds.
+        measure: Tries it and yields figures.
+    """
+
+    text: str
+    number: int
+    unit: str
+    measure: Callable[[Rounds], Iterator[Figure]]
 
 
 def main() -> None:
-    """Measures, prints tables, and ends with status 1 if a promise does not hold."""
-    options = _options()
-    # Nothing of this goes beyond the machine; ROS_DOMAIN_ID keeps it apart from other nodes.
+    """Measures a promise and ends with status 1 if it does not hold."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("promise", choices=PROMISES)
+    parser.add_argument("--number", type=int, help="rounds (default: the number of the promise)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first round")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after this time")
+    options = parser.parse_args()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    names = list(PROMISES) if options.promise == "all" else [options.promise]
-    are_held, minutes = True, options.minutes
-    for index, name in enumerate(names):
-        promise, start = PROMISES[name], datetime.datetime.now(tz=datetime.timezone.utc)
-        number = options.number or promise.number - options.first
-        rounds = Rounds(number, minutes / (len(names) - index), options.first, options.seed)
-        signal.signal(signal.SIGINT, lambda *_, rounds=rounds: rounds.stop())
-        figures = list(promise.measure(rounds))
-        took_min = (datetime.datetime.now(tz=datetime.timezone.utc) - start).total_seconds() / 60
-        minutes -= took_min
-        done = f"{rounds.done:,} of {promise.number:,} {promise.unit} in {took_min:.0f} min"
-        done += f", from number {options.first:,}" if options.first else ""
-        verdict = _verdict(promise, rounds, figures)
-        _show(name, done, figures, verdict)
-        if options.document:
-            when = f"{start:%Y-%m-%d}, {os.cpu_count()} cores"
-            _write_row(options.document, name, done, figures, when, verdict)
-        are_held = are_held and verdict != "MISSED"
-    raise SystemExit(0 if are_held else 1)
+    promise = PROMISES[options.promise]
+    number = options.number or promise.number - options.first
+    rounds = Rounds(number, options.minutes, options.first, options.seed)
+    signal.signal(signal.SIGINT, lambda *_: rounds.stop())
+    figures = list(promise.measure(rounds))
+    rows = [[name, text, "" if is_met else "MISSED"] for name, text, is_met in figures]
+    result = verdict(promise, rounds, figures)
+    done = f"{rounds.done:,} of {promise.number:,} {promise.unit}"
+    show(Table(f"{this_machine()}: {promise.text}", ["", "measured", ""], rows).markdown())
+    print(f"| `{options.promise}` | {promise.text} | {done} | {result} |")
+    raise SystemExit(result == "MISSED")
 
 
-def _verdict(promise: Promise, rounds: Rounds, figures: Sequence[Figure]) -> str:
+def verdict(promise: Promise, rounds: Rounds, figures: Sequence[Figure]) -> str:
+    """`met`, `MISSED`, or `in part` after too few rounds."""
     if not all(is_met for _, _, is_met in figures):
         return "MISSED"
     return "met" if rounds.done >= promise.number else "in part"
 
 
-def _show(name: str, done: str, figures: Sequence[Figure], verdict: str) -> None:
-    table = Table("", "measured", "", title=f"{name}: {done}: {verdict}")
-    for what, text, is_met in figures:
-        table.add_row(what, text, "" if is_met else "MISSED")
-    Console(width=140).print(table, markup=False)
+def fates(name: str, found: Counter[str], wrong: Sequence[str] = ()) -> Figure:
+    """The counted fates of all rounds; those that begin with "wrong" break the promise."""
+    text = ", ".join(f"{fate}: {count:,}" for fate, count in sorted(found.items()))
+    return name, text, not any(fate.startswith(("wrong", *wrong)) for fate in found)
 
 
-def _write_row(
-    document: Path, name: str, done: str, figures: Sequence[Figure], when: str, verdict: str
-) -> None:
-    """Replaces the row of a promise, or adds it."""
-    texts = [f"{what}: {text}" + ("" if is_met else " (MISSED)") for what, text, is_met in figures]
-    measured = "; ".join([done, *texts]).replace("|", "\\|").replace("\n", " ")
-    rows = {}
-    for row in read_section(document, _SECTION).splitlines()[2:]:
-        rows[row.split(" | ")[1].strip("`")] = row
-    rows[name] = f"| {PROMISES[name].text} | `{name}` | {measured} | {when} | {verdict} |"
-    text = "\n".join(rows[known] for known in PROMISES if known in rows)
-    replace_section(document, _SECTION, _HEAD + text)
+def growth(states: Sequence[Mapping[str, float]]) -> Iterator[Figure]:
+    """Compares the most memory, descriptors, threads and segments of the first and the last states.
+
+    Memory goes up and down with the work of the threads, so two spans are compared.
+    """
+    # Of a short run, the first and the last third.
+    span = max(1, min(60 * _WARM_UP_MIN // _LOOK_S, len(states) // 3))
+    early, late = (
+        {name: max(state[name] for state in part) for name in states[0]}
+        for part in (states[:span], states[-span:])
+    )
+    is_met = late["MB"] - early["MB"] <= _MAX_GROWTH_MB
+    yield "memory", f"{early['MB']:.0f} -> {late['MB']:.0f} MB", is_met
+    for name in ("descriptors", "threads", "segments"):
+        yield name, f"{early[name]:.0f} -> {late[name]:.0f}", late[name] <= early[name]
+
+
+def _clouds(**settings: int) -> Iterator[bytearray]:
+    """Serialized sweeps of a simulated street at walking speed, to and fro without end."""
+    drive = simulated_sweeps(0, 24, ego_speed_m_s=2, **settings)
+    return itertools.cycle(to_and_fro(serialized(item.sweep) for item in drive))
+
+
+def _played(node: LiveNode, rounds: Rounds, rate_hz: int) -> Iterator[Figure]:
+    """Publishes a full sweep each round, then yields growth and balance."""
+    clouds, states = _clouds(), [node.state()]
+    start_s = due_s = time.monotonic()
+    for _ in rounds:
+        node.link.spin_for(due_s - time.monotonic())
+        node.process.check()
+        node.publish(next(clouds), 10**9 // rate_hz)
+        if time.monotonic() - start_s > _LOOK_S * len(states):
+            states.append(node.state())
+        # A lidar does not make up for lost time.
+        due_s = max(due_s + 1 / rate_hz, time.monotonic())
+    node.settle()
+    yield from growth([*states[1:], node.state()])
+    yield from node.balance()
+
+
+def soak(rounds: Rounds) -> Iterator[Figure]:
+    """Full sweeps at 10 Hz."""
+    with live_node(_OFTEN) as node:
+        yield from _played(node, rounds, 10)
+        yield "flows", f"{len(node.replay.arrived_s):,}", bool(node.replay.arrived_s)
+
+
+def overload(rounds: Rounds) -> Iterator[Figure]:
+    """Full sweeps at 20 Hz beside busy cores, more than the machine manages."""
+    with live_node(_OFTEN) as node, busy_cores(os.cpu_count() or 1):
+        yield from _played(node, rounds, 20)
+        flows, sweeps = node.link.counts.get("flows_out", 0), node.num_published
+        is_met = 0 < flows < (1 - _MIN_DROPPED) * sweeps
+        yield "flows", f"{flows:,} of {sweeps:,} sweeps", is_met
+        values = node.link.flow_values
+        latency_ms, estimate_ms = (
+            float(values.get(f"{name} median [ms]", math.nan)) for name in ("latency", "estimate")
+        )
+        text = f"{latency_ms:.0f} ms, an estimate takes {estimate_ms:.0f} ms"
+        yield "median latency in the node", text, latency_ms <= 2 * estimate_ms
+
+
+def damaged_clouds(rounds: Rounds) -> Iterator[Figure]:
+    """Damaged clouds between good sweeps."""
+    good = _small_cloud()
+    asked = answered = 0
+    with live_node(_OFTEN, "node.always_estimate:=true") as node:
+        log_bytes = node.log.stat().st_size
+        for number, random in rounds:
+            node.process.check()
+            between = with_stamp(good, FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
+            size = _HEAD_BYTES if random.random() < 0.5 else len(between)
+            damaged, _ = mutated_bags.mutated(between[:size], random)
+            node.link.publish_bytes(damaged + between[size:])
+            node.num_published += 1
+            node.publish(good)
+            node.link.spin_for(0.02)
+            if number % 100 == 0:
+                asked += 1
+                answered += _is_answered(node, good)
+        node.settle()
+        log_bytes = (node.log.stat().st_size - log_bytes) // max(1, rounds.done)
+        yield "good sweeps answered", f"{answered:,} of {asked:,}", answered == asked
+        yield "log", f"{log_bytes} bytes a cloud", log_bytes <= _MAX_LOG_BYTES
+        yield from node.balance()
+
+
+def _small_cloud() -> bytearray:
+    return serialized(simulated_sweeps(0, 1, num_beams=16, num_columns=360)[0].sweep)
+
+
+def _is_answered(node: LiveNode, good: bytearray) -> bool:
+    """Whether flow arrives for one of some good sweeps in a row."""
+    before = len(node.replay.arrived_s)
+    deadline_s = time.monotonic() + _FLOW_TIMEOUT_S
+    while len(node.replay.arrived_s) == before and time.monotonic() < deadline_s:
+        node.process.check()
+        node.publish(good)
+        node.link.spin_for(0.1)
+    return len(node.replay.arrived_s) > before
+
+
+def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
+    """SIGKILL of the node, in turns while it starts and after an answer."""
+    good = _small_cloud()
+    found: Counter[str] = Counter()
+    for number, random in rounds:
+        with ExitStack() as stack:
+            node = stack.enter_context(live_node("node.always_estimate:=true"))
+            if number % 2 == 0:
+                is_answered = _is_answered(node, good)
+                found["flow after the next start" if is_answered else "wrong: no flow"] += 1
+            node.link.spin_for(random.uniform(0, 1))
+            os.kill(node.process.pid, signal.SIGKILL)
+    yield fates("node killed", found)
+
+
+class _Evaluations:
+    """Runs of `mnsf evaluate` on a small recording.
+
+    Attributes:
+        folder: Folder of all files.
+        out: Folder of results.
+        duration_s: Duration of a whole run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Writes the recording and evaluates it."""
+        self.folder, self.out = folder, folder / "out"
+        settings = SimulationSettings(duration_s=1.2, num_beams=16, num_columns=180)
+        write_recording(settings, folder / "street")
+        start_s = time.monotonic()
+        status, said = self.end(self.start())
+        self.duration_s = time.monotonic() - start_s
+        if status:
+            raise RuntimeError(said)
+        self._expected = self._figures()
+
+    def command(self, *more: str) -> list[str]:
+        """Returns the command line."""
+        paths = (str(self.folder / "street"), "--out", str(self.out))
+        methods = ("--methods", "zero,ego,online", "--workers", "2", "--pictures", "0")
+        return [*_MNSF, "evaluate", *paths, *methods, *more]
+
+    def start(self, *more: str) -> subprocess.Popen[bytes]:
+        """Starts a run in a session of its own; its output goes into a file."""
+        with (self.folder / "said").open("wb") as said:
+            return subprocess.Popen(
+                self.command(*more), stdout=said, stderr=said, start_new_session=True
+            )
+
+    def end(self, process: subprocess.Popen[bytes]) -> tuple[int, str]:
+        """Waits for the end; returns the exit status and the output."""
+        status = process.wait(_END_TIMEOUT_S)
+        return status, (self.folder / "said").read_text(errors="replace")
+
+    def is_complete(self) -> bool:
+        """Whether all results are there and right."""
+        return self._figures() == self._expected
+
+    def _figures(self) -> str:
+        """The errors of results.csv; empty without results."""
+        file = self.out / "results.csv"
+        return pd.read_csv(file)[list(_COLUMNS)].to_csv() if file.exists() else ""
+
+
+@contextmanager
+def _evaluations() -> Iterator[_Evaluations]:
+    with tempfile.TemporaryDirectory(prefix="reliability_") as folder:
+        yield _Evaluations(Path(folder))
+
+
+def killed_runs(rounds: Rounds) -> Iterator[Figure]:
+    """SIGKILL of `mnsf evaluate --workers 2`, and in turns of one of its processes."""
+    found: dict[str, Counter[str]] = {"command": Counter(), "process": Counter()}
+    with _evaluations() as evaluations:
+        for number, random in rounds:
+            shutil.rmtree(evaluations.out, ignore_errors=True)
+            process = evaluations.start()
+            time.sleep(random.uniform(0, evaluations.duration_s))
+            family = _descendants(process.pid)
+            is_command = number % 2 == 0 or not family
+            with suppress(ProcessLookupError):
+                os.kill(process.pid if is_command else int(random.choice(family)), signal.SIGKILL)
+            fate = _left(family) or _fate_of_killed(evaluations, process)
+            found["command" if is_command else "process"][fate] += 1
+    for victim, counts in found.items():
+        yield fates(f"{victim} killed", counts)
+
+
+def _fate_of_killed(evaluations: _Evaluations, process: subprocess.Popen[bytes]) -> str:
+    status, said = evaluations.end(process)
+    if "Traceback" in said:
+        return f"wrong: {said[-200:]}"
+    if status == 0:
+        return "as without" if evaluations.is_complete() else "wrong: other results"
+    more = ["--resume"] if (evaluations.out / "run.json").exists() else []
+    status, said = evaluations.end(evaluations.start(*more))
+    if status or not evaluations.is_complete():
+        return f"wrong after {more}: status {status}: {said[-200:]}"
+    return "with --resume" if more else "nothing was begun"
+
+
+def _descendants(pid: int) -> list[int]:
+    """Child processes of a process, and theirs."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = [pid]
+    for one in found:
+        found += [child for child, parent in parents.items() if parent == one]
+    return found[1:]
+
+
+def _left(pids: Sequence[int]) -> str:
+    """A process that still runs after a while; empty if all have ended."""
+    deadline_s = time.monotonic() + _END_TIMEOUT_S
+    while left := [pid for pid in pids if Path("/proc", str(pid), "exe").exists()]:
+        if time.monotonic() > deadline_s:
+            return f"wrong: process {left[0]} is left"
+        time.sleep(0.05)
+    return ""
+
+
+def signals(rounds: Rounds) -> Iterator[Figure]:
+    """SIGINT and SIGTERM at any moment; `python -c pass` shows the part of Python itself."""
+    with _evaluations() as evaluations:
+        simulated = evaluations.folder / "simulated"
+        simulate = [*_MNSF, "simulate", "--duration-s", "2", "--num-beams", "16", str(simulated)]
+        commands = {
+            "python -c pass": [sys.executable, "-c", "pass"],
+            "node": [sys.executable, "-m", "mnsf_ros.node"],
+            "mnsf evaluate": evaluations.command(),
+            "mnsf simulate": simulate,
+        }
+        longest_s = {name: _duration_s(command) for name, command in commands.items()}
+        found: dict[str, Counter[str]] = {name: Counter() for name in commands}
+        ends_s: dict[str, list[float]] = {name: [0.0] for name in commands}
+        for number, random in rounds:
+            name = list(commands)[number % len(commands)]
+            for folder in (evaluations.out, simulated):
+                shutil.rmtree(folder, ignore_errors=True)
+            one = (signal.SIGINT, signal.SIGTERM)[number // len(commands) % 2]
+            delay_s = random.uniform(0, longest_s[name])
+            fate, end_s = _signalled(commands[name], one, delay_s)
+            found[name][fate] += 1
+            ends_s[name].append(end_s)
+    for name, counts in found.items():
+        yield fates(name, counts)
+        yield f"{name} ends in", f"{max(ends_s[name]):.2f} s", max(ends_s[name]) <= _MAX_END_S
+
+
+def _duration_s(command: Sequence[str]) -> float:
+    """Duration of a command; the node does not end."""
+    start_s = time.monotonic()
+    with suppress(subprocess.TimeoutExpired):
+        subprocess.run(command, capture_output=True, timeout=2 * _NODE_START_S, check=False)
+    return time.monotonic() - start_s
+
+
+def _signalled(command: Sequence[str], number: int, delay_s: float) -> tuple[str, float]:
+    """Sends a command a signal; returns its fate, and the seconds until its end."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        time.sleep(delay_s)
+        family, start_s = _descendants(process.pid), time.monotonic()
+        process.send_signal(number)
+        status = process.wait(_END_TIMEOUT_S)
+        end_s = time.monotonic() - start_s
+        output.seek(0)
+        said = output.read().decode(errors="replace")
+    if left := _left(family):
+        return left, end_s
+    if status == -number and not said:
+        return "before the program began", end_s
+    if "KeyboardInterrupt" in said and "mnsf_ros/" not in said:
+        return "in Python's own code", end_s
+    if status not in (0, _INTERRUPTED) or "Traceback" in said:
+        return f"wrong: status {status}: {said[-300:]}", end_s
+    return f"status {status}", end_s
+
+
+def recordings(rounds: Rounds) -> Iterator[Figure]:
+    """Recordings of nine formats, damaged in seven ways; bad ones are kept."""
+    folder = Path(tempfile.mkdtemp(prefix="mutated_bags_"))
+    numbers = (number for number, _ in rounds)
+    by_format, by_kind, bad = mutated_bags.run(numbers, rounds.seed, folder)
+    for name, counts in (by_format | by_kind).items():
+        yield fates(name, counts, mutated_bags.BAD)
+    for text in bad:
+        yield "bad", text, False
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    yield "peak memory", f"{peak_mb:.0f} MB", peak_mb <= mutated_bags.MAX_PEAK_MB
+
+
+PROMISES: Final = {
+    "runs": Promise(
+        "SIGKILL of `mnsf evaluate` or of one of its processes: results as without, or `--resume` "
+        "brings them",
+        *(200, "kills", killed_runs),
+    ),
+    "signals": Promise(
+        "SIGINT and SIGTERM at any moment: documented status, no traceback, an end within 1 s",
+        *(200, "signals", signals),
+    ),
+    "recordings": Promise(
+        "damaged recordings of nine formats: no traceback, at most 60 s and 2 GB, no changed "
+        "figure without a warning where there are checksums",
+        *(10_000, "recordings", recordings),
+    ),
+    "nodes": Promise(
+        "SIGKILL of the node: flow after the next start", *(200, "kills", killed_nodes)
+    ),
+    "clouds": Promise(
+        "damaged clouds between good sweeps: good sweeps are answered, all are counted, at most "
+        "10 bytes of log each",
+        *(10_000, "clouds", damaged_clouds),
+    ),
+    "overload": Promise(
+        "1 h at 20 Hz beside busy cores: latency of at most two estimates, all are counted, "
+        "nothing grows",
+        *(72_000, "sweeps", overload),
+    ),
+    "soak": Promise(
+        "24 h at 10 Hz: at most 20 MB more after 10 min, no descriptor, thread or segment more, "
+        "all are counted",
+        *(864_000, "sweeps", soak),
+    ),
+}
 
 
 if __name__ == "__main__":

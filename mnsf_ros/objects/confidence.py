@@ -14,7 +14,7 @@ from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, judge
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
 
-# Logistic regressions; `python benchmarks/confidence.py` prints the numbers and how well they hold.
+# Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.
 # Dynamic objects: constant, per logarithm of the residual, per unit of the score that they move,
 # per logarithm of the thickness, per logarithm of what other motions leave more, per metre of

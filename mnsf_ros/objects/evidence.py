@@ -15,7 +15,7 @@ from mnsf_ros.objects.visibility import Visibility
 # Not fitted: the number of places where something may match by chance grows with the square of the
 # motion, unless a track expected it. Simulated streets have fewer such places than real ones.
 _PER_LOG: Final = -2.0
-# Logistic regressions; `python benchmarks/evidence.py` prints the numbers. For each column of
+# Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
 # track, and with what score of that, logarithm of the number of points and of the thickness, how

@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The sweeps that the online benchmark runs on: real ones, and simulated streets."""
+"""Sweeps with their truth: recorded drives of the shared data, and simulated streets."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-# Recordings whose sweeps are motion compensated: the times of points say nothing of where they are.
+# Recordings whose sweeps are motion compensated: their points have no times of their own.
 _COMPENSATED = frozenset({"apollo_arz034"})
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
@@ -28,16 +28,16 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class TrueSweep:
-    """A sweep with its truth, as far as there is one.
+    """A sweep with its truth; unknown parts are None.
 
     Attributes:
         sweep: The sweep.
-        pose: (4, 4) world_from_sensor by the recording.
-        flow: (N, 3) metres to the next sweep, or None.
+        pose: (4, 4) world_from_sensor of the recording.
+        flow: (N, 3) metres to the next sweep.
         dynamic: (N,) bool.
         scored: (N,) bool: labelled, not ground.
         ground: (N,) bool.
-        body: (N,) int, what the points belong to, the same number in all sweeps; -1 is nothing.
+        body: (N,) int, number of the object, the same in all sweeps; -1 is none.
         class_id: (N,) `SurfaceClass`, 0 if unknown.
     """
 
@@ -52,7 +52,7 @@ class TrueSweep:
 
 
 def real_sweeps(name: str) -> list[TrueSweep]:
-    """The sweeps of a folder of the shared data; none where it is absent."""
+    """Returns the sweeps of a folder of the shared data; none if it is absent."""
     return [_real(path) for path in sorted((DATA / name).glob("sweep_*.npz"))]
 
 
@@ -67,7 +67,7 @@ def _real(path: Path) -> TrueSweep:
     )
     if "flow" not in arrays:
         return TrueSweep(sweep, arrays["pose"])
-    # Movers are labelled only where the camera looks; outside of it they would count as standing.
+    # Movers are labelled only in view of the camera; elsewhere they would count as static.
     scored = arrays["flow_valid"] & arrays["label_valid"] & ~arrays["is_ground"]
     truth = (
         arrays["flow"],
@@ -81,7 +81,7 @@ def _real(path: Path) -> TrueSweep:
 
 
 def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
-    """Kinds of the points of a sweep, by the boxes beside it."""
+    """`SurfaceClass` of the points of a sweep, from the boxes in the same folder."""
     boxes = json.loads((path.parent / "boxes.json").read_text())
     known = {box["track_id"]: box["cls"] for sweep in boxes.values() for box in sweep}
     class_id = np.zeros(len(tracks), np.uint8)
@@ -90,13 +90,13 @@ def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     return class_id
 
 
-def simulated_sweeps(seed: int, number: int, **settings: int | str) -> list[TrueSweep]:
-    """Sweeps of a simulated street."""
+def simulated_sweeps(seed: int, number: int, **settings: float | str) -> list[TrueSweep]:
+    """Returns sweeps of a simulated street; `settings` are those of `SimulationSettings`."""
     return list(simulated_drive(seed, number, **settings))
 
 
-def simulated_drive(seed: int, number: int, **settings: int | str) -> Iterator[TrueSweep]:
-    """Sweeps of a simulated street one by one: all of a long drive would not fit into memory."""
+def simulated_drive(seed: int, number: int, **settings: float | str) -> Iterator[TrueSweep]:
+    """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
     simulation = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
     for item in simulate_sweeps(simulation):
@@ -112,6 +112,11 @@ def simulated_drive(seed: int, number: int, **settings: int | str) -> Iterator[T
         )
 
 
+def triplet_at(sweeps: Sequence[TrueSweep], index: int) -> SweepTriplet:
+    """Returns the triplet around a sweep, without odometry."""
+    return SweepTriplet(*(item.sweep for item in sweeps[index - 1 : index + 2]))
+
+
 def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
     return None if times_ns is None else (times_ns / 1e9).astype(np.float32)
 
@@ -119,9 +124,8 @@ def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
 def to_and_fro(items: Iterable[Item]) -> list[Item]:
     """Items forward and backward again, to play few sweeps for long.
 
-    Only for drives whose registration finds the way after the turn, as that of KITTI 0005: on a
-    simulated street, where rows of equal things stand, it goes wrong for about ten sweeps after
-    each turn at 8 m/s, and everything seems to move. No robot turns round within an interval.
+    Only for slow drives such as KITTI 0005: at 8 m/s the registration takes a wrong place for about
+    ten sweeps after each turn, which no robot makes within an interval.
     """
     forward = list(items)
     return [*forward, *forward[-2:0:-1]]

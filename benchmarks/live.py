@@ -1,0 +1,145 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The live node over DDS: latency from publication to arrival, and dropped sweeps.
+
+    python benchmarks/live.py [--quick] [--document FILE]
+
+Latency is the time from publication of sweep t+1 to arrival of the flow of t. The machine should
+have nothing else to do. Use a ROS_DOMAIN_ID of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from drives import real_sweeps, simulated_drive, to_and_fro
+from frame import TARGET_HEADER, Table, Target, make_parser, publish
+from live_node import busy_cores, live_node, serialized
+
+from mnsf_ros.sweeps.sweep import Sweep
+
+_DURATION_S: Final = 60
+_QUICK_S: Final = 10
+_WARM_UP_S: Final = 3
+_KITTI, _STREET = "64 beams, KITTI 0005", "64 beams, street"
+_DENSE: Final = "128 beams, street"
+_LOADED: Final = "64 beams, street, half of the cores busy"
+_TWICE: Final = "64 beams, street, 20 Hz"
+# Ratios hold on any machine, times on quiet ones with two cores or more.
+_MAX_LATENCY_RATIO: Final = 1.3
+_MAX_P95_MS: Final = {_KITTI: 100, _STREET: 100, _DENSE: 200}
+
+
+@dataclass(frozen=True)
+class Played:
+    """Fate of the sweeps of one run after the first seconds.
+
+    Attributes:
+        num_points: Mean number of points of a sweep.
+        latencies_ms: Latency of each flow.
+        dropped: Number of sweeps without flow.
+        estimate_ms: Median time of an estimate, by the node's diagnostics.
+        memory_mb: Largest memory of the process.
+    """
+
+    num_points: float
+    latencies_ms: list[float]
+    dropped: int
+    estimate_ms: float
+    memory_mb: float
+
+    def percentile_ms(self, percentile: float) -> float:
+        """Percentile of the latencies; NaN if there was no flow."""
+        return float(np.percentile(self.latencies_ms, percentile)) if self.latencies_ms else np.nan
+
+
+def main() -> None:
+    """Plays every run, prints the tables, and writes them into a document."""
+    parser = make_parser(__doc__)
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_S} s of each run")
+    options = parser.parse_args()
+    duration_s = _QUICK_S if options.quick else _DURATION_S
+    publish("live", tables(duration_s), options.document)
+
+
+def tables(duration_s: int) -> Iterator[Table]:
+    """One row for each run; then the targets."""
+    played = dict(_runs(duration_s))
+    rows = [
+        [
+            name,
+            f"{run.num_points:,.0f}",
+            *(f"{run.percentile_ms(percentile):.0f}" for percentile in (50, 95)),
+            f"{run.estimate_ms:.0f}",
+            f"{run.dropped} of {run.dropped + len(run.latencies_ms)}",
+            f"{run.memory_mb:.0f}",
+        ]
+        for name, run in played.items()
+    ]
+    header = ["10 Hz", "points", "latency p50 (ms)", "p95 (ms)", "estimate (ms)", "dropped", "MB"]
+    yield Table(f"{duration_s} s of each run, without the first {_WARM_UP_S}", header, rows)
+    targets = [
+        *(
+            Target(f"p95 (ms): {name}", limit_ms, played[name].percentile_ms(95))
+            for name, limit_ms in _MAX_P95_MS.items()
+            if name in played
+        ),
+        *(Target(f"dropped: {name}", 0, run.dropped) for name, run in played.items()),
+    ]
+    street = played[_STREET]
+    ratio = street.percentile_ms(50) / street.estimate_ms
+    targets.append(Target("latency p50 over the time of an estimate", _MAX_LATENCY_RATIO, ratio))
+    yield Table("Targets", TARGET_HEADER, [each.row() for each in targets], is_detail=True)
+
+
+def _runs(duration_s: int) -> Iterator[tuple[str, Played]]:
+    if kitti := real_sweeps("kitti_0005")[:24]:
+        yield _KITTI, _play(to_and_fro(item.sweep for item in kitti), duration_s)
+    yield _STREET, _play(_street(duration_s), duration_s)
+    dense = _street(duration_s, num_beams=128, num_columns=1760)
+    yield _DENSE, _play(dense, duration_s)
+    num_busy = (os.cpu_count() or 1) // 2
+    yield _LOADED, _play(_street(duration_s), duration_s, num_busy=num_busy)
+    yield _TWICE, _play(_street(duration_s, rate_hz=20), duration_s, rate_hz=20)
+
+
+def _street(duration_s: int, rate_hz: int = 10, **settings: int) -> Iterator[Sweep]:
+    """Sweeps of one drive as long as the run: see `to_and_fro`."""
+    drive = simulated_drive(0, duration_s * rate_hz, rate_hz=rate_hz, **settings)
+    return (item.sweep for item in drive)
+
+
+def _play(sweeps: Iterable[Sweep], duration_s: int, rate_hz: int = 10, num_busy: int = 0) -> Played:
+    """Publishes sweeps to a node, from the first to the last and again, beside busy cores."""
+    clouds, counts = zip(*((serialized(sweep), len(sweep)) for sweep in sweeps), strict=True)
+    with live_node() as node, busy_cores(num_busy):
+        start_s = time.monotonic()
+        for index in range(duration_s * rate_hz):
+            node.link.spin_for(start_s + index / rate_hz - time.monotonic())
+            node.publish(clouds[index % len(clouds)], 10**9 // rate_hz)
+        node.link.spin_for(3.0)
+        estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
+        fates = _fates(node.replay.published_s, node.replay.arrived_s)
+        return Played(float(np.mean(counts)), *fates, estimate_ms, node.process.memory_mb)
+
+
+def _fates(published_s: dict[int, float], arrived_s: dict[int, float]) -> tuple[list[float], int]:
+    """Latencies of the flows that arrived, and the number of those that did not."""
+    first_ns = min(published_s) + _WARM_UP_S * 10**9
+    # The first and the last sweep have no neighbours on both sides.
+    wanted = [pair for pair in list(pairwise(published_s))[1:] if pair[0] >= first_ns]
+    latencies_ms = [
+        (arrived_s[stamp] - published_s[following]) * 1e3
+        for stamp, following in wanted
+        if stamp in arrived_s
+    ]
+    return latencies_ms, len(wanted) - len(latencies_ms)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The node in a process of its own, fed with serialized clouds over DDS."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from drives import INTERVAL_NS
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Header
+
+from mnsf_ros.demo.node_process import NodeProcess, node_process
+from mnsf_ros.demo.replay import ReplayLog
+from mnsf_ros.node.cloud_messages import encoded_message
+from mnsf_ros.node.environment import prepare_environment
+from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
+from mnsf_ros.sweeps.sweep import Sweep
+from msg_utils.point_cloud2 import encode_columns
+
+FLOW_TOPIC: Final = "/scene_flow/flow"
+FIRST_NS: Final = 10**18
+_START_TIMEOUT_S: Final = 120
+_SETTLE_TIMEOUT_S: Final = 60
+_QUIET_STATUSES: Final = 5
+# The node counts each published cloud as one of these; the transport's losses are among the missed.
+_CLOUD_EVENTS: Final = ("sweeps_received", "clouds_undecodable", "clouds_empty", "clouds_missed")
+# In a serialized message four bytes name the encoding, then the stamp comes.
+_STAMP_AT: Final = 4
+
+
+def with_stamp(raw: bytearray, stamp_ns: int) -> bytes:
+    """Returns a serialized cloud with another stamp."""
+    struct.pack_into("<iI", raw, _STAMP_AT, *divmod(stamp_ns, 10**9))
+    return bytes(raw)
+
+
+def serialized(sweep: Sweep) -> bytearray:
+    """Returns the serialized message of a sweep, with an intensity."""
+    columns = {axis: np.ascontiguousarray(sweep.xyz[:, i]) for i, axis in enumerate("xyz")}
+    columns["intensity"] = np.zeros(len(sweep), np.float32)
+    encoded = encode_columns(columns, 1, len(sweep))
+    message = encoded_message(Header(frame_id="lidar"), encoded, is_dense=True)
+    return bytearray(serialize_message(message))
+
+
+class LiveNode:
+    """A running node, a publisher of its clouds and a subscriber of its flow.
+
+    Attributes:
+        process: The process.
+        link: The other end of its topics.
+        log: File with the output of the process.
+        replay: Times of publication of good sweeps, and of arrival of their flow.
+        num_published: Number of clouds published, good or not.
+        start_s: Time from the start of the process to its subscription.
+    """
+
+    def __init__(self, process: NodeProcess, link: ReplayLink, log: Path) -> None:
+        self.process = process
+        self.link = link
+        self.log = log
+        self.replay = ReplayLog()
+        self.num_published = 0
+        self.start_s = 0.0
+
+    @property
+    def num_good(self) -> int:
+        """Number of good sweeps published."""
+        return len(self.replay.published_s)
+
+    @property
+    def num_ended(self) -> int:
+        """Number of triplets that the node has dealt with, by its last diagnostics."""
+        return sum(self.link.counts.get(event, 0) for event in TRIPLET_ENDS)
+
+    def publish(self, raw: bytearray, interval_ns: int = INTERVAL_NS) -> None:
+        """Publishes a good sweep with the next stamp."""
+        stamped = with_stamp(raw, FIRST_NS + self.num_good * interval_ns)
+        now_s = time.monotonic()
+        self.replay.published_s[self.link.publish(stamped)] = now_s
+        self.num_published += 1
+
+    def settle(self) -> None:
+        """Waits until the node is idle and its counts do not change any more."""
+        deadline_s, last, before = time.monotonic() + _SETTLE_TIMEOUT_S, None, 0
+        while time.monotonic() < deadline_s:
+            self.process.check()
+            now = (dict(self.link.counts), len(self.replay.arrived_s))
+            if now != last:
+                last, before = now, self.link.num_statuses
+            is_idle = self.link.flow_values.get("busy") == "False"
+            if is_idle and self.link.num_statuses - before >= _QUIET_STATUSES:
+                return
+            self.link.spin_for(0.1)
+
+    def state(self) -> dict[str, float]:
+        """Memory (MB), and numbers of descriptors, threads and shared segments of the process."""
+        proc = Path("/proc", str(self.process.pid))
+        maps = (line.split() for line in (proc / "maps").read_text().splitlines())
+        return {
+            "MB": self.process.resident_mb,
+            "descriptors": len(list((proc / "fd").iterdir())),
+            "threads": len(list((proc / "task").iterdir())),
+            "segments": len({words[-1] for words in maps if words[-1].startswith("/dev/shm")}),
+        }
+
+    def balance(self) -> Iterator[tuple[str, str, bool]]:
+        """Whether every cloud and every triplet is accounted for, as figures of a promise."""
+        counts = self.link.counts
+        counted = sum(counts.get(event, 0) for event in _CLOUD_EVENTS)
+        text = f"{counted:,} of {self.num_published:,}"
+        yield "clouds counted", text, counted == self.num_published
+        formed = counts.get("triplets_formed", 0)
+        yield "triplets ended", f"{self.num_ended:,} of {formed:,}", self.num_ended == formed
+        tracebacks = self.log.read_text(errors="replace").count("Traceback")
+        yield "tracebacks in the log", str(tracebacks), tracebacks == 0
+
+
+@contextmanager
+def live_node(*parameters: str, flow_topic: str | None = FLOW_TOPIC) -> Iterator[LiveNode]:
+    """Starts a node with parameters such as `node.always_estimate:=true` and waits for it.
+
+    Without a `flow_topic` nothing of the node is subscribed to but its diagnostics.
+    """
+    prepare_environment()
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    with ExitStack() as stack:
+        log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "node.log"
+
+        def on_flow(flow: ReceivedFlow) -> None:
+            node.replay.arrived_s[flow.stamp_ns] = flow.arrived_s
+
+        link = ReplayLink("/points", flow_topic or "/nothing", on_flow, lambda raw: None)
+        stack.enter_context(link)
+        start_s = time.monotonic()
+        process = stack.enter_context(node_process(["-r", "~/points:=/points", *words], log))
+        node = LiveNode(process, link, log)
+        while not (link.is_connected if flow_topic else link.is_heard):
+            process.check()
+            if time.monotonic() > start_s + _START_TIMEOUT_S:
+                raise process.failure(f"no node after {_START_TIMEOUT_S} s")
+            link.spin_for(0.02)
+        node.start_s = time.monotonic() - start_s
+        yield node
+
+
+@contextmanager
+def busy_cores(number: int) -> Iterator[None]:
+    """Keeps some cores busy with endless loops."""
+    command = [sys.executable, "-c", "while True: pass"]
+    processes = [subprocess.Popen(command) for _ in range(number)]
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
