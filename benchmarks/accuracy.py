@@ -39,7 +39,6 @@ _ONLINE, _EGO, _FNSF, _MNSF = "online", "ego motion, estimated", "FNSF (paper)",
 _ROWS: Final = {
     _ONLINE: ("online", "online", True),
     _EGO: ("ego-estimated", "online", True),
-    "ego motion, true": ("ego", "online", True),
     _FNSF: ("fnsf", "paper", False),
     _MNSF: ("mnsf", "paper", False),
 }
@@ -136,11 +135,10 @@ def _errors_table(group: str, measured: dict[str, tuple[Errors, float]]) -> Tabl
             f"{errors['all'].acc10:.1%}",
             f"{errors['all'].outliers:.1%}",
             f"{errors['all'].angle_error_rad:.3f}",
-            f"{time_ms:.0f}",
         ]
-        for row, (errors, time_ms) in measured.items()
+        for row, (errors, _) in measured.items()
     ]
-    header = ["", "EPE (m)", "dynamic", "static", "Acc5", "Acc10", "Outliers", "angle (rad)", "ms"]
+    header = ["", "EPE (m)", "dynamic", "static", "Acc5", "Acc10", "Outliers", "angle (rad)"]
     return Table(f"{group}, every {_STEP}th sweep", header, rows)
 
 

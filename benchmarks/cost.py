@@ -22,7 +22,7 @@ from typing import Any, Final
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from drives import TrueSweep, real_sweeps, simulated_drive, simulated_sweeps, to_and_fro, triplet_at
+from drives import TrueSweep, real_sweeps, simulated_sweeps, to_and_fro, triplet_at
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
 from live_node import FLOW_TOPIC, LiveNode, live_node, serialized
 
@@ -44,8 +44,6 @@ _STATUS_S: Final = 0.5
 _SWEEP_TIMEOUT_S: Final = 10
 _SUBSCRIBE_TIMEOUT_S: Final = 60
 _NUM_LARGE: Final = 2_000_000
-_NUM_OF_DRIVE: Final = 400
-_NUM_FRESH: Final = 60
 _MAX_ESTIMATE: Final = 0.5
 # On the few planes of a street a registration is cheap.
 _MAX_ON_STREET: Final = 0.8
@@ -53,14 +51,13 @@ _MAX_NODE: Final = 0.75
 _MAX_MEMORY_MB: Final = 250
 _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
-_MAX_AGE: Final = 1.1
 _TOPICS: Final = ("", FLOW_TOPIC, f"{FLOW_TOPIC}/moving", "/scene_flow/objects")
 
 
 def main() -> None:
     """Measures, prints the tables, and writes them into a document."""
     parser = make_parser(__doc__)
-    parser.add_argument("--quick", action="store_true", help="one round, a shorter drive")
+    parser.add_argument("--quick", action="store_true", help="one round")
     options = parser.parse_args()
     publish("cost", tables(quick=options.quick), options.document)
 
@@ -80,7 +77,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
         *_estimate_target("CPU of an estimate, street", street, _MAX_ON_STREET),
     ]
     of_node, details = _node_targets([item.sweep for item in full], 1 if quick else _NUM_ROUNDS)
-    targets += [*of_node, _age_target(_NUM_OF_DRIVE // (4 if quick else 1))]
+    targets += of_node
     title = f"{len(full[0].sweep):,} points"
     yield Table(title, TARGET_HEADER, [target.row() for target in targets])
     yield details
@@ -233,23 +230,6 @@ def _large_cloud(sweep: Sweep) -> bytearray:
     xyz = np.resize(sweep.xyz, (_NUM_LARGE, 3))
     noise = np.random.default_rng(0).normal(scale=0.02, size=xyz.shape).astype(np.float32)
     return serialized(Sweep(xyz + noise))
-
-
-def _age_target(number: int) -> Target:
-    """CPU of estimates at the end of a long drive over those of a fresh estimator, in turns."""
-    old, fresh = (make_method("online", preset("online")) for _ in range(2))
-    recent: list[TrueSweep] = []
-    shares = []
-    for index, item in enumerate(simulated_drive(0, number)):
-        recent = [*recent[-2:], item]
-        if len(recent) < 3:
-            continue
-        own_ms = _estimate_ms(old, recent, 1)
-        if index >= number - _NUM_FRESH:
-            shares.append(own_ms / _estimate_ms(fresh, recent, 1))
-    # At first the fresh one has no tracks and no older sweeps.
-    share = float(np.median(shares[len(shares) // 3 :]))
-    return Target(f"CPU after {number} sweeps over that of a fresh estimator", _MAX_AGE, share)
 
 
 if __name__ == "__main__":

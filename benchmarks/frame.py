@@ -16,8 +16,6 @@ from typing import Final
 from rich.console import Console
 from rich.markdown import Markdown
 
-NOT_MEASURED: Final = "not measured"
-
 
 @dataclass(frozen=True)
 class Table:

@@ -75,13 +75,12 @@ def tables(duration_s: int) -> Iterator[Table]:
             name,
             f"{run.num_points:,.0f}",
             *(f"{run.percentile_ms(percentile):.0f}" for percentile in (50, 95)),
-            f"{run.estimate_ms:.0f}",
             f"{run.dropped} of {run.dropped + len(run.latencies_ms)}",
             f"{run.memory_mb:.0f}",
         ]
         for name, run in played.items()
     ]
-    header = ["10 Hz", "points", "latency p50 (ms)", "p95 (ms)", "estimate (ms)", "dropped", "MB"]
+    header = ["10 Hz", "points", "latency p50 (ms)", "p95 (ms)", "dropped", "MB"]
     yield Table(f"{duration_s} s of each run, without the first {_WARM_UP_S}", header, rows)
     targets = [
         *(

@@ -14,13 +14,12 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import torch
 from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
-from frame import NOT_MEASURED, Table, make_parser, publish, this_machine, verdict
+from frame import Table, make_parser, publish, this_machine, verdict
 
 from mnsf_ros.core.distance_transform import DistanceTransform, GridBox, distances_within
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -49,38 +48,17 @@ _REACH_M: Final = 2.0
 _NUM_WARM_UP: Final = 2
 
 
-@dataclass(frozen=True)
-class Timed:
-    """One row of the table of times.
-
-    Attributes:
-        preset: Name of the preset.
-        method: Name of the method.
-        changes: Settings that differ from the preset.
-        limit_ms: Target of the 95th percentile, or None.
-        share: Estimates of this row, as a share of `--sweeps`.
-    """
-
-    preset: str
-    method: str
-    changes: Mapping[str, SettingValue]
-    limit_ms: float | None = None
-    share: float = 0.1
-
-    @property
-    def name(self) -> str:
-        """What the table calls it."""
-        return " ".join([f"{self.preset}/{self.method}", *(self.changes and ["without graphs"])])
-
-
-TIMED: Final = (
-    Timed("neural", "mnsf", {}, 30.0, 1.0),
-    Timed("neural", "mnsf", {"compute.cuda_graphs": False}, None, 1.0),
-    Timed("paper", "mnsf", {}, 150.0, 0.2),
-    Timed("paper", "mnsf", {"compute.cuda_graphs": False}),
-    Timed("authors", "mnsf", {}),
-    *(Timed("paper", method, {}) for method in METHODS[1:]),
-)
+# PRESET/METHOD of the table of times, with the target of the 95th percentile in ms.
+TIMED: Final[dict[str, float | None]] = {
+    "neural/mnsf": 30.0,
+    "neural/mnsf+compute.cuda_graphs=false": None,
+    "paper/mnsf": 150.0,
+    "paper/mnsf+compute.cuda_graphs=false": None,
+    "authors/mnsf": None,
+    **{f"paper/{method}": None for method in METHODS[1:]},
+}
+# Rows without a target get this share of the estimates.
+_SHARE: Final = 0.1
 _TIMES_HEADER: Final = (
     *("preset/method", "median (ms)", "p95 (ms)", "p95 target", "EPE (m)", "EPE dynamic"),
     *("EPE static", "memory (MB)", "longest stages (ms)"),
@@ -107,22 +85,12 @@ def main() -> None:
 
 
 def _tables(sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> Iterator[Table]:
-    yield checks_table(list(_checks(sweeps, options.device)))
-    yield times_table(_times(sweeps, options))
-
-
-def checks_table(rows: Sequence[Sequence[str]] = ()) -> Table:
-    """Comparisons with the CPU; rows that are not given are not measured."""
-    names = ["distance transform", *(f"{method}, 8 steps" for method in METHODS)]
-    rows = rows or [[name, NOT_MEASURED, "", ""] for name in names]
-    return Table("Correctness", _CHECKS_HEADER, rows)
-
-
-def times_table(measured: Mapping[str, Sequence[str]]) -> Table:
-    """Times, errors and memory of each row; `measured` has the cells of a name."""
-    nothing = [NOT_MEASURED, *[""] * (len(_TIMES_HEADER) - 2)]
-    rows = [[row.name, *measured.get(row.name, nothing)] for row in TIMED]
-    return Table("Time of an estimate of full sweeps, and its memory", _TIMES_HEADER, rows)
+    checks = list(_checks(sweeps, options.device))
+    yield Table("Correctness", _CHECKS_HEADER, checks, is_detail=True)
+    num_same = sum(cells[-1] == "same" for cells in checks)
+    title = f"{num_same} of {len(checks)} results are those of the CPU"
+    rows = [[name, *_timed(name, sweeps, options)] for name in TIMED]
+    yield Table(title, _TIMES_HEADER, rows)
 
 
 def _sweeps(num_points: int) -> list[TrueSweep]:
@@ -173,19 +141,14 @@ def _estimate(method: str, settings: Settings, sweeps: Sequence[TrueSweep]) -> F
     return make_method(method, settings).estimate(triplet_at(sweeps, 1))
 
 
-def _times(sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> dict[str, list[str]]:
-    cells = {}
-    for row in TIMED:
-        settings = preset(row.preset).changed({**row.changes, "compute.device": options.device})
-        if options.few_steps:
-            settings = settings.changed(_FEW_STEPS)
-        number = max(1, round(options.sweeps * row.share))
-        cells[row.name] = _timed(row, settings, sweeps, number)
-    return cells
-
-
-def _timed(row: Timed, settings: Settings, sweeps: Sequence[TrueSweep], number: int) -> list[str]:
-    estimator = make_method(row.method, settings)
+def _timed(name: str, sweeps: Sequence[TrueSweep], options: argparse.Namespace) -> list[str]:
+    """Times, errors and memory of a row on full sweeps."""
+    preset_name, method = name.split("/")
+    settings = preset(preset_name).changed({"compute.device": options.device})
+    settings = settings.changed(_FEW_STEPS) if options.few_steps else settings
+    limit_ms = TIMED[name]
+    number = max(1, round(options.sweeps * (1 if limit_ms else _SHARE)))
+    estimator = make_method(method, settings)
     is_on_cuda = settings.compute.device == "cuda"
     if is_on_cuda:
         torch.cuda.empty_cache()
@@ -207,7 +170,7 @@ def _timed(row: Timed, settings: Settings, sweeps: Sequence[TrueSweep], number: 
         valid = truth.scored & crop_mask(truth.sweep.xyz, settings.crop)
         errors.append(by_motion(estimate.flow, truth.flow, truth.dynamic, valid))
     p95_ms = float(np.percentile(times_ms, 95))
-    target = f"{row.limit_ms:g} {verdict(p95_ms <= row.limit_ms)}" if row.limit_ms else ""
+    target = f"{limit_ms:g} {verdict(p95_ms <= limit_ms)}" if limit_ms else ""
     return [
         f"{np.median(times_ms):.1f}",
         f"{p95_ms:.1f}",

@@ -3,8 +3,8 @@
 
     python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:ablations:1]
 
-A plan is SCALE:ROWS:SEEDS; ROWS are methods or tables. Estimates run on one thread, every triplet from
-scratch. Each result is appended to OUT/rows.jsonl, and results that are there are not computed
+A plan is SCALE:ROWS:SEEDS; ROWS are methods or tables. Estimates run on one thread, every triplet
+from scratch. Each result is appended to OUT/rows.jsonl, and results that are there are not computed
 again: interrupt it and start it again as you like, but use another folder after a change of
 settings. `--tables` only prints what is there. The data is looked for beside the checkout, or in
 the folder MNSF_DATA.

@@ -54,14 +54,13 @@ def test_results_replace_the_section_of_a_document(load, tmp_path, capsys):
     assert document.read_text() == expected
 
 
-@pytest.mark.parametrize("rate_hz", [10, 20])
-def test_a_simulated_drive_keeps_its_speed(load, rate_hz):
-    drive = load("drives").simulated_drive(0, 30, rate_hz=rate_hz, num_beams=16, num_columns=36)
+def test_a_simulated_drive_keeps_its_speed(load):
+    drive = load("drives").simulated_drive(0, 12, rate_hz=20, num_beams=16, num_columns=36)
     sweeps = list(drive)
     stamps_ns = [item.sweep.stamp_ns for item in sweeps]
-    np.testing.assert_array_equal(np.diff(stamps_ns), 10**9 // rate_hz)
+    np.testing.assert_array_equal(np.diff(stamps_ns), 10**9 // 20)
     places = np.stack([item.pose[:3, 3] for item in sweeps])
-    assert np.linalg.norm(np.diff(places, axis=0), axis=1) * rate_hz == pytest.approx(8, abs=0.3)
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1) * 20 == pytest.approx(8, abs=0.3)
 
 
 def test_to_and_fro_passes_both_ends_once(load):
