@@ -26,7 +26,6 @@ from drives import TrueSweep, real_sweeps, simulated_sweeps, to_and_fro, triplet
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
 from live_node import FLOW_TOPIC, LiveNode, live_node, serialized
 
-from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.methods import make_method
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.node.process_memory import RETURN_PERIOD_S, keep_memory
@@ -51,7 +50,6 @@ _MAX_NODE: Final = 0.75
 _MAX_MEMORY_MB: Final = 250
 _MAX_LEFT_MB: Final = 20
 _MAX_START_S: Final = 1.0
-_TOPICS: Final = ("", FLOW_TOPIC, f"{FLOW_TOPIC}/moving", "/scene_flow/objects")
 
 
 def main() -> None:
@@ -63,7 +61,7 @@ def main() -> None:
 
 
 def tables(*, quick: bool) -> Iterator[Table]:
-    """Targets, and the CPU of the node by its subscribers."""
+    """One row for each target."""
     prepare_environment()
     keep_memory()  # as the node does
     street = simulated_sweeps(0, 24)
@@ -73,14 +71,12 @@ def tables(*, quick: bool) -> Iterator[Table]:
     ]
     full = kitti or street
     targets = [
-        *_estimate_target("CPU of an estimate", full, _MAX_ESTIMATE),
-        *_estimate_target("CPU of an estimate, street", street, _MAX_ON_STREET),
+        _estimate_target("CPU of an estimate", full, _MAX_ESTIMATE),
+        _estimate_target("CPU of an estimate, street", street, _MAX_ON_STREET),
+        *_node_targets([item.sweep for item in full], 1 if quick else _NUM_ROUNDS),
     ]
-    of_node, details = _node_targets([item.sweep for item in full], 1 if quick else _NUM_ROUNDS)
-    targets += of_node
     title = f"{len(full[0].sweep):,} points"
     yield Table(title, TARGET_HEADER, [target.row() for target in targets])
-    yield details
 
 
 def _kiss_icp() -> Any:  # noqa: ANN401 - of a library without types
@@ -112,66 +108,43 @@ def _ratio_target(name: str, own_ms: float, ratio: float, limit: float) -> Targe
     return Target(f"{name} over KISS-ICP's, one thread", limit, ratio, text=text)
 
 
-def _estimate_target(name: str, sweeps: Sequence[TrueSweep], limit: float) -> Iterator[Target]:
+def _estimate_target(name: str, sweeps: Sequence[TrueSweep], limit: float) -> Target:
     """CPU of one estimate over that of one registration, in turns."""
     kiss = _kiss_icp()
     estimator = make_method("online", preset("online").changed({"compute.num_threads": 1}))
     ours, theirs = [], []
     for index in range(1, len(sweeps) - 1):
-        ours.append(_estimate_ms(estimator, sweeps, index))
-        theirs.append(_kiss_ms(kiss, sweeps[index + 1].sweep))
+        triplet = triplet_at(sweeps, index)
+        start_s = time.process_time()
+        estimator.estimate(triplet)
+        ours.append(1e3 * (time.process_time() - start_s))
+        theirs.append(_kiss_ms(kiss, triplet.next))
     own_ms, kiss_ms = (float(np.median(times[_WARM_UP:])) for times in (ours, theirs))
-    yield _ratio_target(name, own_ms, own_ms / kiss_ms, limit)
+    return _ratio_target(name, own_ms, own_ms / kiss_ms, limit)
 
 
-def _estimate_ms(estimator: SceneFlowEstimator, sweeps: Sequence[TrueSweep], index: int) -> float:
-    triplet = triplet_at(sweeps, index)
-    start_s = time.process_time()
-    estimator.estimate(triplet)
-    return 1e3 * (time.process_time() - start_s)
-
-
-def _node_targets(sweeps: Sequence[Sweep], num_rounds: int) -> tuple[list[Target], Table]:
-    """Start, CPU and memory of the node's process; and its CPU by its subscribers."""
-    costs_ms: dict[str, list[float]] = {topic: [] for topic in _TOPICS}
-    ratios = []
+def _node_targets(sweeps: Sequence[Sweep], num_rounds: int) -> Iterator[Target]:
+    """CPU of the node's process with a subscriber of its flow, its start and its memory."""
+    costs_ms, ratios = [], []
     status = f"node.diagnostics_period_s:={_STATUS_S}"
-    with live_node(status, "node.always_estimate:=true", flow_topic=None) as node:
+    with live_node(status, flow_topic=None) as node, _subscriber(FLOW_TOPIC):
         turn = to_and_fro(sweeps[_FIRST_OF_TURN:][: _SWEEPS_PER_TURN // 2 + 1])
         clouds = [serialized(sweep) for sweep in turn]
-        for number in range(num_rounds + 1):
-            for topic, values in costs_ms.items():
-                with _subscriber(topic):
-                    before_s = node.process.cpu_s
-                    _play(node, clouds)
-                    used_ms = 1e3 * (node.process.cpu_s - before_s) / len(clouds)
-                # The first round only warms up.
-                if number:
-                    values.append(used_ms)
+        _play(node, clouds)
+        for _ in range(num_rounds):
+            before_s = node.process.cpu_s
+            _play(node, clouds)
+            costs_ms.append(1e3 * (node.process.cpu_s - before_s) / len(clouds))
             kiss = _kiss_icp()
-            theirs_ms = float(np.median([_kiss_ms(kiss, sweep) for sweep in sweeps][_WARM_UP:]))
-            if number:
-                ratios.append(costs_ms[FLOW_TOPIC][-1] / theirs_ms)
-        with _subscriber(FLOW_TOPIC):
-            before_mb, large_mb, after_mb = _memories_mb(node, clouds, _large_cloud(sweeps[0]))
-    own_ms = {topic: float(np.median(values)) for topic, values in costs_ms.items()}
-    targets = [
-        _ratio_target(
-            "CPU of the node a sweep, ~/flow",
-            own_ms[FLOW_TOPIC],
-            float(np.median(ratios)),
-            _MAX_NODE,
-        ),
-        Target("start until ready (s)", _MAX_START_S, node.start_s),
-        Target("memory of the node (MB)", _MAX_MEMORY_MB, before_mb),
-        Target(
-            f"memory left after {large_mb:.0f} MB with {_NUM_LARGE:,} points (MB more)",
-            _MAX_LEFT_MB,
-            after_mb - before_mb,
-        ),
-    ]
-    rows = [[topic or "nothing", f"{value:.0f}"] for topic, value in own_ms.items()]
-    return targets, Table("CPU of the node a sweep", ["subscribed to", "ms"], rows, is_detail=True)
+            theirs_ms = [_kiss_ms(kiss, sweep) for sweep in sweeps][_WARM_UP:]
+            ratios.append(costs_ms[-1] / float(np.median(theirs_ms)))
+        before_mb, large_mb, after_mb = _memories_mb(node, clouds, _large_cloud(sweeps[0]))
+    own_ms, ratio = float(np.median(costs_ms)), float(np.median(ratios))
+    yield _ratio_target("CPU of the node a sweep, ~/flow", own_ms, ratio, _MAX_NODE)
+    yield Target("start until ready (s)", _MAX_START_S, node.start_s)
+    yield Target("memory of the node (MB)", _MAX_MEMORY_MB, before_mb)
+    name = f"memory left after {large_mb:.0f} MB with {_NUM_LARGE:,} points (MB more)"
+    yield Target(name, _MAX_LEFT_MB, after_mb - before_mb)
 
 
 def _memories_mb(
@@ -189,10 +162,7 @@ def _memories_mb(
 
 @contextmanager
 def _subscriber(topic: str) -> Iterator[None]:
-    """A subscriber of a topic of clouds that only receives them; none for an empty topic."""
-    if not topic:
-        yield
-        return
+    """A subscriber of clouds that only receives them; its CPU is that of this process."""
     import rclpy
     from rclpy.context import Context
     from sensor_msgs.msg import PointCloud2

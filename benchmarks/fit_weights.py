@@ -90,7 +90,7 @@ Sample = tuple[str, Samples]
 
 def main() -> None:
     """Prints the weights."""
-    parser = make_parser(__doc__)
+    parser = make_parser(__doc__, has_document=False)
     parser.add_argument("--sweeps", type=int, default=18, help="of each simulated street")
     parser.add_argument("--groups", nargs="+", default=[KITTI, *SCENARIOS], help="only these")
     options = parser.parse_args()

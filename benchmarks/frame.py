@@ -86,14 +86,15 @@ def verdict(is_met: bool) -> str:
     return "met" if is_met else "MISSED"
 
 
-def make_parser(text: str | None) -> argparse.ArgumentParser:
-    """Returns a parser with a help text of several lines and the option `--document`."""
+def make_parser(text: str | None, *, has_document: bool = True) -> argparse.ArgumentParser:
+    """Returns a parser with a help text of several lines, and the option `--document`."""
     parser = argparse.ArgumentParser(
         description=text, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--document", type=Path, metavar="FILE", help="write the results into its marked section"
-    )
+    if has_document:
+        parser.add_argument(
+            "--document", type=Path, metavar="FILE", help="write results into its marked section"
+        )
     return parser
 
 

@@ -1,13 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The paper's tables on four sweeps of KITTI raw drive 0005, beside the authors' own code.
 
-    python benchmarks/paper_table.py [--out benchmark] [--plan 8192:mnsf,fnsf:3 full:ablations:1]
+    python benchmarks/paper_table.py [--out benchmark] [--rows mnsf fnsf] [--scales 8192 full]
 
-A plan is SCALE:ROWS:SEEDS; ROWS are methods or tables. Estimates run on one thread, every triplet
-from scratch. Each result is appended to OUT/rows.jsonl, and results that are there are not computed
-again: interrupt it and start it again as you like, but use another folder after a change of
-settings. `--tables` only prints what is there. The data is looked for beside the checkout, or in
-the folder MNSF_DATA.
+Estimates run on one thread, every triplet from scratch. Each result is appended to OUT/rows.jsonl,
+and results that are there are not computed again: interrupt it and start it again as you like, but
+use another folder after a change of settings. `--tables` only prints what is there. The data is
+looked for beside the checkout, or in the folder MNSF_DATA.
 
 The triplets of 8,192 points are npz files in the layout of the authors of FNSF and MNSF: pc1, pc2,
 pc3 (N, 3) and flow23 (N, 3) in metres, without ground, cropped to 80 m and 4 m of height, and
@@ -19,7 +18,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,16 +63,8 @@ TABLES: Final = {
     "depth": ("mnsf", *(f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 5, 7))),
     "sweeps": ("mnsf-no-backward", "mnsf", "mnsf-frames4", "mnsf-frames5"),
 }
-ROWS: Final = frozenset(row for rows in TABLES.values() for row in rows)
-# The most important first: an interrupted run has them.
-PLAN: Final = (
-    "8192:methods,ablations,fusion,depth,sweeps:1",
-    f"full:fnsf,mnsf,{_MEAN}:1",
-    "8192:fnsf,mnsf,nsfp:3",
-    "full:methods,ablations:1",
-    "8192:methods,ablations,fusion,depth,sweeps:3",
-    "full:fusion,depth,sweeps:1",
-)
+ROWS: Final = tuple(dict.fromkeys(row for rows in TABLES.values() for row in rows))
+NUM_SEEDS: Final = {FEW: 3, FULL: 1}
 # Column of a result, to its title, decimals and factor.
 COLUMNS: Final = {
     "epe_m": ("EPE (m)", 3, 1),
@@ -145,43 +136,29 @@ def main() -> None:
     """Computes the missing results and prints the tables."""
     parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
-    parser.add_argument("--plan", nargs="+", default=PLAN, metavar="SCALE:ROWS:SEEDS")
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=ROWS, metavar="ROW")
+    parser.add_argument("--scales", nargs="+", choices=NUM_SEEDS, default=list(NUM_SEEDS))
     parser.add_argument("--tables", action="store_true", help="only print what is there")
     options = parser.parse_args()
     if missing := [file for file in _files() if not file.is_file()]:
         print(f"Nothing to measure: there is no {missing[0]}. Set MNSF_DATA to the data's folder.")
         return
-    try:
-        jobs = dict.fromkeys(job for part in options.plan for job in planned(part))
-    except ValueError as error:
-        parser.error(str(error))
     file = options.out / "rows.jsonl"
     if not options.tables:
         options.out.mkdir(parents=True, exist_ok=True)
         with suppress(KeyboardInterrupt):
-            run(list(jobs), file)
+            run(planned(options.rows, options.scales), file)
     publish("paper", tables(read_rows(file)), options.document)
 
 
-def planned(part: str) -> list[Job]:
-    """Returns the jobs of SCALE:ROWS:SEEDS, row by row.
-
-    Raises:
-        ValueError: If the plan cannot be read.
-    """
-    try:
-        scale, names, seeds = part.split(":")
-        num_seeds = int(seeds)
-    except ValueError:
-        raise ValueError(f"got plan {part!r}, expected SCALE:ROWS:SEEDS") from None
-    rows = [row for name in names.split(",") for row in TABLES.get(name, (name,))]
-    unknown = [row for row in rows if row not in ROWS]
-    if unknown or scale not in (FEW, FULL):
-        raise ValueError(f"plan {part!r}: no row {unknown}" if unknown else f"no scale {scale!r}")
+def planned(rows: Collection[str], scales: Collection[str]) -> list[Job]:
+    """Returns the jobs; the first seed of all rows comes first, so that tables get full early."""
     return [
         Job(scale, row, seed, moment)
+        for seed in range(max(NUM_SEEDS.values()))
+        for scale in scales
+        if seed < NUM_SEEDS[scale]
         for row in rows
-        for seed in range(num_seeds)
         for moment in MOMENTS
     ]
 

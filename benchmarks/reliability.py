@@ -8,11 +8,9 @@ the document. Use a ROS_DOMAIN_ID of its own.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -30,9 +28,10 @@ import mutated_bags
 import numpy as np
 import pandas as pd
 from drives import INTERVAL_NS, simulated_sweeps, to_and_fro
-from frame import Table, show, this_machine
+from frame import Table, make_parser, show, this_machine
 from live_node import FIRST_NS, LiveNode, busy_cores, live_node, serialized, with_stamp
 
+from mnsf_ros.cli.memory import limited_memory
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -91,23 +90,24 @@ class Promise:
     """A promise that holds in every round.
 
     Attributes:
-        text: The promise.
         number: Rounds after which it counts as measured.
         unit: Name of the rounds.
-        measure: Tries it and yields figures.
+        measure: Tries it and yields figures; its docstring is the promise.
     """
 
-    text: str
     number: int
     unit: str
     measure: Callable[[Rounds], Iterator[Figure]]
 
+    @property
+    def text(self) -> str:
+        """The promise in one line."""
+        return " ".join((self.measure.__doc__ or "").split()).rstrip(".")
+
 
 def main() -> None:
     """Measures a promise and ends with status 1 if it does not hold."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, has_document=False)
     parser.add_argument("promise", choices=PROMISES)
     parser.add_argument("--number", type=int, help="rounds (default: the number of the promise)")
     parser.add_argument("--first", type=int, default=0, help="number of the first round")
@@ -182,14 +182,14 @@ def _played(node: LiveNode, rounds: Rounds, rate_hz: int) -> Iterator[Figure]:
 
 
 def soak(rounds: Rounds) -> Iterator[Figure]:
-    """Full sweeps at 10 Hz."""
+    """24 h at 10 Hz: 20 MB more at most, no thread or descriptor more, all is counted."""
     with live_node(_OFTEN) as node:
         yield from _played(node, rounds, 10)
         yield "flows", f"{len(node.replay.arrived_s):,}", bool(node.replay.arrived_s)
 
 
 def overload(rounds: Rounds) -> Iterator[Figure]:
-    """Full sweeps at 20 Hz beside busy cores, more than the machine manages."""
+    """1 h at 20 Hz beside busy cores: latency of two estimates at most, all is counted."""
     with live_node(_OFTEN) as node, busy_cores(os.cpu_count() or 1):
         yield from _played(node, rounds, 20)
         flows, sweeps = node.link.counts.get("flows_out", 0), node.num_published
@@ -204,7 +204,7 @@ def overload(rounds: Rounds) -> Iterator[Figure]:
 
 
 def damaged_clouds(rounds: Rounds) -> Iterator[Figure]:
-    """Damaged clouds between good sweeps."""
+    """Damaged clouds between good sweeps: flow for the good ones, all is counted."""
     good = _small_cloud()
     asked = answered = 0
     with live_node(_OFTEN, "node.always_estimate:=true") as node:
@@ -244,7 +244,7 @@ def _is_answered(node: LiveNode, good: bytearray) -> bool:
 
 
 def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
-    """SIGKILL of the node, in turns while it starts and after an answer."""
+    """SIGKILL of the node: flow after the next start."""
     good = _small_cloud()
     found: Counter[str] = Counter()
     for number, random in rounds:
@@ -272,11 +272,10 @@ class _Evaluations:
         self.folder, self.out = folder, folder / "out"
         settings = SimulationSettings(duration_s=1.2, num_beams=16, num_columns=180)
         write_recording(settings, folder / "street")
-        start_s = time.monotonic()
-        status, said = self.end(self.start())
-        self.duration_s = time.monotonic() - start_s
-        if status:
-            raise RuntimeError(said)
+        end = _ended(self.command())
+        if end.status:
+            raise RuntimeError(end.said)
+        self.duration_s = end.after_s
         self._expected = self._figures()
 
     def command(self, *more: str) -> list[str]:
@@ -284,18 +283,6 @@ class _Evaluations:
         paths = (str(self.folder / "street"), "--out", str(self.out))
         methods = ("--methods", "zero,ego,online", "--workers", "2", "--pictures", "0")
         return [*_MNSF, "evaluate", *paths, *methods, *more]
-
-    def start(self, *more: str) -> subprocess.Popen[bytes]:
-        """Starts a run in a session of its own; its output goes into a file."""
-        with (self.folder / "said").open("wb") as said:
-            return subprocess.Popen(
-                self.command(*more), stdout=said, stderr=said, start_new_session=True
-            )
-
-    def end(self, process: subprocess.Popen[bytes]) -> tuple[int, str]:
-        """Waits for the end; returns the exit status and the output."""
-        status = process.wait(_END_TIMEOUT_S)
-        return status, (self.folder / "said").read_text(errors="replace")
 
     def is_complete(self) -> bool:
         """Whether all results are there and right."""
@@ -313,35 +300,41 @@ def _evaluations() -> Iterator[_Evaluations]:
         yield _Evaluations(Path(folder))
 
 
-def killed_runs(rounds: Rounds) -> Iterator[Figure]:
-    """SIGKILL of `mnsf evaluate --workers 2`, and in turns of one of its processes."""
-    found: dict[str, Counter[str]] = {"command": Counter(), "process": Counter()}
-    with _evaluations() as evaluations:
-        for number, random in rounds:
-            shutil.rmtree(evaluations.out, ignore_errors=True)
-            process = evaluations.start()
-            time.sleep(random.uniform(0, evaluations.duration_s))
-            family = _descendants(process.pid)
-            is_command = number % 2 == 0 or not family
-            with suppress(ProcessLookupError):
-                os.kill(process.pid if is_command else int(random.choice(family)), signal.SIGKILL)
-            fate = _left(family) or _fate_of_killed(evaluations, process)
-            found["command" if is_command else "process"][fate] += 1
-    for victim, counts in found.items():
-        yield fates(f"{victim} killed", counts)
+@dataclass(frozen=True)
+class _End:
+    """End of a command.
+
+    Attributes:
+        status: Exit status.
+        said: Its output.
+        after_s: Seconds to its end after `act`.
+        left: A process that does not end; empty if all do.
+    """
+
+    status: int
+    said: str
+    after_s: float
+    left: str
 
 
-def _fate_of_killed(evaluations: _Evaluations, process: subprocess.Popen[bytes]) -> str:
-    status, said = evaluations.end(process)
-    if "Traceback" in said:
-        return f"wrong: {said[-200:]}"
-    if status == 0:
-        return "as without" if evaluations.is_complete() else "wrong: other results"
-    more = ["--resume"] if (evaluations.out / "run.json").exists() else []
-    status, said = evaluations.end(evaluations.start(*more))
-    if status or not evaluations.is_complete():
-        return f"wrong after {more}: status {status}: {said[-200:]}"
-    return "with --resume" if more else "nothing was begun"
+def _ended(
+    command: Sequence[str],
+    delay_s: float = 0.0,
+    act: Callable[[int, list[int]], None] = lambda pid, family: None,
+) -> _End:
+    """Runs a command; after a while `act` gets its process id and those of its children."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        time.sleep(delay_s)
+        family, start_s = _descendants(process.pid), time.monotonic()
+        act(process.pid, family)
+        left = _left([process.pid])
+        after_s = time.monotonic() - start_s
+        process.kill()
+        status = process.wait()
+        output.seek(0)
+        said = output.read().decode(errors="replace")
+    return _End(status, said, after_s, left or _left(family))
 
 
 def _descendants(pid: int) -> list[int]:
@@ -357,7 +350,6 @@ def _descendants(pid: int) -> list[int]:
 
 
 def _left(pids: Sequence[int]) -> str:
-    """A process that still runs after a while; empty if all have ended."""
     deadline_s = time.monotonic() + _END_TIMEOUT_S
     while left := [pid for pid in pids if Path("/proc", str(pid), "exe").exists()]:
         if time.monotonic() > deadline_s:
@@ -366,110 +358,98 @@ def _left(pids: Sequence[int]) -> str:
     return ""
 
 
-def signals(rounds: Rounds) -> Iterator[Figure]:
-    """SIGINT and SIGTERM at any moment; `python -c pass` shows the part of Python itself."""
+def killed_runs(rounds: Rounds) -> Iterator[Figure]:
+    """SIGKILL of `mnsf evaluate` or one of its processes: `--resume` brings what is missing."""
+    found: dict[str, Counter[str]] = {"command": Counter(), "process": Counter()}
     with _evaluations() as evaluations:
-        simulated = evaluations.folder / "simulated"
-        simulate = [*_MNSF, "simulate", "--duration-s", "2", "--num-beams", "16", str(simulated)]
+        for number, random in rounds:
+            shutil.rmtree(evaluations.out, ignore_errors=True)
+            victim = list(found)[number % 2]
+
+            def kill(
+                pid: int, family: list[int], victim: str = victim, random: Random = random
+            ) -> None:
+                with suppress(ProcessLookupError):
+                    is_command = victim == "command" or not family
+                    os.kill(pid if is_command else int(random.choice(family)), signal.SIGKILL)
+
+            delay_s = random.uniform(0, evaluations.duration_s)
+            end = _ended(evaluations.command(), delay_s, kill)
+            found[victim][_fate_of_killed(evaluations, end)] += 1
+    for victim, counts in found.items():
+        yield fates(f"{victim} killed", counts)
+
+
+def _fate_of_killed(evaluations: _Evaluations, end: _End) -> str:
+    if end.left or "Traceback" in end.said:
+        return end.left or f"wrong: {end.said[-200:]}"
+    if end.status == 0:
+        return "as without" if evaluations.is_complete() else "wrong: other results"
+    more = ["--resume"] if (evaluations.out / "run.json").exists() else []
+    end = _ended(evaluations.command(*more))
+    if end.status or not evaluations.is_complete():
+        return f"wrong after {more}: status {end.status}: {end.said[-200:]}"
+    return "with --resume" if more else "nothing was begun"
+
+
+def signals(rounds: Rounds) -> Iterator[Figure]:
+    """SIGINT and SIGTERM at any moment: documented status, no traceback, an end within 1 s."""
+    with _evaluations() as evaluations:
+        simulated = str(evaluations.folder / "simulated")
+        # The first one shows the part of Python itself.
         commands = {
-            "python -c pass": [sys.executable, "-c", "pass"],
-            "node": [sys.executable, "-m", "mnsf_ros.node"],
-            "mnsf evaluate": evaluations.command(),
-            "mnsf simulate": simulate,
+            "python -c pass": ([sys.executable, "-c", "pass"], 0.1),
+            "node": ([sys.executable, "-m", "mnsf_ros.node"], _NODE_START_S),
+            "mnsf evaluate": (evaluations.command(), evaluations.duration_s),
+            "mnsf simulate": ([*_MNSF, "simulate", simulated], _NODE_START_S),
         }
-        longest_s = {name: _duration_s(command) for name, command in commands.items()}
         found: dict[str, Counter[str]] = {name: Counter() for name in commands}
         ends_s: dict[str, list[float]] = {name: [0.0] for name in commands}
         for number, random in rounds:
-            name = list(commands)[number % len(commands)]
+            name, (command, longest_s) = list(commands.items())[number % len(commands)]
             for folder in (evaluations.out, simulated):
                 shutil.rmtree(folder, ignore_errors=True)
             one = (signal.SIGINT, signal.SIGTERM)[number // len(commands) % 2]
-            delay_s = random.uniform(0, longest_s[name])
-            fate, end_s = _signalled(commands[name], one, delay_s)
-            found[name][fate] += 1
-            ends_s[name].append(end_s)
+            delay_s = random.uniform(0, longest_s)
+            end = _ended(command, delay_s, lambda pid, _, one=one: os.kill(pid, one))
+            found[name][_fate_of_signalled(end, one)] += 1
+            ends_s[name].append(end.after_s)
     for name, counts in found.items():
         yield fates(name, counts)
         yield f"{name} ends in", f"{max(ends_s[name]):.2f} s", max(ends_s[name]) <= _MAX_END_S
 
 
-def _duration_s(command: Sequence[str]) -> float:
-    """Duration of a command; the node does not end."""
-    start_s = time.monotonic()
-    with suppress(subprocess.TimeoutExpired):
-        subprocess.run(command, capture_output=True, timeout=2 * _NODE_START_S, check=False)
-    return time.monotonic() - start_s
-
-
-def _signalled(command: Sequence[str], number: int, delay_s: float) -> tuple[str, float]:
-    """Sends a command a signal; returns its fate, and the seconds until its end."""
-    with tempfile.TemporaryFile() as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
-        time.sleep(delay_s)
-        family, start_s = _descendants(process.pid), time.monotonic()
-        process.send_signal(number)
-        status = process.wait(_END_TIMEOUT_S)
-        end_s = time.monotonic() - start_s
-        output.seek(0)
-        said = output.read().decode(errors="replace")
-    if left := _left(family):
-        return left, end_s
-    if status == -number and not said:
-        return "before the program began", end_s
-    if "KeyboardInterrupt" in said and "mnsf_ros/" not in said:
-        return "in Python's own code", end_s
-    if status not in (0, _INTERRUPTED) or "Traceback" in said:
-        return f"wrong: status {status}: {said[-300:]}", end_s
-    return f"status {status}", end_s
+def _fate_of_signalled(end: _End, number: int) -> str:
+    if end.left:
+        return end.left
+    if end.status == -number and not end.said:
+        return "before the program began"
+    if "KeyboardInterrupt" in end.said and "mnsf_ros/" not in end.said:
+        return "in Python's own code"
+    if end.status not in (0, _INTERRUPTED) or "Traceback" in end.said:
+        return f"wrong: status {end.status}: {end.said[-300:]}"
+    return f"status {end.status}"
 
 
 def recordings(rounds: Rounds) -> Iterator[Figure]:
-    """Recordings of nine formats, damaged in seven ways; bad ones are kept."""
+    """Damaged recordings of nine formats: no traceback, 60 s and 2 GB at most, no silent change."""
     folder = Path(tempfile.mkdtemp(prefix="mutated_bags_"))
-    numbers = (number for number, _ in rounds)
-    by_format, by_kind, bad = mutated_bags.run(numbers, rounds.seed, folder)
-    for name, counts in (by_format | by_kind).items():
+    with limited_memory(mutated_bags.MAX_GB):
+        found, bad = mutated_bags.run((number for number, _ in rounds), rounds.seed, folder)
+    for name, counts in found.items():
         yield fates(name, counts, mutated_bags.BAD)
     for text in bad:
         yield "bad", text, False
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    yield "peak memory", f"{peak_mb:.0f} MB", peak_mb <= mutated_bags.MAX_PEAK_MB
 
 
 PROMISES: Final = {
-    "runs": Promise(
-        "SIGKILL of `mnsf evaluate` or of one of its processes: results as without, or `--resume` "
-        "brings them",
-        *(200, "kills", killed_runs),
-    ),
-    "signals": Promise(
-        "SIGINT and SIGTERM at any moment: documented status, no traceback, an end within 1 s",
-        *(200, "signals", signals),
-    ),
-    "recordings": Promise(
-        "damaged recordings of nine formats: no traceback, at most 60 s and 2 GB, no changed "
-        "figure without a warning where there are checksums",
-        *(10_000, "recordings", recordings),
-    ),
-    "nodes": Promise(
-        "SIGKILL of the node: flow after the next start", *(200, "kills", killed_nodes)
-    ),
-    "clouds": Promise(
-        "damaged clouds between good sweeps: good sweeps are answered, all are counted, at most "
-        "10 bytes of log each",
-        *(10_000, "clouds", damaged_clouds),
-    ),
-    "overload": Promise(
-        "1 h at 20 Hz beside busy cores: latency of at most two estimates, all are counted, "
-        "nothing grows",
-        *(72_000, "sweeps", overload),
-    ),
-    "soak": Promise(
-        "24 h at 10 Hz: at most 20 MB more after 10 min, no descriptor, thread or segment more, "
-        "all are counted",
-        *(864_000, "sweeps", soak),
-    ),
+    "runs": Promise(200, "kills", killed_runs),
+    "signals": Promise(200, "signals", signals),
+    "recordings": Promise(10_000, "recordings", recordings),
+    "nodes": Promise(200, "kills", killed_nodes),
+    "clouds": Promise(10_000, "clouds", damaged_clouds),
+    "overload": Promise(72_000, "sweeps", overload),
+    "soak": Promise(864_000, "sweeps", soak),
 }
 
 

@@ -37,16 +37,17 @@ def test_a_promise_is_met_in_part_or_missed(
     reliability, monkeypatch, capsys, fate, number, status, verdict
 ):
     def measure(rounds):
+        """It holds."""
         yield reliability.fates("runs", Counter(fate for _ in rounds))
 
-    promise = reliability.Promise("it holds", 2, "rounds", measure)
+    promise = reliability.Promise(2, "rounds", measure)
     monkeypatch.setattr(reliability, "PROMISES", {"it": promise})
     monkeypatch.setattr(reliability.signal, "signal", lambda *_: None)
     monkeypatch.setattr(sys, "argv", ["reliability.py", "it", "--number", str(number)])
     with pytest.raises(SystemExit) as ended:
         reliability.main()
     assert ended.value.code == status
-    row = f"| `it` | it holds | {number} of 2 rounds | {verdict} |"
+    row = f"| `it` | It holds | {number} of 2 rounds | {verdict} |"
     assert capsys.readouterr().out.splitlines()[-1] == row
 
 
