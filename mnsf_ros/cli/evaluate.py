@@ -18,7 +18,7 @@ from mnsf_ros.cli.arguments import (
 from mnsf_ros.cli.console import Console
 
 EXIT_INCOMPLETE = 3
-EXIT_UNWRITTEN = 4
+EXIT_STOPPED = 4
 DEFAULT_METHODS = ("online", "mnsf")
 
 _EPILOG = """\
@@ -33,7 +33,7 @@ Exit status:
   3    done, but incomplete: a recording is damaged (its readable part was
        evaluated) or has nothing to evaluate, a task failed, a method failed on
        every example of a recording, or report.html could not be written
-  4    stopped: results cannot be written, for example because the disk is full
+  4    stopped: results cannot be written (disk full), or a worker was killed
   130  interrupted
 
 After 4 and 130, finished results are kept. To continue, repeat the command
@@ -136,15 +136,15 @@ def _add_run_arguments(group: Arguments) -> None:
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate
     from mnsf_ros.evaluation.recordings import path_text
-    from mnsf_ros.evaluation.run_files import WritingError
+    from mnsf_ros.evaluation.run_folder import StoppedError
 
     try:
         is_complete = evaluate(options, Console())
-    except WritingError as error:
+    except StoppedError as error:
         print(
             f"mnsf: {error}. Finished results are kept; to continue, repeat the command with "
             f"--out {path_text(options.out)} --resume",
             file=sys.stderr,
         )
-        return EXIT_UNWRITTEN
+        return EXIT_STOPPED
     return 0 if is_complete else EXIT_INCOMPLETE

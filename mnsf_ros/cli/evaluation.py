@@ -1,29 +1,35 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What `mnsf evaluate` does and prints: inspect, run, report."""
+"""`mnsf evaluate` at work: inspects recordings, runs tasks, prints tables and writes the report."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from functools import partial
-from itertools import chain, count
 from pathlib import Path
+
+from rich.markup import escape
 
 from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluate import DEFAULT_METHODS
-from mnsf_ros.cli.evaluation_progress import EvaluationProgress, checking_progress, task_title
+from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import LibraryError, MnsfError, SettingsError
-from mnsf_ros.evaluation.executors import Executor, WorkerProcesses, run_serially
+from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
     EvaluationTask,
+    TaskKey,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.parallel import Executor, executor
 from mnsf_ros.evaluation.recordings import inspected_recordings, path_text, short_name
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
@@ -43,34 +49,35 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
         one, if a task or a recording had to be given up, or if there is no report.
 
     Raises:
-        MnsfError: Something that was given cannot be used, or results cannot be written.
+        StoppedError: The run cannot go on.
+        MnsfError: An argument, setting or recording cannot be used.
     """
     if options.out is None:
         if options.resume:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
-        options.out = new_folder(options.bags)
+        options.out = _new_folder(options.bags)
     evaluation = _evaluation_options(options)
-    execute = _executor(options, evaluation)
-    folder = RunFolder(options.out)
-    with folder.opened(resume=options.resume):
+    pool = _executor(options, evaluation)
+    with RunFolder(options.out).opened(resume=options.resume) as folder:
         methods = _methods(options, evaluation, console)
+        evaluation = evaluation.for_methods(methods, pairs=options.pairs)
         recordings, unreadable = inspected_recordings(
             options.bags,
-            folder.before.recordings if folder.before is not None else (),
             *(options.points, options.truth, options.odometry),
-            watching=partial(checking_progress, console),
+            watching=partial(_checking, console),
         )
-        evaluation = evaluation.for_methods(methods, pairs=options.pairs)
-        session = SessionRecord.now(sys.argv)
-        tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
-        console.say(f"Results folder: {path_text(folder.path)}")
-        for key in sorted(folder.anew):
-            console.say(f"{task_title(key)}: cannot go on in the middle, starts again")
-        try:
-            given_up = _run_tasks(tasks, evaluation, execute, folder, console)
-        finally:
-            # Also after Ctrl-C: what is finished is worth a table.
-            is_complete = folder.has_results and _conclude(folder, evaluation.num_pictured, console)
+        with pool as execute:
+            session = SessionRecord.now(sys.argv)
+            tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
+            console.say(f"Results folder: {path_text(folder.path)}")
+            for key in sorted(folder.restarted):
+                console.say(f"{_title(key)}: cannot be resumed halfway, starts again")
+            try:
+                given_up = _run_tasks(tasks, evaluation, execute, folder, console)
+            finally:
+                # Also after Ctrl-C: what is finished is worth a table.
+                number = evaluation.num_pictured
+                is_complete = folder.has_results and _conclude(folder, number, console)
     for text in (*given_up, *unreadable):
         console.warn(text)
     return is_complete and not given_up and not unreadable
@@ -83,19 +90,42 @@ def _run_tasks(
     folder: RunFolder,
     console: Console,
 ) -> list[str]:
-    """Writes down what tasks give as it gets ready; returns which were given up, and why."""
+    """Writes down the events of tasks as they come; returns an error text for each failed task."""
     given_up: list[str] = []
-    with EvaluationProgress(console, tasks, evaluation.every) as progress:
+    num_sweeps = {task.key: -(-task.recording.num_sweeps // evaluation.every) for task in tasks}
+    done = Counter({task.key: len(task.skipped) for task in tasks})
+    with counting_progress(console) as progress:
+        bar = progress.add_task("evaluating sweeps", total=sum(num_sweeps.values()))
         for task, event in execute(tasks, evaluation):
             folder.take(task, event)
-            progress.watch(task, event)
-            if isinstance(event, TaskFailed):
-                given_up.append(f"gave up {task_title(task.key)}: {event.reason}")
+            if isinstance(event, ResultRow):
+                done[task.key] += 1
+            elif isinstance(event, TaskFailed):
+                given_up.append(f"gave up {_title(task.key)}: {event.reason}")
+            elif isinstance(event, Findings):
+                text = f"{_title(task.key)}: done, examples: {done[task.key]}"
+                console.say(text, soft_wrap=True)
+                # The first and the last sweep of a recording make no example.
+                done[task.key] = num_sweeps[task.key]
+            progress.update(bar, completed=done.total())
     return given_up
 
 
+def _title(key: TaskKey) -> str:
+    recording, method = key
+    return f"{method} on {recording}"
+
+
+@contextmanager
+def _checking(console: Console, name: str) -> Iterator[Callable[[int, int], None]]:
+    """Shows how much of a recording is read, and nothing when it is done."""
+    with counting_progress(console, transient=True) as progress:
+        bar = progress.add_task(f"checking {escape(name)}, MB", total=None)
+        yield lambda done, total: progress.update(bar, completed=done >> 20, total=total >> 20)
+
+
 def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
-    """Writes and prints what the run gave so far.
+    """Writes and prints the results so far.
 
     Returns:
         Whether the results are complete and there is a report.
@@ -133,13 +163,11 @@ def _print_results(
     console.say(f"Results: {path_text(folder.path / 'results.md')}")
 
 
-def new_folder(paths: Sequence[Path]) -> Path:
-    """Returns the name of a folder that is not there yet: recording, how many more, and time."""
+def _new_folder(paths: Sequence[Path]) -> Path:
+    """A folder named after the first recording, the number of others, and the time."""
     name = short_name(paths[0]) or "recording"
     more = f"+{len(paths) - 1}" if len(paths) > 1 else ""
-    folder = f"{name}{more}-{datetime.now():%Y%m%d-%H%M%S}"
-    names = chain([folder], (f"{folder}-{number}" for number in count(2)))
-    return next(path for path in map(Path, names) if not path.exists())
+    return Path(f"{name}{more}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
 def _methods(
@@ -185,16 +213,10 @@ def _evaluation_options(options: argparse.Namespace) -> EvaluationOptions:
     )
 
 
-def _executor(options: argparse.Namespace, evaluation: EvaluationOptions) -> Executor:
-    if options.workers < 1:
-        raise SettingsError(f"workers: got {options.workers}, expected 1 or more")
-    if options.ray is not None:
-        from mnsf_ros.evaluation.ray_cluster import RayCluster
-
-        num_gpus = options.num_gpus
-        if num_gpus is None:
-            num_gpus = float(evaluation.settings.compute.device == "cuda")
-        return RayCluster(options.ray, num_gpus=num_gpus)
-    if options.workers > 1:
-        return WorkerProcesses(options.workers)
-    return run_serially
+def _executor(
+    options: argparse.Namespace, evaluation: EvaluationOptions
+) -> AbstractContextManager[Executor]:
+    num_gpus = options.num_gpus
+    if num_gpus is None:
+        num_gpus = float(evaluation.settings.compute.device == "cuda")
+    return executor(options.workers, options.ray, num_gpus)

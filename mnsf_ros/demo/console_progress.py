@@ -13,10 +13,10 @@ from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
 
-def counting_progress(console: Console) -> Progress:
+def counting_progress(console: Console, *, transient: bool = False) -> Progress:
     """A bar with a text, `done/all` and the time left; add a task with its total to it."""
-    text = TextColumn("{task.description}")
-    return Progress(text, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)
 
 
 def simulate_with_progress(

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What is evaluated, and how: all that a task needs, small enough to be sent anywhere."""
+"""The options of an evaluation, its methods and its tasks, small enough to be sent anywhere."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PAIR: Final = 2
 
 @dataclass(frozen=True)
 class EvaluatedMethod:
-    """A method with what it says of itself under the settings of the run."""
+    """A method and its traits under the settings of the run."""
 
     name: str
     traits: MethodTraits
@@ -40,25 +40,24 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """How to evaluate.
+    """Options of an evaluation.
 
     Attributes:
-        settings: How to estimate. Once the options are made, they hold the seed and a fixed number
-            of threads, because sums in another order give other last digits, and early stopping on
-            a noisy loss makes large differences of them. In real time it is the node's number.
+        settings: Settings of the methods, with the seed and a fixed number of threads: sums in
+            another order give other last digits, of which early stopping on a noisy loss makes
+            large differences. In real time it is the node's number.
         num_points: Number of random points of each sweep that are scored; None for all.
-        seed: Of the random points and of the methods.
-        ground: What tells ground from other points: the flag in the truth, where there is truth,
-            or the settings.
+        seed: Seed of the random points and of the methods.
+        ground: Source of the ground points: the flag in the truth, where there is truth, or the
+            settings.
         realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
             to estimate all of them.
         check_cycle: Estimate the backward flow, too, and compare: twice the work.
         flow_folder: Folder for recordings of the flow; None for no recordings.
-        num_pictured: So many of the worst flows of each method, and of the movers that it missed,
-            are kept for pictures.
-        num_sweeps: Minimum number of sweeps of an example. It is what the method that looks at
-            most sweeps needs, so that all methods get the same examples. For a recording that is
-            shorter, it is the length of the recording.
+        num_pictured: Number of the worst flows of each method, and of its missed movers, that are
+            kept for pictures.
+        num_sweeps: Minimum number of sweeps of an example, the most that a method looks at, so that
+            all methods get the same examples. A shorter recording needs as many as it has.
         every: Score every N-th example only, beginning with the first of a recording. Methods that
             carry state estimate the examples in between, too.
 
@@ -99,7 +98,7 @@ class EvaluationOptions:
 
     @property
     def identity(self) -> dict[str, object]:
-        """Name to value of all that rows depend on; flow may be kept or not."""
+        """Name to value of all that rows depend on."""
         others = {one.name for one in fields(self)} - {"settings", *UNRECORDED}
         return {
             **self.settings.to_mapping(),
@@ -108,59 +107,44 @@ class EvaluationOptions:
         }
 
     def for_methods(self, methods: Iterable[EvaluatedMethod], *, pairs: bool) -> EvaluationOptions:
-        """Returns the options with as many sweeps for an example as a method looks at, or two."""
+        """Returns the options with the sweeps that the methods look at, or two, for an example."""
         number = max([self.num_sweeps, *(one.traits.num_sweeps for one in methods)])
         return replace(self, num_sweeps=_PAIR if pairs else min(number, MAX_SWEEPS))
 
     def is_scored(self, place: int) -> bool:
-        """Whether an example, by its place among those of its recording, is to be scored."""
+        """Whether the example at a place among those of its recording is scored."""
         return place % self.every == 0
 
     def is_indivisible(self, method: EvaluatedMethod) -> bool:
-        """Whether a task must be done in one go, because rows depend on those before them."""
+        """Whether rows of a task depend on those before, so that it cannot be resumed halfway."""
         is_replay = self.realtime_rate is not None or self.flow_folder is not None
         return is_replay or method.traits.carries_state
 
 
 @dataclass(frozen=True)
 class EvaluationTask:
-    """One method on one recording.
-
-    Attributes:
-        recording: The recording.
-        method: The method.
-        skipped: Numbers of the sweeps whose rows are there already.
-        attempt: How often it has been tried before.
-    """
+    """One method on one recording; sweeps whose number is `skipped` have their rows already."""
 
     recording: EvaluatedRecording
     method: EvaluatedMethod
     skipped: frozenset[int] = frozenset()
-    attempt: int = 0
 
     @property
     def key(self) -> TaskKey:
         """Name of the recording and of the method."""
         return self.recording.name, self.method.name
 
-    def again(self, done: Iterable[int], options: EvaluationOptions) -> EvaluationTask:
-        """Returns the next attempt, which leaves out what is done, if that can be left out."""
-        is_indivisible = options.is_indivisible(self.method)
-        skipped = frozenset() if is_indivisible else self.skipped.union(done)
-        return replace(self, skipped=skipped, attempt=self.attempt + 1)
-
 
 def evaluated_methods(
     names: Iterable[str], options: EvaluationOptions, *, is_remote: bool = False
 ) -> list[EvaluatedMethod]:
-    """Asks each method what it says of itself, so that a wrong name is found before a run.
+    """Returns methods with their traits, so that a wrong name is found before a run.
 
-    With `is_remote` methods run on other machines: what they need need not be on this one.
+    With `is_remote` methods run on other machines: their libraries and device may be missing here.
 
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
-    # The device may be on the machines of the cluster only.
     changes: dict[str, SettingValue] = {"compute.device": "cpu"} if is_remote else {}
     settings, methods = options.settings.changed(changes), []
     for name in names:

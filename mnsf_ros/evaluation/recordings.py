@@ -1,15 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The recordings of a run: what is in them, which topics are used, and what they are called."""
+"""The recordings of a run: names, topics and identity."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from itertools import chain, count
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
@@ -35,16 +32,16 @@ class EvaluatedRecording:
     """A recording and the topics that are used of it.
 
     Attributes:
-        name: What it is called in results.
-        path: Where it is, or was in an earlier run.
+        name: Its name in results.
+        path: Its path.
         points: Topic of the sweeps.
         truth: Topic of the true flow; None if there is none.
         odometry: Topic of the sensor's poses; None if there is none.
         num_sweeps: Number of sweeps that are stored.
         has_checksums: Whether flipped bits within a message would have been noticed.
-        damages: What could not be read.
-        fingerprint: See `recording.bag_files`; None in runs of early versions.
-        inspection: What reading it once has shown; None of one of an earlier run.
+        damages: Unreadable parts.
+        fingerprint: See `recording.bag_files`.
+        inspection: Result of reading it once; None in the record of an earlier run.
     """
 
     name: str
@@ -55,19 +52,18 @@ class EvaluatedRecording:
     num_sweeps: int
     has_checksums: bool
     damages: list[str]
-    fingerprint: dict[str, SettingValue] | None = None
+    fingerprint: dict[str, SettingValue]
     inspection: Inspection | None = None
 
     @property
     def identity(self) -> dict[str, object]:
-        """Name to value of all that must not change while a run lasts; it may move."""
+        """Name to value of all that must not change while a run lasts; the path may."""
         told = {name: getattr(self, name) for name in ("points", "truth", "odometry", "num_sweeps")}
-        content = self.fingerprint or {}
-        return told | {f"fingerprint: {name}": value for name, value in content.items()}
+        return told | {f"fingerprint: {name}": value for name, value in self.fingerprint.items()}
 
     @contextmanager
     def open(self) -> Iterator[BagReader]:
-        """Opens the recording; one of an earlier run is inspected first.
+        """Opens the recording.
 
         Raises:
             RecordingError: It cannot be read, or has changed since it was inspected.
@@ -83,10 +79,10 @@ def choose_topics(
     truth: str | None = None,
     odometry: str | None = None,
 ) -> EvaluatedRecording:
-    """Finds out which topics of a recording to use.
+    """Returns a recording with its topics.
 
-    Topics that are None are chosen: the only one that can be that of the sweeps; truth and
-    odometry as in `docs/recordings.md`, if they are there.
+    Topics that are None are chosen: the only topic of point clouds; truth and odometry as in
+    `docs/recordings.md`, if they are there.
 
     Raises:
         RecordingError: There is no such topic, or there are several to choose from.
@@ -112,24 +108,23 @@ Watch = Callable[[int, int], None]
 
 def inspected_recordings(
     paths: Sequence[Path],
-    known: Sequence[EvaluatedRecording],
     *topics: str | None,
     watching: Callable[[str], AbstractContextManager[Watch | None]],
 ) -> tuple[list[EvaluatedRecording], list[str]]:
-    """Reads each recording once; returns those that can be used, and why others cannot.
+    """Reads each recording once; returns the usable ones, and an error text for each other one.
 
     Args:
         paths: Where they are.
-        known: Recordings of an earlier session of the run.
         topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
-        watching: Makes of a name what watches how far the reading is, see `inspect_recording`.
+        watching: Name of a recording to a context with the progress of reading, see
+            `inspect_recording`.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
         RecordingError: None of them can be used, or a topic of one is not there.
     """
     found, unreadable = [], []
-    for path, name in zip(paths, recording_names(paths, known), strict=True):
+    for path, name in zip(paths, recording_names(paths), strict=True):
         with watching(name) as watch:
             try:
                 inspection = inspect_recording(path, watch)
@@ -142,86 +137,27 @@ def inspected_recordings(
     return found, unreadable
 
 
-class _Traces(NamedTuple):
-    """By what a recording is known again: its files, what is in them, and its short name."""
-
-    files: list[Path]
-    content: dict[str, Any] | None
-    name: str
-
-
-def recording_names(paths: Sequence[Path], known: Sequence[EvaluatedRecording] = ()) -> list[str]:
+def recording_names(paths: Sequence[Path]) -> list[str]:
     """Returns a name for each recording: the last part of its path, or all of it if need be.
-
-    Those known to a run keep their names, also where they have moved; others get one that is free.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
     """
-    traces = {path: _traces(path, with_content=bool(known)) for path in paths}
-    _check_each_once(paths, traces)
-    names = _known_names(traces, known)
-    taken = {record.name for record in known}
-    short = {path: traces[path].name for path in paths if path not in names}
-    counts = Counter(chain(short.values(), taken))
-    for path, name in short.items():
-        names[path] = name if counts[name] == 1 else _free_name(path, taken)
-        taken.add(names[path])
-    return [names[path] for path in paths]
-
-
-def _traces(path: Path, *, with_content: bool) -> _Traces:
-    try:
-        # Up to some megabytes of each file.
-        content = fingerprint(path) if with_content else None
-    except OSError:
-        # Whoever reads it says why it cannot be read.
-        content = {}
-    return _Traces(storage_files(path), content, short_name(path))
-
-
-def _check_each_once(paths: Sequence[Path], traces: Mapping[Path, _Traces]) -> None:
     owners: dict[Path, Path] = {}
-    for path, times in Counter(paths).items():
-        if times > 1:
-            raise EvaluationError(f"{path}: is named {times} times")
-        for file in traces[path].files:
-            owner = owners.setdefault(file, path)
-            if owner != path:
-                raise EvaluationError(f"{path}: is the same recording as {owner}; name it once")
-
-
-def _known_names(
-    traces: Mapping[Path, _Traces], known: Sequence[EvaluatedRecording]
-) -> dict[Path, str]:
-    """The names of recordings that a run has already."""
-    left = {
-        one.name: _Traces(storage_files(Path(one.path)), one.fingerprint, one.name) for one in known
-    }
-    names: dict[Path, str] = {}
-    # Copies may lie side by side, and another recording where one was before it moved. One that
-    # is like none, but lies or is called as one, is for the record of the run to compare.
-    for same in (
-        lambda one: (one.files, one.content),
-        lambda one: one.content,
-        lambda one: one.files,
-        lambda one: one.name,
-    ):
-        names_of = {repr(same(record)): name for name, record in left.items()}
-        for path in (path for path in traces if path not in names and names_of):
-            name = names_of.pop(repr(same(traces[path])), None)
-            if name is not None:
-                names[path] = name
-                del left[name]
-    return names
+    for path in paths:
+        for file in storage_files(path):
+            if file in owners:
+                raise EvaluationError(
+                    f"{path}: is the same recording as {owners[file]}; name it once"
+                )
+            owners[file] = path
+    names = [short_name(path) for path in paths]
+    return [
+        name if names.count(name) == 1 else path_text(path)
+        for name, path in zip(names, paths, strict=True)
+    ]
 
 
 def short_name(path: Path) -> str:
-    """Returns the last part of a path."""
+    """Returns the last part of a path, without the suffix of a file."""
     return path_text(path.stem if path.is_file() else path.resolve().name)
-
-
-def _free_name(path: Path, taken: set[str]) -> str:
-    whole = path_text(path.resolve())
-    names = chain((path_text(path), whole), (f"{whole} ({number})" for number in count(2)))
-    return next(name for name in names if name not in taken)

@@ -1,18 +1,25 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The folder of a run: what is run, its rows, and what was noticed, written as it comes.
+r"""The folder of a run: `run.json` (what is run), `rows.jsonl` and `tasks.jsonl` (what is done).
 
-`run.json` says what is run, `rows.jsonl` has one row per line, in the order in which they got
-ready, `tasks.jsonl` one line per finished task. The last two only ever grow while a run lasts, so
-that an interruption costs nothing but the line being written.
+`rows.jsonl` has one row per line, `tasks.jsonl` one line per finished task with its number of rows.
+Both only grow while a run lasts, so that an interruption costs nothing but the line being written.
+A task is finished if it has its line and all of its rows.
+
+All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
+written as `\udcff`, which is read back from JSON as it was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import fcntl
+import os
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import IO, Final
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
@@ -20,25 +27,22 @@ from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
 from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_files import (
-    ROWS_FILE,
-    RUN_FILE,
-    TASKS_FILE,
-    append_line,
-    check_folder,
-    cut_off_unfinished_line,
-    holds_something,
-    locked,
-    read_json,
-    read_lines,
-    remove_if_unused,
-    replace_file,
-    writing,
-)
-from mnsf_ros.evaluation.run_json import to_json
-from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
+from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
-from mnsf_ros.evaluation.task import TaskEvent, TaskRestarted
+from mnsf_ros.evaluation.task import TaskEvent
+
+RUN_FILE: Final = "run.json"
+ROWS_FILE: Final = "rows.jsonl"
+TASKS_FILE: Final = "tasks.jsonl"
+
+
+class StoppedError(EvaluationError):
+    """A run cannot go on; what is finished is kept, and `--resume` does the rest."""
+
+
+class WritingError(StoppedError):
+    """A file of a run cannot be written, as on a full disk; its content is that of before."""
 
 
 class RunFolder:
@@ -49,107 +53,89 @@ class RunFolder:
 
     Attributes:
         path: The folder.
-        before: The record of the run that was there when the folder was opened; None if none.
         flows: The flows that a report shows.
-        anew: Tasks of a resumed run that start again, because they cannot go on in the middle.
+        restarted: Tasks of a resumed run that start again, because their rows depend on each other.
     """
 
     def __init__(self, path: Path) -> None:
-        """Names a folder, to read what is there; `opened` is for a run that goes on."""
+        """Names a folder to read from; `opened` is for a run that adds to it."""
         self.path = path
-        self.before: RunRecord | None = None
         self.flows = ShownFlows(path)
-        self.anew: frozenset[TaskKey] = frozenset()
+        self.restarted: frozenset[TaskKey] = frozenset()
+        self._before: RunRecord | None = None
         self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
         self._session = ExitStack()
         self._num_pictured = 0
-        self._done: dict[TaskKey, set[int]] = {}
-        self._indivisible: frozenset[TaskKey] = frozenset()
+        self._num_rows: dict[TaskKey, int] = {}
 
     @contextmanager
     def opened(self, *, resume: bool) -> Iterator[RunFolder]:
         """Opens a new folder, or a run to resume. Nothing is written before `begin`.
 
         Raises:
-            EvaluationError: The folder holds something and `resume` is not set, or no run, or it
-                is none.
+            EvaluationError: The folder holds something and `resume` is not set, or no run.
         """
         check_folder(self.path, resume=resume)
-        if holds_something(self.path):
-            self.before = self.read_record()
+        if _holds_something(self.path):
+            self._before = self.read_record()
         with self._session:
             yield self
 
     def begin(self, record: RunRecord) -> list[EvaluationTask]:
         """Writes down what is run from now on; returns the tasks that are left to do.
 
-        No other process can write to the folder until it is closed; then it is taken away if
-        nothing was done. A resumed run may have more recordings and methods.
+        A resumed run may have more recordings and methods.
 
         Raises:
             EvaluationError: The folder holds a run with other settings or another recording of the
-                same name, which must not be mixed with this one; or another process is at it.
+                same name; or another process is writing to it.
         """
-        whole, self._num_pictured = record, record.options.num_pictured
-        if self.before is not None:
-            whole = record.resuming(self.before, self.path)
-        self._session.enter_context(locked(self.path))
-        file = self.path / RUN_FILE
-        if self.before != (read_json(file, RunRecord) if holds_something(self.path) else None):
-            raise EvaluationError(f"{self.path}: another process has just written to it")
-        self._session.callback(remove_if_unused, self.path)
-        if self.before is not None:
-            for lines in (self._rows, self._tasks):
-                cut_off_unfinished_line(lines)
-        replace_file(file, [to_json(whole, indent=2), "\n"])
+        whole = record.resuming(self._before, self.path) if self._before is not None else record
+        self._session.enter_context(_locked(self.path))
+        replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
+        self._num_pictured = record.options.num_pictured
         return self._left(record)
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
-        """The tasks that are left to do, also those whose flow is wanted now but was not written.
-
-        Rows of a task that was interrupted and cannot go on in the middle are taken away.
-        """
-        options, finished, numbers = record.options, self.finished(), self.numbers()
+        """The tasks that are left to do; rows that depend on those of before are removed."""
+        options, numbers = record.options, self.numbers()
+        finished = self._finished(numbers)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
         left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
-        self._indivisible = frozenset(
-            task.key for task in left if options.is_indivisible(task.method)
-        )
-        self.flows.drop(self._indivisible)
-        self.anew = self._indivisible & numbers.keys()
-        if self.anew:
-            self.drop(self.anew)
-        self._done = {
-            task.key: set() if task.key in self.anew else numbers.get(task.key, set())
-            for task in left
+        indivisible = {task.key for task in left if options.is_indivisible(task.method)}
+        self.flows.drop(indivisible)
+        self.restarted = frozenset(indivisible & numbers.keys())
+        if self._before is not None:
+            # Without the line that was being written when a process was killed.
+            rows = (row for row in self.rows if (row.recording, row.method) not in indivisible)
+            replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
+            kept = (task for key, task in finished.items() if key not in indivisible)
+            replace_file(self._tasks, (f"{to_json(task)}\n" for task in kept))
+        skipped = {
+            key: frozenset(known) for key, known in numbers.items() if key not in indivisible
         }
-        return [replace(task, skipped=frozenset(self._done[task.key])) for task in left]
+        left = [replace(task, skipped=skipped.get(task.key, frozenset())) for task in left]
+        self._num_rows = {task.key: len(task.skipped) for task in left}
+        return left
 
     def take(self, task: EvaluationTask, event: TaskEvent) -> None:
-        """Writes down what a task gave."""
-        done = self._done[task.key]
+        """Writes down an event of a task."""
         if isinstance(event, ResultRow):
-            # A second attempt may give a row again that the first one got ready before it was lost.
-            if event.number not in done:
-                self.add_row(event)
-                done.add(event.number)
+            append_line(self._rows, event)
+            self._num_rows[task.key] += 1
         elif isinstance(event, ShownFlow):
-            with writing(self.path / PICTURES_FOLDER):
+            with _writing(self.path / PICTURES_FOLDER):
                 self.flows.add(event, self._num_pictured)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]
-            append_line(self._tasks, FinishedTask(*task.key, len(done), counts, damages))
-        elif isinstance(event, TaskRestarted) and task.key in self._indivisible:
-            self.flows.drop({task.key})
-            if done:
-                self.drop({task.key})
-                done.clear()
+            finished = FinishedTask(*task.key, self._num_rows[task.key], counts, damages)
+            append_line(self._tasks, finished)
 
     @property
     def rows(self) -> Iterator[ResultRow]:
         """All rows, in the order in which they got ready."""
-        return read_lines(self._rows, ResultRow)
+        return _read_lines(self._rows, ResultRow)
 
     @property
     def has_results(self) -> bool:
@@ -158,33 +144,143 @@ class RunFolder:
 
     def numbers(self) -> dict[TaskKey, set[int]]:
         """Returns the numbers of the sweeps of all rows, by recording and method."""
-        numbers: dict[TaskKey, set[int]] = {}
+        numbers: dict[TaskKey, set[int]] = defaultdict(set)
         for row in self.rows:
-            numbers.setdefault((row.recording, row.method), set()).add(row.number)
-        return numbers
+            numbers[row.recording, row.method].add(row.number)
+        return dict(numbers)
 
     def finished(self) -> dict[TaskKey, FinishedTask]:
-        """Returns recording and method of each finished task, and what was noticed."""
-        tasks = read_lines(self._tasks, FinishedTask)
-        return {(task.recording, task.method): task for task in tasks}
+        """Returns the tasks that are finished, with all of their rows."""
+        return self._finished(self.numbers())
+
+    def _finished(self, numbers: dict[TaskKey, set[int]]) -> dict[TaskKey, FinishedTask]:
+        tasks = {(one.recording, one.method): one for one in _read_lines(self._tasks, FinishedTask)}
+        return {k: one for k, one in tasks.items() if len(numbers.get(k, ())) == one.num_examples}
 
     def read_record(self) -> RunRecord:
         """Returns what was run."""
-        if not (self.path / RUN_FILE).exists():
+        file = self.path / RUN_FILE
+        if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
-        return read_json(self.path / RUN_FILE, RunRecord)
+        record = read_json(file, RunRecord)
+        if record.format != FORMAT:
+            raise EvaluationError(f"{file}: was written by another version of mnsf_ros")
+        return record
 
-    def add_row(self, row: ResultRow) -> None:
-        """Adds a row."""
-        append_line(self._rows, row)
 
-    def drop(self, keys: Collection[TaskKey]) -> None:
-        """Takes the rows of some tasks away."""
-        rows = (row for row in self.rows if (row.recording, row.method) not in keys)
-        replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
+def check_folder(out: Path, *, resume: bool) -> None:
+    """Makes sure that nothing would be overwritten.
+
+    Raises:
+        EvaluationError: The folder holds something and `resume` is not set, or is none.
+    """
+    if out.exists() and not out.is_dir():
+        raise EvaluationError(f"{out}: is not a folder")
+    if _holds_something(out) and not resume:
+        raise EvaluationError(f"{out}: exists already; name another folder, or add --resume")
+
+
+def replace_file(file: Path, parts: Iterable[str]) -> None:
+    """Writes a file so that it is there as a whole, the old or the new one, at any time.
+
+    Raises:
+        WritingError: That fails; the old file is still there.
+    """
+    draft = file.with_name(f".{file.name}.new")
+    with _writing(file):
+        try:
+            with draft.open("w", encoding="utf-8", errors="backslashreplace") as stream:
+                stream.writelines(parts)
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(file)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def read_json(file: Path, kind: type[Kind]) -> Kind:
+    """Returns the typed object in a file.
+
+    Raises:
+        EvaluationError: The file cannot be read, or holds something else.
+    """
+    with _open(file) as stream:
+        text = stream.read()
+    try:
+        return from_json(text, kind)
+    except EvaluationError as error:
+        raise EvaluationError(f"{file}: {error}") from error
+
+
+def append_line(file: Path, value: object) -> None:
+    """Adds a typed object as one line of JSON.
+
+    Raises:
+        WritingError: That fails.
+    """
+    line = to_json(value)
+    with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
+        stream.write(f"{line}\n")
+
+
+def _holds_something(out: Path) -> bool:
+    """Whether there is more in a folder than drafts."""
+    return out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir())
 
 
 def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
     """Whether the recording of a task's flow is there, or nobody wants it."""
     path = flow_path(options.flow_folder, *task.key)
     return path is None or path.exists()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Makes a folder if there is none, and keeps other processes from writing to it."""
+    with _writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise EvaluationError(f"{folder}: another process is writing to it") from error
+        yield
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _writing(file: Path) -> Iterator[None]:
+    """Makes a WritingError of what goes wrong while a file or folder is written."""
+    try:
+        yield
+    except OSError as error:
+        raise WritingError(f"{file}: cannot be written: {error.strerror or error}") from error
+
+
+def _read_lines(file: Path, kind: type[Kind]) -> Iterator[Kind]:
+    """The typed objects of a file, one of each complete line; none if there is no file."""
+    if not file.exists():
+        return
+    with _open(file) as stream:
+        # One at a time: the rows of many recordings are too much for the memory.
+        for number, line in enumerate(stream, 1):
+            if not line.endswith("\n"):
+                return
+            try:
+                yield from_json(line, kind)
+            except EvaluationError as error:
+                raise EvaluationError(f"{file}, line {number}: {error}") from error
+
+
+@contextmanager
+def _open(file: Path) -> Iterator[IO[str]]:
+    """Opens a file of text; a pipe or device would keep its reader waiting."""
+    try:
+        if not file.is_file():
+            raise EvaluationError(f"{file}: is not a file")
+        with file.open(encoding="utf-8", newline="\n") as stream:
+            yield stream
+    except (OSError, UnicodeDecodeError) as error:
+        raise EvaluationError(f"{file}: cannot be read: {error}") from error

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What a run was: options, methods, recordings, versions, machine and commit."""
+"""The record of a run: options, methods, recordings, versions, machine and commit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
@@ -21,7 +21,7 @@ from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, Evalu
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 from mnsf_ros.presets import UsedSettings, used_settings
 
-# Layout of the files of a run; those of another layout can be read, but not resumed.
+# Layout of the files of a run.
 FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _COMMAND: Final = "mnsf"
@@ -63,7 +63,7 @@ class MachineRecord:
 
 @dataclass(frozen=True)
 class SessionRecord:
-    """When, where and by what a run was started or resumed.
+    """Time, machine, command and versions of one start of a run.
 
     Attributes:
         started: UTC, ISO 8601.
@@ -92,7 +92,7 @@ class SessionRecord:
 
     @property
     def command_line(self) -> str:
-        """The command line as a shell takes it, empty if nobody knows."""
+        """The command line, quoted for a shell; empty if unknown."""
         if not self.command:
             return ""
         program, *arguments = self.command
@@ -102,7 +102,7 @@ class SessionRecord:
 
     @property
     def facts(self) -> dict[str, str]:
-        """What a reader of results wants to know of it, by name."""
+        """Name to text, for readers of results."""
         versions = (f"{name} {number}" for name, number in self.versions.items())
         facts = {
             "started": self.started,
@@ -116,17 +116,14 @@ class SessionRecord:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a run was.
+    """Options, methods, recordings and sessions of a run.
 
     Attributes:
-        options: All that its rows depend on, apart from recording and method. Runs with the same
-            options may put their rows together.
+        options: All that its rows depend on, apart from recording and method.
         methods: Its methods, in the order of the tables.
         recordings: Its recordings.
-        sessions: When it was started and resumed, at least one.
-        format: Layout of the files. Of runs of earlier versions, settings that this version does
-            not know are not in the options, and of those that they did not know the value is that
-            of the nearest preset.
+        sessions: Starts of the run, at least one.
+        format: Layout of the files.
     """
 
     options: EvaluationOptions
@@ -134,11 +131,6 @@ class RunRecord:
     recordings: list[EvaluatedRecording]
     sessions: list[SessionRecord]
     format: int = FORMAT
-
-    @property
-    def is_of_this_version(self) -> bool:
-        """Whether this version would estimate the same again."""
-        return self.format == FORMAT
 
     @property
     def method_names(self) -> list[str]:
@@ -151,20 +143,15 @@ class RunRecord:
         return frozenset(method.name for method in self.methods if method.traits.is_reference)
 
     def used_settings(self, method: str) -> UsedSettings:
-        """Returns what a method got; what the evaluator sets itself is no change of a preset."""
+        """Returns the settings of a method, without those set by the evaluator as changes."""
         return used_settings(method, self.options.settings, SET_BY_EVALUATOR)
 
     def resuming(self, before: RunRecord, folder: Path) -> RunRecord:
-        """Returns the record of a run that goes on in its folder, maybe with more to do.
+        """Returns the record of a resumed run, which may have more recordings and methods.
 
         Raises:
-            EvaluationError: It must not: its rows do not fit those of before.
+            EvaluationError: The settings, or a recording of the same name, are others than before.
         """
-        if not before.is_of_this_version:
-            raise EvaluationError(
-                f"{folder}: holds a run of another version of mnsf_ros, which cannot be resumed; "
-                "name another folder (`mnsf report` still reads this one)"
-            )
         differences = list(_differences(before.options.identity, self.options.identity))
         if differences:
             more = len(differences) - _MAX_TOLD
@@ -177,12 +164,7 @@ class RunRecord:
                 raise EvaluationError(
                     f"{folder}: holds another recording {new.name!r}: {'; '.join(differences)}"
                 )
-            # Where it lies now, and what of it could not be read, now or then.
-            recordings[new.name] = replace(
-                new,
-                damages=list(dict.fromkeys([*old.damages, *new.damages])),
-                has_checksums=old.has_checksums and new.has_checksums,
-            )
+            recordings[new.name] = new
         return RunRecord(
             options=before.options,
             methods=list({one.name: one for one in (*before.methods, *self.methods)}.values()),
@@ -203,26 +185,21 @@ def git_commit() -> str | None:
     None if the package is not in a checkout of its own, for example installed from a wheel.
     """
     here = Path(__file__)
-    if _git(here.parent, "ls-files", "--error-unmatch", here.parent.parent.joinpath("errors.py")):
-        commit = _git(here.parent, "rev-parse", "HEAD")
-        changes = _git(here.parent, "status", "--porcelain", "--untracked-files=no")
-        return f"{commit}+changes" if changes else commit or None
-    return None
+    if not _git("ls-files", "--error-unmatch", here):
+        return None
+    commit = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
+    return _git(*commit) or None
 
 
-def _git(folder: Path, *arguments: str | Path) -> str:
+def _git(*arguments: str | Path) -> str:
     """Output of a git command, empty if it fails."""
+    command = ["git", "-C", Path(__file__).parent, *arguments]
     try:
-        done = subprocess.run(
-            ["git", "-C", folder, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=_GIT_TIMEOUT_S,
-            check=False,
-        )
+        return subprocess.check_output(
+            command, stderr=subprocess.DEVNULL, text=True, timeout=_GIT_TIMEOUT_S
+        ).strip()
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
 
 
 def _versions() -> dict[str, str]:

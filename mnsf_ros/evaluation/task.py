@@ -48,14 +48,7 @@ class TaskFailed:
     reason: str
 
 
-@dataclass(frozen=True)
-class TaskRestarted:
-    """A task begins anew, because the process or machine that ran it was lost."""
-
-    reason: str
-
-
-TaskEvent = ResultRow | ShownFlow | Findings | TaskFailed | TaskRestarted
+TaskEvent = ResultRow | ShownFlow | Findings | TaskFailed
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:

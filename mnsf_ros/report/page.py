@@ -10,8 +10,7 @@ import jinja2
 
 from mnsf_ros import __version__
 from mnsf_ros.drawing.figures import DARK, LIGHT
-from mnsf_ros.evaluation.run_files import replace_file
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.report.cards import pictures_of
 from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.run_results import RunResults

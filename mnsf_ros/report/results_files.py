@@ -13,8 +13,7 @@ from typing import Final
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.results import MethodSummary
-from mnsf_ros.evaluation.run_files import replace_file
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.run_results import RunResults

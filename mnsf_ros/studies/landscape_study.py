@@ -26,7 +26,7 @@ from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.study_charts import height_maps
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.run_files import check_folder
+from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings

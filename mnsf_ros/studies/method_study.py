@@ -11,7 +11,6 @@ from typing import Final
 
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
-from mnsf_ros.evaluation.executors import Executor, run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import (
@@ -21,10 +20,10 @@ from mnsf_ros.evaluation.options import (
     TaskKey,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.parallel import Executor, run_serially
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import MethodSummary, ResultRow
-from mnsf_ros.evaluation.run_files import check_folder
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results

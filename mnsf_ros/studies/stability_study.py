@@ -22,7 +22,7 @@ from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.drawing.study_charts import LogLine, log_lines
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.metrics import mean
-from mnsf_ros.evaluation.run_files import check_folder
+from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import SettingValue

@@ -8,18 +8,17 @@ import json
 import numpy as np
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
     EvaluationTask,
     evaluated_methods,
 )
+from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -85,19 +84,17 @@ def pose(index):
 
 
 def write_recording(path, num_sweeps=6, *, with_truth=True, with_odometry=True, num_points=60):
-    """A rosbag2 folder in the layout of docs/recordings.md."""
+    """A rosbag2 folder in the layout of docs/recordings.md; a list of indices leaves out others."""
+    indices = range(num_sweeps) if isinstance(num_sweeps, int) else num_sweeps
     with BagWriter(path) as writer:
-        for index in range(num_sweeps):
+        for index in indices:
             points = xyz(index, num_points)
             columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
-            writer.write_cloud(
-                "/points", encode_columns(columns, 1, num_points), stamp(index), "lidar"
-            )
+            cloud = encode_columns(columns, 1, num_points)
+            writer.write_cloud("/points", cloud, stamp(index), "lidar")
             if with_truth:
-                known = truth(index, num_points, valid=index + 1 < num_sweeps)
-                writer.write_cloud(
-                    "/truth/flow", known.encode(points), stamp(index), "lidar", is_dense=False
-                )
+                known = truth(index, num_points, valid=index != indices[-1]).encode(points)
+                writer.write_cloud("/truth/flow", known, stamp(index), "lidar", is_dense=False)
             if with_odometry:
                 writer.write_odometry("/truth/odometry", pose(index), stamp(index), "odom", "lidar")
     return path
@@ -123,46 +120,15 @@ def options(changes=None, **values):
     return EvaluationOptions(preset("paper").changed({**TINY, **(changes or {})}), **values)
 
 
-def begun(out, recordings, methods, options, *, resume=False):
-    """A run that was begun and closed again before anything was done."""
-    record = RunRecord(options, methods, recordings, [SESSION])
+def run(out, recordings, methods, options, *, resume=False, watch=lambda task, event: None):
+    """Runs what is left to do; returns the events and the folder."""
+    record, events = RunRecord(options, methods, recordings, [SESSION]), []
     with RunFolder(out).opened(resume=resume) as folder:
-        folder.begin(record)
-        # Without any results the folder would be taken away.
-        (out / "rows.jsonl").touch()
-    return folder
-
-
-def run(out, recordings, methods, options, *, resume=False, execute=run_serially, watch=None):
-    """Runs what is left to do; returns the tasks that gave up, the events, and the folder."""
-    record = RunRecord(options, methods, recordings, [SESSION])
-    failed, events = {}, []
-    with RunFolder(out).opened(resume=resume) as folder:
-        for task, event in execute(folder.begin(record), options):
+        for task, event in run_serially(folder.begin(record), options):
             folder.take(task, event)
             events.append(event)
-            if isinstance(event, TaskFailed):
-                failed[task.key] = event.reason
-            if watch is not None:
-                watch(task, event)
-    return failed, events, folder
-
-
-def old_run_record(run):
-    """What early versions wrote into `run.json`, from what this one writes."""
-    run, options = dict(run), dict(run["options"])
-    del run["format"], run["options"], options["every"]
-    settings = {**options.pop("settings")["values"], "field.kind": "network"}
-    del settings["method.name"]
-    chosen_by = {k: v for k, v in settings.items() if k.startswith(("crop.", "ground."))}
-    methods = [method["name"] for method in run["methods"]]
-    identity = {
-        **options,
-        "settings": {**settings, "ground.remove": False},
-        "crop_and_ground": chosen_by,
-        "num_points": options["num_points"] or "all",
-    }
-    return {**run, "identity": identity, "methods": methods}
+            watch(task, event)
+    return events, folder
 
 
 def without_times(row):

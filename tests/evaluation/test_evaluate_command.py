@@ -3,32 +3,28 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
-from importlib.util import find_spec
-from pathlib import Path
+import time
 
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.cli import evaluate, main
-from mnsf_ros.cli.evaluation import new_folder
+from mnsf_ros.cli.main import run
 from mnsf_ros.core import memory_demand
-from mnsf_ros.errors import EvaluationError, MnsfError, RecordingError, SettingsError
-from mnsf_ros.evaluation.executors import run_serially
-from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.settings import parse_assignments
-from msg_utils.point_cloud2 import encode_columns
+from mnsf_ros.evaluation.parallel import run_serially
+from mnsf_ros.evaluation.task import TaskFailed
 
 # Those that start a process draw all the same.
 pytestmark = pytest.mark.usefixtures("without_drawing")
 
 SETTINGS = [f"--set={name}={value}" for name, value in small.TINY.items()]
+COMPLETE, USAGE, INCOMPLETE, STOPPED, INTERRUPTED = 0, 2, 3, 4, 130
 
 
 @pytest.fixture(scope="module")
@@ -36,428 +32,297 @@ def bag(tmp_path_factory):
     return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
 
 
-def mnsf(*arguments, pictures=0):
-    parser = argparse.ArgumentParser()
-    evaluate.add_to(parser.add_subparsers())
-    few = ["--pictures", str(pictures), *SETTINGS]
-    options = parser.parse_args(["evaluate", *map(str, arguments), *few])
-    return options.run(options)
+class Ended:
+    """A command that has ended: its status, and words of what it said."""
+
+    def __init__(self, status, said):
+        self.status, self.lines, self.errors = status, said.out.splitlines(), said.err.splitlines()
+        self.out = " ".join(said.out.split())
 
 
-def cut(bag, copy, share=0.6):
-    copy.mkdir()
-    for file in bag.iterdir():
-        data = file.read_bytes()
-        keeps_all = file.suffix != ".mcap"
-        (copy / file.name).write_bytes(data if keeps_all else data[: int(len(data) * share)])
-    return copy
+@pytest.fixture
+def mnsf(capsys):
+    """Runs `mnsf evaluate` in this process."""
+
+    def evaluate(*arguments, pictures=0):
+        capsys.readouterr()
+        status = run(["evaluate", *map(str, arguments), f"--pictures={pictures}", *SETTINGS])
+        return Ended(status, capsys.readouterr())
+
+    return evaluate
 
 
-def test_bag_in_table_out(bag, tmp_path, capsys):
+def rows_in(out):
+    return [json.loads(line) for line in (out / "rows.jsonl").read_text("utf-8").splitlines()]
+
+
+def content(folder):
+    return {file: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_bag_in_table_and_report_out(bag, tmp_path, mnsf):
     out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero,ego,fnsf", "--num-points", 30, "--out", out) == 0
-    printed = capsys.readouterr().out
-    for method in ("zero", "ego", "fnsf"):
-        assert method in printed
-    assert "EPE (m)" in printed
-    assert "mean over 4 examples" in " ".join(printed.split())
-    for name in (
-        "run.json",
-        "rows.jsonl",
-        "tasks.jsonl",
-        "results.md",
-        "results.csv",
-        "report.html",
-    ):
-        assert (out / name).stat().st_size > 0
-    assert len((out / "rows.jsonl").read_text().splitlines()) == 12
+    methods = "--methods=zero,ego,fnsf"
+    ended = mnsf(bag, methods, "--num-points=30", "--write-flow", f"--out={out}", pictures=1)
+    assert ended.status == COMPLETE
+    for text in ("EPE (m)", "mean over 4 examples", "Report: ", "ego on drive: done, examples: 4"):
+        assert text in ended.out
+    files = ("run.json", "tasks.jsonl", "results.md", "results.csv", "report.html", "flow")
+    assert all((out / name).exists() for name in files)
+    assert [row["method"] for row in rows_in(out)] == ["zero"] * 4 + ["ego"] * 4 + ["fnsf"] * 4
     assert json.loads((out / "results.json").read_text())["methods"][1]["method"] == "ego"
+    assert "data:image/png" in (out / "report.html").read_text()
+    assert len(list((out / "flow").iterdir())) == 3
 
 
-def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, capsys, monkeypatch):
+def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, mnsf, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
-    out = tmp_path / "out"
-    assert mnsf(bag, "--out", out) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "mnsf is not evaluated: " in printed
-    assert "torch" in printed
-    assert json.loads((out / "run.json").read_text())["methods"][0]["name"] == "online"
-    assert "\nmnsf," not in (out / "results.csv").read_text()
+    ended = mnsf(bag, "--out", tmp_path / "out")
+    assert ended.status == COMPLETE
+    assert re.search("mnsf is not evaluated: .*torch", ended.out)
+    assert {row["method"] for row in rows_in(tmp_path / "out")} == {"online"}
     # Whoever names it is told what to install, and nothing is run.
-    with pytest.raises(SettingsError, match="torch"):
-        mnsf(bag, "--methods", "mnsf", "--out", tmp_path / "other")
+    ended = mnsf(bag, "--methods=mnsf", "--out", tmp_path / "other")
+    assert ended.status == USAGE
+    assert "torch" in ended.errors[0]
+    assert not (tmp_path / "other").exists()
 
 
-def test_several_recordings_at_once(bag, tmp_path):
+def test_several_recordings_with_a_name_in_any_place(bag, tmp_path, mnsf):
     other = small.write_recording(tmp_path / "other", 4)
-    # As the command parses it, recordings may stand anywhere.
-    arguments = ["evaluate", bag, "--methods", "ego", other, "--out", tmp_path / "out"]
-    assert main.run([*map(str, arguments), "--pictures=0", *SETTINGS]) == 0
-    rows = [json.loads(line) for line in (tmp_path / "out" / "rows.jsonl").read_text().splitlines()]
+    assert mnsf(bag, "--methods", "ego", other, "--out", tmp_path / "out").status == COMPLETE
+    rows = rows_in(tmp_path / "out")
     assert [row["recording"] for row in rows] == ["drive"] * 4 + ["other"] * 2
 
 
-def test_workers_and_written_flow(bag, tmp_path):
-    out = tmp_path / "out"
-    arguments = [bag, "--methods=zero,ego", "--workers=2", "--write-flow", "--out", out]
-    assert mnsf(*arguments) == 0
-    assert sorted(path.name for path in (out / "flow").iterdir()) == ["drive.ego", "drive.zero"]
-
-
-def test_report_has_pictures_of_written_flow(bag, tmp_path, capsys):
-    out = tmp_path / "out"
-    arguments = [bag, "--methods=fnsf", "--num-points=30", "--write-flow", "--out", out]
-    assert mnsf(*arguments, pictures=1) == 0
-    assert f"Report: {out / 'report.html'}" in "".join(capsys.readouterr().out.split("\n"))
-    text = (out / "report.html").read_text()
-    assert "data:image/png" in text
-
-
 @pytest.mark.parametrize(("preset_name", "method"), [("paper", "mnsf"), ("online", "online")])
-def test_report_of_a_bag_without_truth_has_pictures(tmp_path, capsys, preset_name, method):
+def test_report_of_a_bag_without_truth_has_pictures(tmp_path, mnsf, preset_name, method):
     bag = small.write_recording(tmp_path / "bag", 6, with_truth=False, with_odometry=False)
     out = tmp_path / "out"
     arguments = [bag, f"--methods={method},zero", f"--preset={preset_name}", "--ground=settings"]
-    assert mnsf(*arguments, "--set=ground.remove=false", "--out", out, pictures=2) == 0
-    printed = capsys.readouterr().out
-    assert f"Report: {out / 'report.html'}" in "".join(printed.split("\n"))
+    ended = mnsf(*arguments, "--set=ground.remove=false", "--out", out, pictures=2)
+    assert ended.status == COMPLETE
     text = (out / "report.html").read_text()
     assert text.count("data:image/png") == text.count(f"<figcaption>{method}: ") == 2
-    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
 
 
 @pytest.mark.parametrize("error", [OSError("disk full"), ZeroDivisionError("a bug")])
-def test_results_survive_a_report_that_fails(bag, tmp_path, capsys, monkeypatch, error):
+def test_results_survive_a_report_that_fails(bag, tmp_path, mnsf, monkeypatch, error):
     def write_report(*_, **__):
         raise error
 
     monkeypatch.setattr("mnsf_ros.cli.evaluation.write_report", write_report)
+    ended = mnsf(bag, "--methods=zero", "--out", tmp_path / "out")
+    assert ended.status == INCOMPLETE
+    assert "no report: " in ended.out
+    assert (tmp_path / "out" / "results.json").stat().st_size > 0
+
+
+def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path, mnsf):
     out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero", "--out", out) == evaluate.EXIT_INCOMPLETE
-    assert "no report: " in capsys.readouterr().out
-    assert (out / "results.json").stat().st_size > 0
-    assert not (out / "report.html").exists()
+    assert mnsf(bag, "--methods=zero", "--out", out).status == COMPLETE
+    before = content(out)
+    other = small.write_recording(tmp_path / "other" / "drive", 6, num_points=61)
+    for arguments, text in (
+        ([bag], "exists already"),
+        ([bag, "--resume", "--seed=3"], "other settings"),
+        ([other, "--resume"], "another recording 'drive': fingerprint"),
+    ):
+        ended = mnsf(*arguments, "--methods=zero", "--out", out)
+        assert ended.status == USAGE
+        assert text in ended.errors[0]
+    assert content(out) == before
+    assert mnsf(bag, "--methods=zero,ego", "--out", out, "--resume").status == COMPLETE
+    assert [row["method"] for row in rows_in(out)] == ["zero"] * 4 + ["ego"] * 4
 
 
-def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path):
-    out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
-    with pytest.raises(EvaluationError, match="exists already"):
-        mnsf(bag, "--methods", "zero", "--out", out)
-    with pytest.raises(EvaluationError, match="other settings"):
-        mnsf(bag, "--methods", "zero", "--out", out, "--resume", "--seed", "3")
-    assert mnsf(bag, "--methods", "zero,ego", "--out", out, "--resume") == 0
-    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
-
-
-def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, capsys, monkeypatch):
+def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, mnsf, monkeypatch):
     monkeypatch.chdir(tmp_path)
     other = small.write_recording(tmp_path / "bags" / "other", 4)
-    assert mnsf(bag, "--methods", "zero") == 0
-    assert mnsf(bag, other, "--methods", "zero") == 0
-    several, one = sorted(path.name for path in tmp_path.iterdir() if path.name != "bags")
-    assert re.fullmatch(r"drive-\d{8}-\d{6}", one)
-    assert re.fullmatch(r"drive\+1-\d{8}-\d{6}", several)
-    printed = capsys.readouterr().out
-    for name in (one, several):
-        assert f"Results folder: {name}" in printed
-        assert (tmp_path / name / "results.md").stat().st_size > 0
+    ended = mnsf(bag, other, "--methods=zero")
+    assert ended.status == COMPLETE
+    (folder,) = (path for path in tmp_path.iterdir() if path.name != "bags")
+    assert re.fullmatch(r"drive\+1-\d{8}-\d{6}", folder.name)
+    assert f"Results folder: {folder.name}" in ended.lines
+    assert (folder / "results.md").stat().st_size > 0
 
 
-def test_no_folder_is_named_that_is_not_made(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(MnsfError, match="none: no such file"):
-        mnsf("none", "--methods", "zero")
-    assert "Results folder" not in capsys.readouterr().out
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_default_folder_is_never_one_that_is_there(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for _ in range(3):
-        folder = new_folder([Path("street.mcap")])
-        folder.mkdir()
-    assert len(list(tmp_path.iterdir())) == 3
-
-
-def test_resume_needs_the_folder(bag, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    arguments = ["evaluate", str(bag), "--methods", "zero", "--resume"]
-    assert main.run(arguments) == main.EXIT_USAGE
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "--resume needs --out" in line
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_run_of_an_early_version_is_not_resumed_but_reported(bag, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero", "--out", out) == 0
-    run = small.old_run_record(json.loads((out / "run.json").read_text()))
-    (out / "run.json").write_text(json.dumps(run))
-    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
-    texts = [json.dumps(row | {"failure": ""}) for row in rows]
-    (out / "rows.jsonl").write_text("".join(f"{text}\n" for text in texts))
-    before = {file: file.read_bytes() for file in out.iterdir()}
-    arguments = ["evaluate", str(bag), "--methods=zero", *SETTINGS, f"--out={out}", "--resume"]
-    capsys.readouterr()
-    assert main.run(arguments) == main.EXIT_USAGE
-    assert "another version" in capsys.readouterr().err
-    assert {file: file.read_bytes() for file in out.iterdir()} == before
-    assert main.run(["report", str(out)]) == 0
-    assert "zero" in (out / "report.html").read_text()
-
-
-def test_interruption_leaves_a_table_of_what_is_finished(bag, tmp_path, capsys, monkeypatch):
-    def run_until_interrupted(runs, options):
-        events = run_serially(runs, options)
+@pytest.mark.parametrize("method", ["zero", "ego-estimated"])
+def test_interruption_leaves_a_table_and_resume_says_what_starts_again(
+    bag, tmp_path, mnsf, monkeypatch, method
+):
+    def run_until_interrupted(tasks, options):
+        events = run_serially(tasks, options)
         for _ in range(6):
             yield next(events)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        mnsf(bag, "--methods", "zero,ego", "--out", tmp_path / "out")
-    assert "Unfinished: ego on drive, examples so far: 1;" in capsys.readouterr().out
-    page = (tmp_path / "out" / "results.md").read_text()
-    assert "over 1 to 4 examples" in page
-    assert "Unfinished: ego on drive" in page
-    assert "Unfinished: zero" not in page
-
-
-def test_resume_says_what_starts_again(bag, tmp_path, capsys, monkeypatch):
-    def run_until_interrupted(runs, options):
-        events = run_serially(runs, options)
-        yield next(events)
-        raise KeyboardInterrupt
-
+    arguments = [bag, f"--methods=ego,{method}", "--out", tmp_path / "out"]
     with monkeypatch.context() as patch:
-        patch.setattr("mnsf_ros.cli.evaluation.run_serially", run_until_interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            mnsf(bag, "--methods", "zero", "--write-flow", "--out", tmp_path / "out")
-    assert "starts again" not in capsys.readouterr().out
-    arguments = [bag, "--methods", "zero,ego", "--write-flow", "--out", tmp_path / "out"]
-    assert mnsf(*arguments, "--resume") == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.count("starts again") == 1
-    assert "zero on drive: cannot go on in the middle, starts again" in said
+        patch.setattr("mnsf_ros.evaluation.parallel.run_serially", run_until_interrupted)
+        ended = mnsf(*arguments)
+    assert ended.status == INTERRUPTED
+    assert ended.errors == ["mnsf: interrupted"]
+    page = (tmp_path / "out" / "results.md").read_text()
+    for text in (ended.out, page):
+        assert f"Unfinished: {method} on drive, examples so far: 1;" in text
+        assert "over 1 to 4 examples" in text
+    ended = mnsf(*arguments, "--resume")
+    assert ended.status == COMPLETE
+    starts_again = "ego-estimated on drive: cannot be resumed halfway, starts again"
+    assert (starts_again in ended.out) == (method == "ego-estimated")
+    assert len(rows_in(tmp_path / "out")) == 8
 
 
-def test_folder_that_cannot_be_made_is_one_line(bag, capsys):
-    assert mnsf(bag, "--methods", "zero", "--out", "/proc/results") == evaluate.EXIT_UNWRITTEN
-    assert capsys.readouterr().err.startswith("mnsf: /proc/results: cannot be written: ")
+def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, mnsf):
+    damaged, out = shutil.copytree(bag, tmp_path / "cut"), tmp_path / "out"
+    (file,) = damaged.glob("*.mcap")
+    os.truncate(file, int(file.stat().st_size * 0.6))
+    ended = mnsf(damaged, "--methods=ego", "--out", out)
+    assert ended.status == INCOMPLETE
+    assert 0 < len(rows_in(out)) < 4
+    assert re.search("Damage: .*cut short", ended.out)
 
 
-def test_damaged_recording_is_evaluated_as_far_as_it_goes(bag, tmp_path, capsys):
-    damaged = cut(bag, tmp_path / "cut")
-    status = mnsf(damaged, "--methods", "ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_INCOMPLETE
-    rows = (tmp_path / "out" / "rows.jsonl").read_text().splitlines()
-    assert 0 < len(rows) < 4
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "Damage: " in printed
-    assert "byte" in printed
-    assert "cut short" in printed
-
-
-def test_exit_status_is_told_to_the_shell(bag, tmp_path):
-    damaged = cut(bag, tmp_path / "cut")
-    arguments = ["evaluate", "--methods", "zero", *SETTINGS]
-    assert main.run([*arguments, str(bag), "--out", str(tmp_path / "good")]) == 0
-    status = main.run([*arguments, str(damaged), "--out", str(tmp_path / "out")])
-    assert status == evaluate.EXIT_INCOMPLETE == 3
-
-
-def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, capsys):
+def test_unreadable_recording_does_not_stop_the_others(bag, tmp_path, mnsf):
     rubbish = tmp_path / "rubbish.mcap"
     rubbish.write_bytes(b"rubbish")
-    status = mnsf(bag, rubbish, "--methods", "ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_INCOMPLETE
-    assert "rubbish.mcap" in "".join(capsys.readouterr().out.split())
-    with pytest.raises(RecordingError, match="rubbish"):
-        mnsf(rubbish, "--methods", "ego", "--out", tmp_path / "other")
+    ended = mnsf(bag, rubbish, "--methods=ego", "--out", tmp_path / "out")
+    assert ended.status == INCOMPLETE
+    assert "rubbish.mcap" in ended.out.replace(" ", "")
+    ended = mnsf(rubbish, "--methods=ego", "--out", tmp_path / "other")
+    assert ended.status == USAGE
+    assert "rubbish" in ended.errors[0]
 
 
 @pytest.mark.parametrize("number", ["x", "1.5", ""])
-def test_number_of_points_is_a_number_or_all(bag, tmp_path, capsys, number):
+def test_number_of_points_is_a_number_or_all(bag, capsys, number):
     with pytest.raises(SystemExit):
-        mnsf(bag, "--num-points", number, "--out", tmp_path / "out")
+        run(["evaluate", str(bag), f"--num-points={number}"])
     assert f"got {number!r}, expected a number or 'all'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["--methods", "mnfs"], "unknown method 'mnfs'; did you mean"),
-        (["--methods", ","], "methods: got none"),
-        (["--methods", "file:/nowhere"], "no such folder of predictions"),
-        (["--set", "crop.max_range=3"], "unknown setting 'crop.max_range'"),
-        (["--set", "crop.max_range_m"], "expected NAME=VALUE"),
-        (["--points", "/lidar"], "no topic '/lidar'"),
-        (["--num-points", "0"], "num_points: got 0"),
-        (["--realtime", "-1"], "realtime rate: got -1.0"),
-        (["--workers", "0"], "workers: got 0"),
-        pytest.param(
-            ["--ray", "127.0.0.1:9"],
-            "no Ray cluster at '127.0.0.1:9'",
-            marks=pytest.mark.skipif(find_spec("ray") is None, reason="Ray is not installed"),
-        ),
+        (["--methods=mnfs"], "unknown method 'mnfs'; did you mean"),
+        (["--methods=,"], "methods: got none"),
+        (["--methods=file:/nowhere"], "no such folder of predictions"),
+        (["--set=crop.max_range=3"], "unknown setting 'crop.max_range'"),
+        (["--set=crop.max_range_m"], "expected NAME=VALUE"),
+        (["--set=crop.max_range_m=far"], "crop.max_range_m: got 'far'"),
+        (["--set=ground.remove=1"], "ground.remove: got '1'"),
+        (["--set=optimization.max_iterations=2.5"], "optimization.max_iterations: got 2.5"),
+        (["--points=/lidar"], "no topic '/lidar'"),
+        (["--num-points=0"], "num_points: got 0"),
+        (["--realtime=-1"], "realtime rate: got -1.0"),
+        (["--workers=0"], "workers: got 0"),
+        (["nowhere.mcap"], "nowhere.mcap: no such file"),
+        (["--out=/proc/version"], "/proc/version: is not a folder"),
+        (["--resume"], "--resume needs --out DIR"),
     ],
 )
-def test_what_cannot_be_used_is_said_before_anything_is_written(bag, tmp_path, arguments, text):
-    with pytest.raises(MnsfError) as caught:
-        mnsf(bag, *arguments, "--out", tmp_path / "out")
-    assert text in str(caught.value)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
+def test_unusable_argument_is_one_line_before_anything_is_written(
+    bag, tmp_path, mnsf, monkeypatch, arguments, text
+):
+    monkeypatch.chdir(tmp_path)
+    if not arguments[0].startswith("--methods"):
+        arguments = [*arguments, "--methods=zero"]
+    ended = mnsf(*([] if arguments[0].endswith(".mcap") else [bag]), *arguments)
+    assert ended.status == USAGE
+    (line,) = ended.errors
+    assert text in line
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_methods_with_more_frames_make_all_begin_later(bag, tmp_path):
+def test_folder_that_cannot_be_made_stops_the_run(bag, mnsf):
+    ended = mnsf(bag, "--methods=zero", "--out=/proc/results")
+    assert ended.status == STOPPED
+    assert ended.errors[0].startswith("mnsf: /proc/results: cannot be written: ")
+    assert "--out /proc/results --resume" in ended.errors[0]
+
+
+def test_assignments_have_the_type_of_their_setting(bag, tmp_path, mnsf):
+    texts = ["ground.remove=False", "crop.max_range_m=3.5e1", "fusion.max_iterations=+2"]
+    changes = [f"--set={text}" for text in (*texts, " buffer.max_interval_s = 1 ")]
+    assert mnsf(bag, "--methods=zero", "--out", tmp_path / "out", *changes).status == COMPLETE
+    values = json.loads((tmp_path / "out/run.json").read_text())["options"]["settings"]["values"]
+    assert values["ground.remove"] is False
+    assert (values["crop.max_range_m"], values["buffer.max_interval_s"]) == (35.0, 1.0)
+
+
+def test_all_methods_get_the_examples_of_the_one_with_most_sweeps(bag, tmp_path, mnsf):
     out = tmp_path / "out"
-    assert mnsf(bag, "--methods", "zero,mnsf-frames5", "--out", out) == 0
-    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
-    assert [(row["method"], row["number"], row["failure"]) for row in rows] == [
-        ("zero", 3, None),
-        ("zero", 4, None),
-        ("mnsf-frames5", 3, None),
-        ("mnsf-frames5", 4, None),
-    ]
-
-
-def test_real_time_is_told_in_the_results(bag, tmp_path):
-    assert mnsf(bag, "--methods", "zero", "--realtime", "0.5", "--out", tmp_path / "out") == 0
-    text = (tmp_path / "out" / "results.md").read_text()
-    assert "Replay at 0.5 times real time" in text
+    assert mnsf(bag, "--methods=zero,mnsf-frames5", "--realtime=0.01", "--out", out).status == 0
+    found = [(row["method"], row["number"], row["failure"]) for row in rows_in(out)]
+    numbers = (3, 4)
+    assert found == [(name, n, None) for name in ("zero", "mnsf-frames5") for n in numbers]
+    text = (out / "results.md").read_text()
+    assert "Replay at 0.01 times real time" in text
     assert "flag in the truth" in text
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("ground.remove=false", False),
-        ("ground.remove=True", True),
-        ("crop.max_range_m=35", 35.0),
-        ("crop.max_range_m=3.5e1", 35.0),
-        ("optimization.max_iterations=20", 20),
-        ("distance.kind=tree", "tree"),
-        (" distance.kind = grid ", "grid"),
-    ],
-)
-def test_assignment_has_the_type_of_its_setting(text, value):
-    (found,) = parse_assignments([text]).values()
-    assert found == value
-    assert type(found) is type(value)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "ground.remove=1",
-        "crop.max_range_m=far",
-        "optimization.max_iterations=2.5",
-        "distance.kind=",
-    ],
-)
-def test_value_of_another_type_is_refused(text):
-    with pytest.raises(SettingsError, match=text.split("=")[0]):
-        parse_assignments([text])
-
-
-def test_pair_is_scored_by_methods_that_make_do_with_two_sweeps(tmp_path, capsys):
+def test_pair_is_scored_by_methods_that_can_use_two_sweeps(tmp_path, mnsf):
     pair = small.write_recording(tmp_path / "pair", 2)
     out = tmp_path / "out"
-    status = mnsf(pair, "--methods", "ego,fnsf,mnsf,mnsf-frames5", "--out", out)
-    assert status == evaluate.EXIT_INCOMPLETE
-    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
-    assert [(row["method"], row["number"], bool(row["failure"])) for row in rows] == [
-        ("ego", 0, False),
-        ("fnsf", 0, False),
-        ("mnsf", 0, False),
-        ("mnsf-frames5", 0, True),
-    ]
-    assert rows[0]["errors"]["all"]["num_points"] > 0
-    assert rows[2]["stop_reasons"].keys() == {"forward"}
-    assert "mnsf-frames5: examples without a flow: 1" in " ".join(capsys.readouterr().out.split())
+    ended = mnsf(pair, "--methods=ego,mnsf,mnsf-frames5", "--out", out)
+    assert ended.status == INCOMPLETE
+    found = [(row["method"], row["number"], bool(row["failure"])) for row in rows_in(out)]
+    assert found == [("ego", 0, False), ("mnsf", 0, False), ("mnsf-frames5", 0, True)]
+    assert "mnsf-frames5: examples without a flow: 1" in ended.out
 
 
-def test_recording_without_an_example_is_no_success(bag, tmp_path, capsys):
+def test_pairs_of_a_recording_are_examples_when_asked_for(tmp_path, mnsf):
+    """Three pairs with gaps between them, as of single pairs that were converted together."""
+    bag = small.write_recording(tmp_path / "pairs", (0, 1, 30, 31, 60, 61), with_truth=False)
+    arguments = ["--methods=zero,mnsf", "--out"]
+    assert mnsf(bag, *arguments, tmp_path / "without").status == INCOMPLETE
+    assert mnsf(bag, "--pairs", *arguments, tmp_path / "with").status == COMPLETE
+    found = [(row["method"], row["number"]) for row in rows_in(tmp_path / "with")]
+    assert found == [(method, number) for method in ("zero", "mnsf") for number in (0, 2, 4)]
+
+
+def test_recording_without_an_example_is_no_success(bag, tmp_path, mnsf):
     single = small.write_recording(tmp_path / "single", 1)
-    status = mnsf(bag, single, "--methods", "zero", "--out", tmp_path / "both")
-    assert status == evaluate.EXIT_INCOMPLETE
-    said = "No example: single contains no 2 consecutive sweeps"
-    assert said in " ".join(capsys.readouterr().out.split())
-    assert mnsf(single, "--methods", "zero", "--out", tmp_path / "one") == evaluate.EXIT_INCOMPLETE
-    assert said in " ".join(capsys.readouterr().out.split())
+    for bags, out in (([bag, single], "both"), ([single], "one")):
+        ended = mnsf(*bags, "--methods=zero", "--out", tmp_path / out)
+        assert ended.status == INCOMPLETE
+        assert "No example: single contains no 2 consecutive sweeps" in ended.out
 
 
-def test_truth_that_is_nowhere_valid_is_told(tmp_path, capsys):
+def test_truth_that_is_nowhere_valid_is_told(tmp_path, mnsf):
     """Of two sweeps the last has none, and the crop leaves no point of the first."""
     pair = small.write_recording(tmp_path / "pair", 2)
-    arguments = ["--methods", "zero", "--set", "crop.min_range_m=70", "--out", tmp_path / "out"]
-    assert mnsf(pair, *arguments) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "pair: no scored point has valid truth" in printed
+    ended = mnsf(pair, "--methods=zero", "--set=crop.min_range_m=70", "--out", tmp_path / "out")
+    assert ended.status == COMPLETE
+    assert "pair: no scored point has valid truth" in ended.out
 
 
-def test_method_that_fails_on_every_example_is_no_success(tmp_path, capsys):
+def test_method_that_fails_on_every_example_is_no_success(tmp_path, mnsf):
     without = small.write_recording(tmp_path / "without", 4, with_odometry=False)
-    assert mnsf(without, "--methods", "zero", "--out", tmp_path / "zero") == 0
-    status = mnsf(without, "--methods", "zero,ego", "--out", tmp_path / "out")
-    assert status == evaluate.EXIT_INCOMPLETE
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "No flow: ego failed on every example of without: 2." in printed
+    ended = mnsf(without, "--methods=zero,ego", "--out", tmp_path / "out")
+    assert ended.status == INCOMPLETE
+    assert "No flow: ego failed on every example of without: 2." in ended.out
 
 
-def test_other_bag_of_the_same_name_is_not_resumed(tmp_path):
-    one = small.write_recording(tmp_path / "a" / "drive", 4)
-    other = small.write_recording(tmp_path / "b" / "drive", 4, num_points=61)
-    out = tmp_path / "out"
-    assert mnsf(one, "--methods", "zero", "--out", out) == 0
-    before = {file: file.read_bytes() for file in out.iterdir()}
-    with pytest.raises(EvaluationError, match="another recording 'drive': fingerprint"):
-        mnsf(other, "--methods", "zero", "--out", out, "--resume")
-    assert {file: file.read_bytes() for file in out.iterdir()} == before
+def test_task_that_fails_is_told(bag, tmp_path, mnsf, monkeypatch):
+    def task_events(task, options):
+        yield TaskFailed("the recording is gone")
+
+    monkeypatch.setattr("mnsf_ros.evaluation.parallel.task_events", task_events)
+    ended = mnsf(bag, "--methods=zero", "--out", tmp_path / "out")
+    assert ended.status == INCOMPLETE
+    assert "gave up zero on drive: the recording is gone" in ended.out
 
 
-def test_bag_of_the_same_name_can_be_added(tmp_path):
-    one = small.write_recording(tmp_path / "a" / "drive", 4)
-    other = small.write_recording(tmp_path / "b" / "drive", 5)
-    out = tmp_path / "out"
-    assert mnsf(one, "--methods", "zero", "--out", out) == 0
-    assert mnsf(one, other, "--methods", "zero", "--out", out, "--resume") == 0
-    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
-    assert [row["recording"] for row in rows] == ["drive"] * 2 + [str(other)] * 3
-
-
-def test_settings_that_need_more_memory_than_there_is_are_refused(
-    bag, tmp_path, monkeypatch, capsys
-):
+def test_settings_that_need_more_memory_than_there_is_are_refused(bag, tmp_path, mnsf, monkeypatch):
     monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 8 * 10**9)
-    out = tmp_path / "out"
     sizes = ("field.num_hidden_layers=64", "field.hidden_width=4096", "compute.device=cpu")
-    settings = [f"--set={size}" for size in sizes]
-    arguments = ["evaluate", str(bag), "--methods", "fnsf", "--out", str(out), *settings]
-    assert main.run(arguments) == main.EXIT_USAGE
-    (line,) = capsys.readouterr().err.splitlines()
+    monkeypatch.setattr(f"{__name__}.SETTINGS", [f"--set={size}" for size in sizes])
+    ended = mnsf(bag, "--methods=fnsf", "--out", tmp_path / "out")
+    assert ended.status == USAGE
+    (line,) = ended.errors
     assert re.search("need .* GB of memory, this machine has 8.0 GB: reduce field", line)
-    assert not out.exists()
-
-
-def test_same_bag_in_two_spellings_is_refused(bag, tmp_path, monkeypatch):
-    monkeypatch.chdir(bag.parent)
-    for other in (Path(bag.name), next(bag.glob("*.mcap"))):
-        with pytest.raises(EvaluationError, match="is the same recording as"):
-            mnsf(bag, other, "--methods", "zero", "--out", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_each_finished_task_is_told_where_there_is_no_terminal(bag, tmp_path, capsys):
-    assert mnsf(bag, "--methods", "zero,fnsf", "--out", tmp_path / "out") == 0
-    printed = capsys.readouterr().out
-    lines = [line for line in printed.splitlines() if " on drive: " in line]
-    assert len(lines) == 2
-    assert re.fullmatch(r"zero on drive: done, new examples: 4, \d+ ms each", lines[0])
-    assert lines[1].startswith("fnsf on drive: done")
-    assert printed.index(lines[1]) < printed.index("EPE (m)")
 
 
 def shell(line, arguments, **environment):
@@ -474,16 +339,25 @@ def shell(line, arguments, **environment):
     )
 
 
-def test_reader_of_the_output_may_leave(bag, tmp_path):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "errors"),
+    [
+        ('"$@" | head -1; exit ${PIPESTATUS[0]}', 0),
+        ('"$@" > /dev/full', 1),
+    ],
+)
+def test_output_that_nobody_reads_costs_no_results(bag, tmp_path, line, errors):
     out = tmp_path / "out"
-    arguments = [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"]
-    done = shell('"$@" | head -1; exit ${PIPESTATUS[0]}', arguments)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(done.stdout.splitlines()) == 1
+    done = shell(line, [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"])
+    assert done.returncode == COMPLETE
+    assert done.stderr.count("the output cannot be written: No space left on device") == errors
+    assert len(done.stderr.splitlines()) == errors
     assert (out / "report.html").stat().st_size > 0
-    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+    assert len(rows_in(out)) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "environment",
     [{}, {"LC_ALL": "C", "PYTHONUTF8": "0"}, {"PYTHONIOENCODING": "ascii"}],
@@ -497,70 +371,47 @@ def test_path_that_is_no_text_costs_nothing(bag, tmp_path, environment, name):
     arguments = [place, "--methods=zero", "--pictures=1", f"--out={out}"]
     done = shell('"$@"', arguments, **environment)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "no report" not in done.stdout
     assert "data:image/png" in (out / "report.html").read_text(encoding="utf-8")
     readable = name.decode(errors="backslashreplace")
-    lines = (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()
-    assert {json.loads(line)["recording"] for line in lines} == {readable}
+    assert {row["recording"] for row in rows_in(out)} == {readable}
     assert readable in (out / "results.csv").read_text(encoding="utf-8")
     if environment:  # also where another locale reads it
         again = shell('"$@"', [*arguments, "--resume"])
         assert (again.returncode, again.stderr) == (0, "")
-        assert len((out / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 4
+        assert len(rows_in(out)) == 4
 
 
+@pytest.mark.slow
 def test_full_disk_is_told_and_resume_goes_on(bag, tmp_path):
     out = tmp_path / "out"
     arguments = [bag, "--methods=zero,ego", "--pictures=0", f"--out={out}"]
-    done = shell('ulimit -f 6; "$@"', arguments)
-    assert done.returncode == evaluate.EXIT_UNWRITTEN == 4
-    message = r"mnsf: .*/out/\w+\.\w+: cannot be written: File too large\. .* --out \S+ --resume\n"
-    assert re.fullmatch(message, done.stderr)
-    assert shell('"$@"', [*arguments, "--resume"]).returncode == 0
-    assert len((out / "rows.jsonl").read_text().splitlines()) == 8
+    for blocks, name in ((1, "run.json"), (6, r"\w+\.\w+")):
+        done = shell(f'ulimit -f {blocks}; "$@"', [*arguments, "--resume"])
+        assert done.returncode == STOPPED
+        message = rf"mnsf: .*/out/{name}: cannot be written: File too large\. .* --out \S+ --resume"
+        assert re.fullmatch(message, done.stderr.strip())
+    assert shell('"$@"', [*arguments, "--resume"]).returncode == COMPLETE
+    assert len(rows_in(out)) == 8
 
 
-def test_disk_that_is_full_from_the_start_leaves_no_folder(bag, tmp_path):
-    out = tmp_path / "out"
-    done = shell('ulimit -f 1; "$@"', [bag, "--methods=zero", f"--out={out}"])
-    assert done.returncode == evaluate.EXIT_UNWRITTEN
-    assert "run.json: cannot be written" in done.stderr
-    assert not out.exists()
-
-
-def test_pairs_of_a_recording_are_examples_when_asked_for(tmp_path):
-    """Three pairs with gaps between them, as of single pairs that were converted together."""
-    with BagWriter(tmp_path / "pairs") as writer:
-        for index in (0, 1, 30, 31, 60, 61):
-            points = small.xyz(index % 30)
-            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
-            encoded = encode_columns(columns, 1, len(points))
-            writer.write_cloud("/points", encoded, small.stamp(index), "lidar")
-    bag = tmp_path / "pairs"
-    arguments = ["--methods", "zero,mnsf", "--out"]
-    assert mnsf(bag, *arguments, tmp_path / "without") == evaluate.EXIT_INCOMPLETE
-    assert mnsf(bag, "--pairs", *arguments, tmp_path / "with") == 0
-    rows = [json.loads(line) for line in (tmp_path / "with/rows.jsonl").read_text().splitlines()]
-    assert [(row["method"], row["number"]) for row in rows] == [
-        *(("zero", number) for number in (0, 2, 4)),
-        *(("mnsf", number) for number in (0, 2, 4)),
-    ]
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
-def test_full_disk_under_the_output_costs_no_results(bag, tmp_path):
-    out = tmp_path / "out"
-    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", bag, "--methods", "zero"]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [*command, *SETTINGS, "--pictures", "0", "--out", out],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=300,
-            check=False,
-        )
-    assert done.returncode == 0
-    assert done.stderr.count("the output cannot be written: No space left on device") == 1
-    assert (out / "results.json").stat().st_size > 0
-    assert (out / "report.html").stat().st_size > 0
+@pytest.mark.slow
+def test_ctrl_c_with_workers_is_a_word_and_a_status(bag, tmp_path):
+    """The terminal sends it to all processes."""
+    out, begun, program = tmp_path / "out", tmp_path / "begun", tmp_path / "method.py"
+    program.write_text(f"import time; open({str(begun)!r}, 'w'); time.sleep(300)")
+    methods = [f"--methods=command:{sys.executable} {program}", "--methods=zero,ego"]
+    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", bag, *methods, *SETTINGS]
+    with subprocess.Popen(
+        [*command, "--workers=2", "--pictures=0", f"--out={out}"],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        # The parent of the tests may ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    ) as process:
+        while not begun.exists():
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.stderr.read() == b"mnsf: interrupted\n"
+    assert process.returncode == INTERRUPTED
+    found = subprocess.run(["pgrep", "-f", program], capture_output=True, check=False)
+    assert found.stdout == b""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import registry
@@ -74,34 +74,24 @@ def test_sampling_skips_examples_only_where_nothing_is_carried_on(bag, carries_s
 
 
 def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carries_state):
-    options, recordings = small.options(), [small.recording_at(bag)]
-    methods = small.methods_of(["toy"])
-
-    begun = []
-
-    def noted(tasks, options):
-        begun.extend(tasks)
-        return run_serially(tasks, options)
+    recordings, methods = [small.recording_at(bag)], small.methods_of(["toy"])
+    skipped = set()
 
     def stop_after_three(task, event):
         if event.number == 3:
             raise KeyboardInterrupt
 
-    whole = plain(rows_of(small.task_at(bag, "toy"), options))
-    out = tmp_path / "out"
+    def note(task, event):
+        skipped.add(task.skipped)
+
+    whole = plain(rows_of(small.task_at(bag, "toy"), small.options()))
+    run = partial(small.run, tmp_path / "out", recordings, methods, small.options())
     with pytest.raises(KeyboardInterrupt):
-        small.run(out, recordings, methods, options, watch=stop_after_three)
-    *_, folder = small.run(out, recordings, methods, options, resume=True, execute=noted)
-    assert [task.skipped for task in begun] == [frozenset() if carries_state else {1, 2, 3}]
-    assert folder.anew == ({("drive", "toy")} if carries_state else set())
+        run(watch=stop_after_three)
+    _, folder = run(resume=True, watch=note)
+    assert skipped == {frozenset() if carries_state else frozenset({1, 2, 3})}
+    assert folder.restarted == ({("drive", "toy")} if carries_state else set())
     assert plain(folder.rows) == whole
-
-
-def test_retry_of_a_lost_task(bag, carries_state):
-    task = replace(small.task_at(bag, "toy"), skipped=frozenset({1}))
-    run = task.again({2}, small.options())
-    assert run.attempt == 1
-    assert run.skipped == (frozenset() if carries_state else {1, 2})
 
 
 def test_replay_and_written_flow_are_done_in_one_go(bag, tmp_path, carries_state):

@@ -12,7 +12,6 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import make_method, method_names, registry
@@ -61,14 +60,6 @@ def test_runs_in_the_pipeline_of_the_node(registered):
     assert pipeline.close(300.0)
     ((job, estimate),) = estimates
     assert estimate.flow.shape == job.triplet.current.xyz.shape
-
-
-def test_can_be_chosen_while_the_node_runs(registered):
-    pipeline = OnlinePipeline(preset("online"), lambda *_: None, lambda *_: None)
-    pipeline.change_settings(SETTINGS)
-    with pytest.raises(SettingsError, match=r"nearset.*did you mean nearest"):
-        pipeline.change_settings(SETTINGS.changed({"method.name": "nearset"}))
-    assert pipeline.close(300.0)
 
 
 def test_is_scored_by_the_evaluator(registered, tmp_path):

@@ -25,8 +25,7 @@ from mnsf_ros.evaluation.results import (
     mean,
     summarize,
 )
-from mnsf_ros.evaluation.run_files import WritingError
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.run_record import RunRecord, git_commit
 from mnsf_ros.presets import preset
 from mnsf_ros.report.notes import NoteKind, notes_of, protocol_text

@@ -1,6 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The files of a run, and which of its tasks are left when it is resumed."""
+
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 import os
@@ -13,18 +16,14 @@ import small_evaluations as small
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.recordings import path_text
-from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
-from mnsf_ros.evaluation.run_files import WritingError, check_folder, locked, replace_file
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.recordings import path_text, recording_names
+from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, replace_file
 from mnsf_ros.evaluation.run_json import from_json, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
-from mnsf_ros.report.notes import NoteKind
-from mnsf_ros.report.run_results import read_results
 
 NAN = math.nan
 ERRORS = FlowErrors(0.1, 0.2, 0.3, 0.4, 0.5, 6)
-NO_ERRORS = FlowErrors(NAN, NAN, NAN, NAN, NAN, 0)
 
 
 def full_row(number=3, method="mnsf", recording="drive"):
@@ -38,172 +37,41 @@ def full_row(number=3, method="mnsf", recording="drive"):
         stage_times_ms={"forward": 1 / 3},
         stop_reasons={"forward": "converged"},
         iterations={"forward": 31},
-        errors={"all": ERRORS, "dynamic": NO_ERRORS},
+        errors={"all": ERRORS, "dynamic": FlowErrors(NAN, NAN, NAN, NAN, NAN, 0)},
         by_range={"10": ERRORS},
-        by_speed={"inf": ERRORS},
         three_way_epe_m={"foreground dynamic": NAN, "background static": 0.5},
         bucketed={"CAR": {"dynamic": NAN, "static": 0.1}},
         sums={"CAR/0": [3.0, 0.3, 0.0]},
-        consistency={"nearest_m": 0.25},
         start="warm",
         device="cpu",
+        failure=Failure(FailureKind.FAILED, "no points: «ä»"),
     )
 
 
-def test_row_comes_back_to_the_last_digit():
+def test_row_comes_back_to_the_last_digit_from_json_for_every_program():
     row = full_row()
     line = to_json(row)
     assert "\n" not in line
     again = from_json(line, ResultRow)
     # NaN is not equal to itself, so texts are compared.
     assert to_json(again) == line
-    assert again.errors["all"] == ERRORS
-    assert again.time_ms == row.time_ms
-    assert again.stamp_ns == row.stamp_ns
+    assert (again.time_ms, again.failure) == (row.time_ms, row.failure)
     assert math.isnan(again.latency_ms)
-    assert math.isnan(again.errors["dynamic"].epe_m)
-    assert again.sums == row.sums
-
-
-def test_row_is_json_for_every_program():
-    values = json.loads(to_json(full_row()), parse_constant=pytest.fail)
-    assert values["latency_ms"] is None
-    assert values["errors"]["dynamic"]["epe_m"] is None
-
-
-def test_failed_row_comes_back():
-    failure = Failure(FailureKind.FAILED, "no points: «ä»")
-    row = ResultRow("drive", 1, 2, "mnsf", 0, failure=failure)
-    assert from_json(to_json(row), ResultRow).failure == failure
+    values = json.loads(line, parse_constant=pytest.fail)
+    assert values["latency_ms"] is values["errors"]["dynamic"]["epe_m"] is None
 
 
 @pytest.mark.parametrize(
     "line",
-    ["", "x", "[]", "1", "{}", '{"recording": "a"}', '{"colour": 1}', '{"errors": 3}', "\x00\x00"],
+    [
+        *("", "x", "[]", "1", "{}", '{"recording": "a"}', '{"colour": 1}', "\x00\x00"),
+        *(f'{{"recording": {"[" * depth}{"]" * depth}}}' for depth in (100, 900, 200_000)),
+    ],
 )
-def test_what_is_no_row_is_refused(line):
-    with pytest.raises(EvaluationError, match="is not a result row"):
+def test_text_of_something_else_is_refused_in_one_line(line):
+    with pytest.raises(EvaluationError, match="is not a result row") as caught:
         from_json(line, ResultRow)
-
-
-@pytest.mark.parametrize("depth", [*range(100, 1000, 20), 200_000])
-def test_what_is_nested_deeply_is_refused(depth):
-    with pytest.raises(EvaluationError, match="is not a result row"):
-        from_json(f'{{"recording": {"[" * depth}{"]" * depth}}}', ResultRow)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return RunFolder(tmp_path)
-
-
-def test_rows_are_there_as_soon_as_they_are_written(folder):
-    for number in range(3):
-        folder.add_row(full_row(number))
-        assert [row.number for row in folder.rows] == list(range(number + 1))
-
-
-def test_line_that_was_being_written_is_lost_but_no_other(tmp_path, recording):
-    folder = start(tmp_path / "out", recording)
-    for number in range(3):
-        folder.add_row(full_row(number))
-    file = folder.path / "rows.jsonl"
-    file.write_text(file.read_text()[:-40])
-    assert [row.number for row in folder.rows] == [0, 1]
-    folder = start(folder.path, recording, resume=True)
-    folder.add_row(full_row(2))
-    assert [row.number for row in folder.rows] == [0, 1, 2]
-
-
-def test_damaged_line_is_named(folder):
-    folder.add_row(full_row())
-    with (folder.path / "rows.jsonl").open("a") as file:
-        file.write("rubbish\n")
-    with pytest.raises(EvaluationError, match=r"rows\.jsonl, line 2: is not a result row"):
-        list(folder.rows)
-
-
-def test_rows_of_a_task_can_be_dropped(folder):
-    for method in ("mnsf", "fnsf"):
-        for number in range(2):
-            folder.add_row(full_row(number, method))
-    folder.drop([("drive", "mnsf"), ("other", "fnsf")])
-    assert [(row.method, row.number) for row in folder.rows] == [("fnsf", 0), ("fnsf", 1)]
-
-
-def test_finished_tasks_come_back(tmp_path, recording):
-    findings = Findings()
-    findings.count(Event.SWEEPS_READ, 6)
-    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
-        (task,) = folder.begin(record_of(recording))
-        assert folder.finished() == {}
-        folder.take(task, full_row(1, "ego"))
-        folder.take(task, findings)
-    known = folder.finished()["drive", "ego"]
-    assert known.num_examples == 1
-    assert known.counts == {"sweeps_read": 6}
-    (folder.path / "tasks.jsonl").write_text("{}\n")
-    with pytest.raises(EvaluationError, match="line 1: is not a finished task"):
-        folder.finished()
-
-
-def test_two_processes_cannot_write_to_the_same_folder(folder):
-    refused = pytest.raises(EvaluationError, match="another process")
-    with locked(folder.path), refused, locked(folder.path):
-        pass
-    with locked(folder.path):
-        pass
-
-
-def test_folder_in_which_nothing_happened_is_taken_away(tmp_path, recording):
-    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
-        assert not (tmp_path / "out").exists(), "nothing is written before the run begins"
-        folder.begin(record_of(recording))
-        assert not folder.has_results
-    assert not (tmp_path / "out").exists()
-    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
-        folder.begin(record_of(recording))
-        folder.add_row(full_row())
-    assert len(list(folder.rows)) == 1
-
-
-def test_run_that_was_killed_while_it_was_written_down_is_started_anew(tmp_path, recording):
-    out = tmp_path / "out"
-    out.mkdir()
-    for name in (".lock", ".run.json.new"):
-        (out / name).write_text("{")
-    with RunFolder(out).opened(resume=True) as folder:
-        folder.begin(record_of(recording))
-    assert not out.exists()
-    out.mkdir()
-    (out / ".run.json.new").write_text("{")
-    assert start(out, recording).read_record().recordings
-    assert not (out / ".run.json.new").exists()
-
-
-def test_run_that_another_process_made_meanwhile_is_left_alone(tmp_path, recording):
-    refused = pytest.raises(EvaluationError, match="another process has just written to it")
-    with RunFolder(tmp_path / "out").opened(resume=False) as folder:
-        start(tmp_path / "out", recording)
-        before = (tmp_path / "out" / "run.json").read_bytes()
-        with refused:
-            folder.begin(record_of(recording))
-    with RunFolder(tmp_path / "out").opened(resume=True) as folder:
-        start(tmp_path / "out", recording, resume=True, methods=("zero",))
-        with refused:
-            folder.begin(record_of(recording))
-    assert before != (tmp_path / "out" / "run.json").read_bytes()
-
-
-def test_run_of_another_process_is_not_resumed(tmp_path, recording):
-    folder = start(tmp_path / "out", recording)
-    folder.add_row(full_row())
-    with (folder.path / "rows.jsonl").open("a") as file:
-        file.write("half a li")
-    before = {file: file.read_bytes() for file in folder.path.iterdir()}
-    with locked(folder.path), pytest.raises(EvaluationError, match="another process"):
-        start(tmp_path / "out", recording, resume=True)
-    assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
+    assert "\n" not in str(caught.value)
 
 
 @pytest.fixture
@@ -211,215 +79,212 @@ def recording(tmp_path):
     return small.recording_at(small.write_recording(tmp_path / "bags" / "drive", 3))
 
 
-def record_of(recording, options=None, methods=("ego",)):
-    options, methods = options or small.options(), small.methods_of(methods)
-    return RunRecord(options, methods, [recording], [small.SESSION])
+def begin(out, recording, options=None, *, resume=False, methods=("ego",)):
+    """Begins a run and ends it before anything is done; returns the folder and what is left."""
+    record = RunRecord(
+        options or small.options(), small.methods_of(methods), [recording], [small.SESSION]
+    )
+    with RunFolder(out).opened(resume=resume) as folder:
+        return folder, folder.begin(record)
 
 
-def start(out, recording, options=None, *, resume=False, methods=("ego",)):
-    options, methods = options or small.options(), small.methods_of(methods)
-    return small.begun(out, [recording], methods, options, resume=resume)
-
-
-def test_run_tells_what_it_was(tmp_path, recording):
-    run = start(
-        tmp_path / "new" / "out", recording, small.options(num_points=10, seed=4)
-    ).read_record()
-    options = run.options
-    assert options.seed == options.settings.compute.seed == 4
-    assert options.num_points == 10
-    assert options.settings.field.hidden_width == 4
-    assert run.method_names == ["ego"]
-    assert run.references == {"ego"}
-    assert run.recordings[0].name == "drive"
+def test_run_json_tells_what_is_run(tmp_path, recording):
+    options = small.options(num_points=10, seed=4)
+    folder, _ = begin(tmp_path / "new" / "out", recording, options)
+    run = folder.read_record()
+    assert run.options == options
+    assert run.options.settings.compute.seed == 4
+    assert (run.method_names, run.references) == (["ego"], {"ego"})
+    assert run.recordings == [replace(recording, inspection=None)]
     (session,) = run.sessions
     assert session.command == ["mnsf"]
     assert {"torch", "numpy", "mnsf_ros", "python"} <= session.versions.keys()
     assert session.machine.cores >= 1
-    assert json.loads((tmp_path / "new/out/run.json").read_text())["sessions"][0]["git_commit"] == (
-        session.git_commit
-    )
 
 
-def test_existing_folder_is_not_overwritten(tmp_path, recording):
+def test_nothing_is_overwritten(tmp_path, recording):
     out = tmp_path / "out"
-    start(out, recording)
+    begin(out, recording)
     before = (out / "run.json").read_text()
     with pytest.raises(EvaluationError, match="exists already; name another folder, or add"):
-        start(out, recording)
+        begin(out, recording)
     assert (out / "run.json").read_text() == before
-    # Not even one that never was a run.
+    # Not even a folder that never was one of a run.
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "text.txt").write_text("mine")
     with pytest.raises(EvaluationError, match="exists already"):
-        start(tmp_path / "notes", recording)
+        begin(tmp_path / "notes", recording)
     with pytest.raises(EvaluationError, match="holds no run"):
-        start(tmp_path / "notes", recording, resume=True)
-
-
-def test_file_in_the_place_of_the_folder(tmp_path):
-    (tmp_path / "out").write_text("x")
+        begin(tmp_path / "notes", recording, resume=True)
     for resume in (False, True):
         with pytest.raises(EvaluationError, match="is not a folder"):
-            check_folder(tmp_path / "out", resume=resume)
+            begin(tmp_path / "notes" / "text.txt", recording, resume=resume)
 
 
 def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
     (tmp_path / "out").mkdir()
-    start(tmp_path / "out", recording)
-    start(tmp_path / "other", recording, resume=True)
-    assert (tmp_path / "other" / "run.json").exists()
+    # What is left of a run that was killed while its first file was written.
+    (tmp_path / "out" / ".run.json.new").write_text("{")
+    begin(tmp_path / "out", recording)
+    begin(tmp_path / "other", recording, resume=True)
+    for name in ("out", "other"):
+        assert [path.name for path in (tmp_path / name).iterdir()] == ["run.json"]
 
 
 @pytest.mark.parametrize(
-    ("changes", "text"),
+    ("options", "text"),
     [
-        ({"options": small.options(num_points=9)}, "num_points was None, is 9"),
-        ({"options": small.options(seed=1)}, "seed was 0, is 1"),
-        (
-            {"options": small.options({"crop.max_range_m": 30.0})},
-            "crop.max_range_m was 80.0, is 30.0",
-        ),
-        ({"options": small.options(realtime_rate=1.0)}, "realtime_rate was None, is 1.0"),
+        (small.options(num_points=9), "num_points was None, is 9"),
+        (small.options({"crop.max_range_m": 30.0}), "crop.max_range_m was 80.0, is 30.0"),
+        (small.options(realtime_rate=1.0), "realtime_rate was None, is 1.0"),
+        (small.EvaluationOptions(small.preset("online")), "; and "),
     ],
 )
-def test_other_settings_are_not_mixed(tmp_path, recording, changes, text):
-    out = tmp_path / "out"
-    start(out, recording)
-    with pytest.raises(EvaluationError, match="with other settings") as caught:
-        start(out, recording, resume=True, **changes)
+def test_runs_with_other_settings_are_not_mixed(tmp_path, recording, options, text):
+    begin(tmp_path / "out", recording)
+    with pytest.raises(EvaluationError, match="holds a run with other settings") as caught:
+        begin(tmp_path / "out", recording, options, resume=True)
     assert text in str(caught.value)
-
-
-def test_other_preset_is_told_by_a_few_of_its_settings(tmp_path, recording):
-    start(tmp_path / "out", recording)
-    online = small.EvaluationOptions(small.preset("online"))
-    with pytest.raises(EvaluationError, match=r"; and \d+ more$") as caught:
-        start(tmp_path / "out", recording, online, resume=True)
-    assert str(caught.value).count(" was ") == 5
+    assert str(caught.value).count(" was ") <= 5
 
 
 def test_resumed_run_may_have_more_methods_and_recordings(tmp_path, recording):
     out = tmp_path / "out"
-    start(out, recording)
-    start(out, replace(recording, name="other"), resume=True, methods=["zero", "ego"])
-    run = RunFolder(out).read_record()
+    begin(out, recording)
+    other = replace(recording, name="other")
+    folder, left = begin(out, other, resume=True, methods=["zero", "ego"])
+    assert [task.key for task in left] == [("other", "zero"), ("other", "ego")]
+    run = folder.read_record()
     assert run.method_names == ["ego", "zero"]
     assert [item.name for item in run.recordings] == ["drive", "other"]
     assert len(run.sessions) == 2
 
 
-def test_another_recording_of_the_same_name_is_refused(tmp_path, recording):
-    start(tmp_path / "out", recording)
-    with pytest.raises(EvaluationError, match=r"another recording 'drive': truth was .*is None"):
-        start(tmp_path / "out", replace(recording, truth=None), resume=True)
-
-
-def test_another_recording_of_the_same_size_and_topics_is_refused(tmp_path):
-    one = small.recording_at(small.write_recording(tmp_path / "a" / "drive", 3))
-    other = small.recording_at(small.write_recording(tmp_path / "b" / "drive", 3, num_points=61))
-    start(tmp_path / "out", one)
-    before = (tmp_path / "out" / "run.json").read_text()
-    with pytest.raises(EvaluationError, match="another recording 'drive': fingerprint: ") as caught:
-        start(tmp_path / "out", other, resume=True)
-    assert re.search(r"num_bytes was \d+, is \d+", str(caught.value))
-    assert "\n" not in str(caught.value)
-    assert (tmp_path / "out" / "run.json").read_text() == before
-
-
-def test_recording_that_has_moved_is_the_same(tmp_path):
+def test_another_recording_of_the_same_name_is_refused_and_one_that_moved_is_not(tmp_path):
     bag = small.write_recording(tmp_path / "a" / "drive", 3)
-    start(tmp_path / "out", small.recording_at(bag))
+    other = small.write_recording(tmp_path / "b" / "drive", 3, num_points=61)
+    out, recording = tmp_path / "out", small.recording_at(bag)
+    begin(out, recording)
+    before = (out / "run.json").read_text()
+    for another, text in (
+        (small.recording_at(other), r"fingerprint: .*num_bytes was \d+, is \d+"),
+        (replace(recording, truth=None), "truth was /truth/flow, is None"),
+    ):
+        with pytest.raises(EvaluationError, match=f"another recording 'drive': .*{text}"):
+            begin(out, another, resume=True)
+    assert (out / "run.json").read_text() == before
     moved = bag.rename(tmp_path / "drive")
-    start(tmp_path / "out", small.recording_at(moved), resume=True)
-    (known,) = RunFolder(tmp_path / "out").read_record().recordings
+    folder, _ = begin(out, small.recording_at(moved), resume=True)
+    (known,) = folder.read_record().recordings
     assert known.path == str(moved)
 
 
-def old_run(folder):
-    """Writes the files of a run as early versions did."""
-    run = small.old_run_record(json.loads((folder.path / "run.json").read_text()))
-    del run["recordings"][0]["fingerprint"]
-    (folder.path / "run.json").write_text(json.dumps(run))
-    failures = ("", "no points", "dropped: a newer triplet took its place")
-    rows = [
-        json.loads(to_json(full_row(number, "ego"))) | {"failure": failure}
-        for number, failure in enumerate(failures)
+def test_recordings_are_named_by_the_last_part_of_their_path_if_that_is_enough(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    paths = [tmp_path / name for name in ("a/drive", "b/street", os.fsdecode(b"bad\xff"))]
+    for path in paths:
+        path.mkdir(parents=True)
+    (tmp_path / "log.mcap").touch()
+    assert recording_names([*paths, tmp_path / "log.mcap"]) == [
+        "drive",
+        "street",
+        r"bad\xff",
+        "log",
     ]
-    (folder.path / "rows.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
-    task = {
-        "recording": "drive",
-        "method": "ego",
-        "num_examples": 3,
-        "counts": {"sweeps_read": 6, "sweeps read": 3, "holes, across which no triplet reaches": 2},
-        "damages": ["drive.mcap, byte 7: cut"],
-    }
-    (folder.path / "tasks.jsonl").write_text(f"{json.dumps(task)}\n")
+    other = tmp_path / "b" / "drive"
+    other.mkdir()
+    assert recording_names([paths[0], other]) == [str(paths[0]), str(other)]
+    bag = small.write_recording(tmp_path / "bag", 1)
+    (tmp_path / "link").symlink_to(bag)
+    (file,) = bag.glob("*.mcap")
+    for same in (bag, bag.relative_to(tmp_path), tmp_path / "a" / ".." / "bag", "link", file):
+        with pytest.raises(EvaluationError, match=r"is the same recording as .*; name it once"):
+            recording_names([bag, tmp_path / same])
 
 
-def test_run_of_an_early_version_can_be_read(tmp_path, recording):
-    folder = start(tmp_path / "out", recording)
-    old_run(folder)
-    run = folder.read_record()
-    assert not run.is_of_this_version
-    assert [(one.name, one.traits.is_reference) for one in run.methods] == [("ego", True)]
-    assert run.options == replace(small.options(), settings=run.options.settings)
-    before = small.options().settings.to_mapping()
-    differing = {k for k, v in run.options.settings.to_mapping().items() if before[k] != v}
-    assert differing == set()
-    assert run.recordings[0].fingerprint is None
-    good, failed, dropped = folder.rows
-    assert good.failure is None
-    assert failed.failure == Failure(FailureKind.FAILED, "no points")
-    assert dropped.failure == DROPPED
-    results = read_results(folder)
-    assert results.is_incomplete
-    assert [(note.kind, note.text) for note in results.notes if note.kind.is_incomplete] == [
-        (NoteKind.DAMAGE, "Damage: drive.mcap, byte 7: cut")
-    ]
-    assert [note.text for note in results.notes if note.kind is NoteKind.EVENT] == [
-        "drive: holes, across which no triplet reaches: 2."
-    ]
-    (summary,) = results.summaries
-    assert (summary.num_examples, summary.num_failed, summary.num_dropped) == (1, 1, 1)
+def done_run(out, recording, num_rows=2):
+    """A run whose only task is finished, with these rows."""
+    record = RunRecord(small.options(), small.methods_of(["ego"]), [recording], [small.SESSION])
+    findings = Findings()
+    findings.count(Event.SWEEPS_READ, 6)
+    with RunFolder(out).opened(resume=False) as folder:
+        (task,) = folder.begin(record)
+        assert not folder.has_results
+        for number in range(num_rows):
+            folder.take(task, full_row(number, "ego"))
+            assert [row.number for row in folder.rows] == list(range(number + 1))
+        folder.take(task, findings)
+    return folder
 
 
-def test_run_of_an_early_version_cannot_be_resumed(tmp_path, recording):
-    folder = start(tmp_path / "out", recording)
-    old_run(folder)
-    before = {file: file.read_bytes() for file in folder.path.iterdir()}
-    with pytest.raises(EvaluationError, match="another version") as caught:
-        start(tmp_path / "out", recording, resume=True)
+def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
+    folder = done_run(tmp_path / "out", recording)
+    known = folder.finished()["drive", "ego"]
+    assert (known.num_examples, known.counts) == (2, {"sweeps_read": 6})
+    assert begin(folder.path, recording, resume=True)[1] == []
+    rows = folder.path / "rows.jsonl"
+    first, second = rows.read_text().splitlines(keepends=True)
+    for text, skipped in ((first, {0}), (first + second[:-40], {0}), ("", set())):
+        rows.write_text(text)
+        assert folder.finished() == {}
+        (task,) = begin(folder.path, recording, resume=True)[1]
+        assert task.skipped == skipped
+        # A line that was being written when a process was killed is gone.
+        assert rows.read_text() == text.partition("\n")[0] + "\n" * len(skipped)
+    rows.unlink()
+    assert len(begin(folder.path, recording, resume=True)[1]) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("rows.jsonl", "rubbish\n"),
+        ("tasks.jsonl", "{}\n"),
+        ("run.json", "{}"),
+        ("run.json", None),
+        ("rows.jsonl", None),
+    ],
+)
+def test_damaged_file_is_named(tmp_path, recording, name, text):
+    folder = done_run(tmp_path / "out", recording)
+    file = folder.path / name
+    file.unlink()
+    if text is None:
+        # Whoever opened it would wait.
+        os.mkfifo(file)
+    else:
+        file.write_text(text)
+    reason = "is not a file" if text is None else r"(, line 1)?: is not (a|the) \w+"
+    with pytest.raises(EvaluationError, match=rf"{re.escape(name)}(: )?{reason}") as caught:
+        begin(folder.path, recording, resume=True)
     assert "\n" not in str(caught.value)
-    assert {file: file.read_bytes() for file in folder.path.iterdir()} == before
 
 
-def test_damage_that_a_later_session_finds_is_recorded(tmp_path, recording):
-    def damaged(text):
-        return replace(recording, damages=[f"drive.mcap, byte 7: {text}"])
-
-    start(tmp_path / "out", damaged("old"))
-    start(tmp_path / "out", damaged("new"), resume=True)
-    (known,) = RunFolder(tmp_path / "out").read_record().recordings
-    assert known.damages == ["drive.mcap, byte 7: old", "drive.mcap, byte 7: new"]
+def test_run_of_another_version_is_refused(tmp_path, recording):
+    folder = done_run(tmp_path / "out", recording)
+    run = json.loads((folder.path / "run.json").read_text())
+    (folder.path / "run.json").write_text(json.dumps(run | {"format": 1}))
+    with pytest.raises(EvaluationError, match="another version of mnsf_ros"):
+        folder.read_record()
 
 
-def test_folder_without_a_run_holds_nothing_from_before(tmp_path):
-    for path in (tmp_path / "nowhere", tmp_path):
-        with RunFolder(path).opened(resume=True) as folder:
-            assert folder.before is None
-    (tmp_path / "text.txt").touch()
-    with (
-        pytest.raises(EvaluationError, match="holds no run"),
-        RunFolder(tmp_path).opened(resume=True),
-    ):
-        pass
-    assert [file.name for file in tmp_path.iterdir()] == ["text.txt"]
+def test_two_processes_cannot_write_to_the_same_folder(tmp_path, recording):
+    folder, _ = begin(tmp_path / "out", recording)
+    before = (folder.path / "run.json").read_bytes()
+    descriptor = os.open(folder.path, os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with pytest.raises(EvaluationError, match="another process is writing to it"):
+        begin(folder.path, recording, resume=True)
+    assert (folder.path / "run.json").read_bytes() == before
+    os.close(descriptor)
+    begin(folder.path, recording, resume=True)
 
 
 def test_path_that_is_no_text_comes_back(tmp_path, recording):
     path = os.fsdecode(b"bad\xff")
-    folder = start(tmp_path / "out", replace(recording, path=path))
+    folder, _ = begin(tmp_path / "out", replace(recording, path=path))
     assert folder.read_record().recordings[0].path == path
     (folder.path / "run.json").read_text(encoding="utf-8")
     assert path_text(path) == r"bad\xff"

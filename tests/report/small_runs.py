@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
+from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.metrics import FlowErrors
+from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import from_json
-from mnsf_ros.evaluation.run_record import RunRecord
+from mnsf_ros.evaluation.run_record import MachineRecord, RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import ShownFlow
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
@@ -51,50 +51,30 @@ def rows_without_truth():
 
 
 def run_record(methods=METHODS, truth="/truth/flow"):
-    settings = preset("paper").to_mapping()
-    values = {
-        "identity": {
-            "settings": dict(settings),
-            "crop_and_ground": {
-                k: v for k, v in settings.items() if k.startswith(("crop.", "ground."))
-            },
-            "num_points": 2048,
-            "seed": 7,
-            "ground": "truth",
-            "realtime_rate": None,
-            "check_cycle": False,
-            "num_sweeps": 3,
-        },
-        "methods": list(methods),
-        "recordings": [
-            {
-                "name": "street",
-                "path": "/nowhere/street",
-                "points": "/points",
-                "truth": truth,
-                "odometry": None,
-                "num_sweeps": 5,
-                "has_checksums": True,
-                "damages": [],
-            }
-        ],
-        "sessions": [
-            {
-                "started": "2024-05-23T08:00:00+00:00",
-                "command": ["mnsf", "evaluate", "street"],
-                "versions": {"mnsf_ros": "1.0", "torch": "2.0"},
-                "machine": {
-                    "name": "box",
-                    "system": "Linux",
-                    "processor": "fast",
-                    "cores": 2,
-                    "gpu": None,
-                },
-                "git_commit": "abc123",
-            }
-        ],
-    }
-    return from_json(json.dumps(values), RunRecord)
+    options = EvaluationOptions(preset("paper"), num_points=2048, seed=7)
+    described = [
+        EvaluatedMethod(name, MethodTraits(is_reference=name in ("zero", "ego")))
+        for name in methods
+    ]
+    recording = EvaluatedRecording(
+        name="street",
+        path="/nowhere/street",
+        points="/points",
+        truth=truth,
+        odometry=None,
+        num_sweeps=5,
+        has_checksums=True,
+        damages=[],
+        fingerprint={},
+    )
+    session = SessionRecord(
+        started="2024-05-23T08:00:00+00:00",
+        command=["mnsf", "evaluate", "street"],
+        versions={"mnsf_ros": "1.0", "torch": "2.0"},
+        machine=MachineRecord("box", "Linux", "fast", 2, None),
+        git_commit="abc123",
+    )
+    return RunRecord(options, described, [recording], [session])
 
 
 def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):

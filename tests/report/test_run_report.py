@@ -11,10 +11,10 @@ import pytest
 from mnsf_ros.cli import report
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import read_examples
-from mnsf_ros.evaluation.executors import run_serially
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
+from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder

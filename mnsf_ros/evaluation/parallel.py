@@ -1,0 +1,187 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Tasks one after the other, in processes of this machine, or on a Ray cluster.
+
+Wherever tasks run side by side, each is a `concurrent.futures.Future` of its events. On a cluster
+the recordings must be at the same path on all machines, and this package installed there.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import signal
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, Final
+
+from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
+from mnsf_ros.evaluation.run_folder import StoppedError
+from mnsf_ros.evaluation.task import TaskEvent, task_events
+
+Executor = Callable[
+    [Sequence[EvaluationTask], EvaluationOptions], Iterator[tuple[EvaluationTask, TaskEvent]]
+]
+_TaskFuture = Future[list[TaskEvent]]
+
+LOCAL: Final = "local"
+_CONNECT_S: Final = 10.0
+_ENDING_S: Final = 5.0
+_NO_RAY: Final = "--ray needs Ray; in the checkout: pip install '.[ray]'"
+
+
+def run_serially(
+    tasks: Sequence[EvaluationTask], options: EvaluationOptions
+) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    """Runs one task after the other in this process; yields each event at once."""
+    for task in tasks:
+        for event in task_events(task, options):
+            yield task, event
+
+
+def executor(
+    num_workers: int = 1, ray_address: str | None = None, num_gpus: float = 0.0
+) -> AbstractContextManager[Executor]:
+    """Returns what runs tasks while its context is open.
+
+    Args:
+        num_workers: Processes on this machine.
+        ray_address: Ray cluster to run on instead; `local` starts one on this machine.
+        num_gpus: GPU share of each task on the cluster.
+
+    Raises:
+        EvaluationError: A number is out of range, or Ray is not installed; on entering the
+            context, the cluster cannot be reached.
+    """
+    if num_workers < 1:
+        raise EvaluationError(f"workers: got {num_workers}, expected 1 or more")
+    if num_gpus < 0:
+        raise EvaluationError(f"num_gpus: got {num_gpus}, expected 0 or more")
+    if ray_address is not None:
+        return _ray_cluster(_imported_ray(), ray_address, num_gpus)
+    return _processes(num_workers) if num_workers > 1 else nullcontext(run_serially)
+
+
+def _events_as_tasks_end(
+    futures: dict[_TaskFuture, EvaluationTask], lost: type[Exception]
+) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+    """The events of all tasks that end; then StoppedError if workers were `lost`."""
+    reason: Exception | None = None
+    for future in as_completed(futures):
+        try:
+            events = future.result()
+        except lost as error:
+            reason = error
+            continue
+        for event in events:
+            yield futures[future], event
+    if reason is not None:
+        lines = str(reason).strip().splitlines() or [type(reason).__name__]
+        raise StoppedError(f"a worker was lost, for example for lack of memory ({lines[0]})")
+
+
+@contextmanager
+def _processes(num_workers: int) -> Iterator[Executor]:
+    # Not fork: torch and CUDA do not survive it.
+    pool = ProcessPoolExecutor(num_workers, multiprocessing.get_context("spawn"))
+
+    def execute(
+        tasks: Sequence[EvaluationTask], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        # Ctrl-C reaches all processes of a terminal; workers inherit that it is not for them.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            futures = {pool.submit(_events_in_process, task, options): task for task in tasks}
+        finally:
+            signal.signal(signal.SIGINT, handler)
+        yield from _events_as_tasks_end(futures, BrokenProcessPool)
+
+    others = set(multiprocessing.active_children())
+    try:
+        yield execute
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        workers = set(multiprocessing.active_children()) - others
+        for worker in workers:
+            worker.terminate()
+        for worker in workers:
+            worker.join(_ENDING_S)
+            worker.kill()
+
+
+def _events_in_process(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEvent]:
+    """The events of a task; SIGTERM ends programs that it started, and then this process."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return _all_events(task, options)
+    except KeyboardInterrupt:
+        # The pool would go on with another task.
+        signal.raise_signal(signal.SIGKILL)
+        raise
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _all_events(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEvent]:
+    return list(task_events(task, options))
+
+
+@contextmanager
+def _ray_cluster(ray: Any, address: str, num_gpus: float) -> Iterator[Executor]:  # noqa: ANN401
+    def execute(
+        tasks: Sequence[EvaluationTask], options: EvaluationOptions
+    ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
+        needs = {"CPU": options.settings.compute.num_threads, "GPU": num_gpus}
+        _check_nodes([node["Resources"] for node in ray.nodes() if node["Alive"]], needs)
+        # A task whose worker or node is lost is tried again by Ray.
+        work = ray.remote(num_cpus=needs["CPU"], num_gpus=num_gpus)(_all_events)
+        futures = {work.remote(task, options).future(): task for task in tasks}
+        yield from _events_as_tasks_end(futures, ray.exceptions.RayError)
+
+    # A cluster for this machine only need not be reached from others.
+    local = {"_node_ip_address": "127.0.0.1"} if address == LOCAL else {}
+    try:
+        _check_address(address)
+        ray.init(
+            address=address,
+            include_dashboard=False if local else None,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            **local,
+        )
+    except (OSError, ValueError, RuntimeError) as error:
+        text = " ".join(str(error).split())[:200]
+        raise EvaluationError(f"no Ray cluster at {address!r}: {text}") from error
+    try:
+        yield execute
+    finally:
+        ray.shutdown()
+
+
+def _check_nodes(nodes: Sequence[dict[str, float]], needs: dict[str, float]) -> None:
+    """Refuses tasks that would wait forever for what no node has."""
+    if not any(all(node.get(key, 0.0) >= needs[key] for key in needs) for node in nodes):
+        listed = ", ".join(f"{value:g} {key}" for key, value in needs.items())
+        raise EvaluationError(f"no node of the Ray cluster has what a task needs: {listed}")
+
+
+def _check_address(address: str) -> None:
+    """Raises OSError if nobody listens there: Ray itself would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
+
+
+def _imported_ray() -> Any:  # noqa: ANN401 - Ray is optional, so its types are
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        if error.name != "ray":
+            raise
+        raise EvaluationError(_NO_RAY) from error
+    return ray

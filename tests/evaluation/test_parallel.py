@@ -1,0 +1,187 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Tasks in processes and on a Ray cluster give the same as in this process, to the last digit."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import multiprocessing
+import os
+import signal
+import sys
+from dataclasses import replace
+
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.cli import main
+from mnsf_ros.errors import EvaluationError
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.parallel import executor, run_serially
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.run_folder import StoppedError
+from mnsf_ros.evaluation.task import TaskFailed
+
+needs_ray = [
+    pytest.mark.slow,
+    pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed"),
+    # Ray's own code warns of this and that.
+    pytest.mark.filterwarnings("ignore"),
+]
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
+
+
+class Dies(frozenset):
+    """Kills the process that comes to the second sweep of a task, as for lack of memory."""
+
+    def __contains__(self, number):
+        if number == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return False
+
+
+class Waits(frozenset):
+    """Makes the process that comes to the second sweep of a task wait for ever."""
+
+    def __contains__(self, number):
+        if number == 2:
+            signal.pause()
+        return False
+
+
+def events_by_task(execute, tasks, options):
+    events = {}
+    for task, event in execute(tasks, options):
+        is_row = isinstance(event, ResultRow)
+        events.setdefault(task.key, []).append(small.without_times(event) if is_row else event)
+    return events
+
+
+@pytest.mark.parametrize(
+    "where",
+    [{"num_workers": 2}, pytest.param({"ray_address": "local"}, marks=needs_ray)],
+    ids=["processes", "ray"],
+)
+def test_events_are_the_same_wherever_tasks_run(bag, where):
+    options = small.options(num_points=40)
+    tasks = [small.task_at(bag, method) for method in ("fnsf", "nothing")]
+    tasks.append(replace(small.task_at(bag, "zero"), skipped=frozenset([2])))
+    serial = events_by_task(run_serially, tasks, options)
+    with executor(**where) as execute:
+        parallel = events_by_task(execute, tasks, options)
+    assert parallel == serial
+    assert [type(events[-1]) for events in serial.values()].count(Findings) == 2
+    (failed,) = serial["drive", "nothing"]
+    assert isinstance(failed, TaskFailed)
+    assert "unknown method" in failed.reason
+
+
+@pytest.mark.slow
+def test_killed_worker_stops_the_run_after_what_is_finished(bag):
+    tasks = [small.task_at(bag, method) for method in ("zero", "ego", "fnsf")]
+    tasks[2] = replace(tasks[2], skipped=Dies())
+    events = []
+    with (
+        executor(num_workers=2) as execute,
+        pytest.raises(StoppedError, match="a worker was lost") as caught,
+    ):
+        events += execute(tasks, small.options())
+    assert "\n" not in str(caught.value)
+    assert "fnsf" not in {task.method.name for task, _ in events}
+
+
+@pytest.mark.slow
+def test_workers_are_gone_when_nobody_waits_for_them(bag):
+    tasks = [replace(small.task_at(bag, method), skipped=Waits()) for method in ("ego", "fnsf")]
+    with executor(num_workers=2) as execute:
+        events = execute([small.task_at(bag, "zero"), *tasks], small.options())
+        assert next(events)[0].method.name == "zero"
+        assert multiprocessing.active_children()
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
+def test_run_of_a_killed_worker_is_resumed(bag, tmp_path, capsys, monkeypatch):
+    """The command that runs into it ends with a line, and with status 4."""
+    out = tmp_path / "out"
+    script = tmp_path / "method.py"
+    script.write_text("import os, signal; os.kill(os.getppid(), signal.SIGKILL)")
+    settings = [f"--set={name}={value}" for name, value in small.TINY.items()]
+    arguments = [bag, f"--methods=command:{sys.executable} {script}", "--methods=zero,ego"]
+    arguments += ["--workers=2", f"--out={out}", "--pictures=0", *settings]
+    assert main.run(["evaluate", *map(str, arguments)]) == 4
+    said = capsys.readouterr().err
+    assert said.startswith("mnsf: a worker was lost")
+    assert said.count("\n") == 1
+    assert said.endswith(f"repeat the command with --out {out} --resume\n")
+    number = len((out / "rows.jsonl").read_text().splitlines()) if out.exists() else 0
+    script.write_text("import sys, numpy as np; np.save(sys.argv[3], np.load(sys.argv[1]) * 0)")
+    assert main.run(["evaluate", *map(str, arguments), "--resume"]) == 0
+    rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
+    assert number in (0, 4, 8)
+    assert len({(row["method"], row["number"]) for row in rows}) == len(rows) == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"num_workers": 0}, "workers: got 0, expected 1 or more"),
+        ({"num_gpus": -1}, "num_gpus: got -1"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(arguments, text):
+    with pytest.raises(EvaluationError, match=text):
+        executor(**arguments)
+
+
+def test_missing_ray_is_said_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(EvaluationError, match="pip install"):
+        executor(ray_address="local")
+
+
+class TestRay:
+    pytestmark = needs_ray
+
+    def test_task_whose_node_is_lost_is_tried_again(self, bag):
+        import ray
+        from ray.cluster_utils import Cluster
+
+        memory = 80 * 2**20
+        head = {"num_cpus": 1, "include_dashboard": False, "object_store_memory": memory}
+        cluster = Cluster(initialize_head=True, head_node_args=head)
+        try:
+            node = cluster.add_node(num_cpus=1, object_store_memory=memory)
+            # Long enough for a node to be killed in the middle of a task.
+            options = small.options({"optimization.max_iterations": 2000, "field.hidden_width": 64})
+            tasks = [small.task_at(bag, method) for method in ("zero", "fnsf", "mnsf", "nsfp")]
+            expected = events_by_task(run_serially, tasks, options)
+            events = {}
+            with executor(ray_address=cluster.address) as execute:
+                for task, event in execute(tasks, options):
+                    if not events:
+                        cluster.remove_node(node, allow_graceful=False)
+                    is_row = isinstance(event, ResultRow)
+                    known = events.setdefault(task.key, [])
+                    known.append(small.without_times(event) if is_row else event)
+            assert events == expected
+        finally:
+            ray.shutdown()
+            cluster.shutdown()
+
+    def test_clusters_that_cannot_be_used(self, bag):
+        with (
+            pytest.raises(EvaluationError, match="no Ray cluster at '127"),
+            executor(ray_address="127.0.0.1:1"),
+        ):
+            pass
+        tasks = [small.task_at(bag, "zero")]
+        with (
+            executor(ray_address="local", num_gpus=1000) as execute,
+            pytest.raises(EvaluationError, match="what a task needs: 1 CPU, 1000 GPU"),
+        ):
+            list(execute(tasks, small.options()))

@@ -1,0 +1,270 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""One method on one recording: rows, findings and kept flow of a task."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import small_evaluations as small
+
+from mnsf_ros.errors import EvaluationError, RecordingError
+from mnsf_ros.evaluation import task as task_module
+from mnsf_ros.evaluation.findings import Event, Findings
+from mnsf_ros.evaluation.flow_recording import flow_recorder
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import choose_topics
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.task import run_task
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.bag_messages import cloud_message
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.settings import Settings
+from msg_utils.point_cloud2 import decode_points, encode_columns
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 7)
+
+
+def rows_of(task, options, skipped=frozenset()):
+    *rows, findings = run_task(replace(task, skipped=skipped), options)
+    assert isinstance(findings, Findings)
+    return rows
+
+
+def test_odometry_is_right_about_static_points(bag):
+    rows = rows_of(small.task_at(bag, "ego"), small.options())
+    assert [row.number for row in rows] == [1, 2, 3, 4, 5]
+    for row in rows:
+        assert row.failure is None
+        # Without the ground of the truth.
+        assert row.num_points == 54
+        assert row.errors["static"].epe_m == pytest.approx(0, abs=1e-6)
+        # Movers go 0.1 m to the left.
+        assert row.errors["dynamic"].epe_m == pytest.approx(0.1, rel=1e-5)
+        assert row.bucketed["CAR"]["dynamic"] == pytest.approx(1.0, rel=1e-5)
+        assert list(row.by_speed) == ["0.5", "2"]
+        assert row.time_ms >= 0
+    (row, *_) = rows_of(small.task_at(bag, "ego"), small.options({"ground.remove": False}))
+    assert row.num_points == 60
+
+
+@pytest.mark.parametrize("method", ["fnsf", "mnsf"])
+def test_rows_depend_on_the_seed_alone(bag, method):
+    options, task = small.options(num_points=30), small.task_at(bag, method)
+    first, part = (rows_of(task, options, frozenset(skipped)) for skipped in ((), (1, 3)))
+    assert list(map(small.without_times, part)) == [
+        small.without_times(row) for row in first if row.number in (2, 4, 5)
+    ]
+    other = rows_of(task, small.options(num_points=30, seed=1))
+    assert small.without_times(first[0]) != small.without_times(other[0])
+    assert first[0].stop_reasons
+    assert first[0].iterations["forward"] == 3
+
+
+def test_recording_without_truth_gives_consistency_and_time(tmp_path):
+    path = small.write_recording(tmp_path / "plain", with_truth=False, with_odometry=False)
+    rows = rows_of(small.task_at(path, "zero"), small.options())
+    assert len(rows) == 4
+    for row in rows:
+        assert row.errors == {}
+        assert row.consistency["nearest_m"] == row.consistency["zero_nearest_m"] > 0
+    (row, *_) = rows_of(small.task_at(path, "ego"), small.options())
+    assert "does the recording have odometry" in str(row.failure)
+
+
+def test_method_that_fails_on_an_example_goes_on_with_the_next(bag):
+    # Nothing is left of any sweep.
+    far = small.options({"crop.min_range_m": 70.0, "crop.max_range_m": 71.0})
+    rows = rows_of(small.task_at(bag, "mnsf"), far)
+    assert len(rows) == 5
+    assert all("points are left" in str(row.failure) for row in rows)
+
+
+def test_cycle_is_checked_when_asked(bag, tmp_path):
+    (row, *_) = rows_of(small.task_at(bag, "ego"), small.options(check_cycle=True))
+    assert row.consistency["cycle_m"] == pytest.approx(0, abs=1e-6)
+    (row, *_) = rows_of(small.task_at(bag, "ego"), small.options())
+    assert "cycle_m" not in row.consistency
+    path = small.write_recording(tmp_path / "drive", 5, num_points=400)
+    # Methods with a state, too.
+    options = small.options({"ego_motion.removed": True, "ground.remove": False}, check_cycle=True)
+    for method in ("ego-estimated", "online"):
+        rows = rows_of(small.task_at(path, method), options)
+        assert [row.failure for row in rows] == [None] * 3
+        assert all(row.consistency["cycle_m"] >= 0 for row in rows)
+
+
+def test_real_time_drops_what_comes_too_fast(bag):
+    # A million times faster than the recording: no estimate takes less than 0.1 µs.
+    rows = rows_of(small.task_at(bag, "mnsf"), small.options(realtime_rate=1e6))
+    assert sorted(row.number for row in rows) == [1, 2, 3, 4, 5]
+    assert [row.number for row in rows if row.is_dropped] == [2, 3, 4]
+    assert all(row.latency_ms >= row.time_ms for row in rows if not row.failure)
+    # The points that count are those of a run without real time.
+    assert {row.num_points for row in rows} == {54}
+
+
+def test_predictions_of_another_program_are_scored(bag, tmp_path):
+    for index in range(7):
+        np.savez(tmp_path / f"{small.stamp(index)}.npz", flow=small.truth(index).flow)
+    (tmp_path / f"{small.stamp(2)}.npz").unlink()
+    rows = rows_of(small.task_at(bag, f"file:{tmp_path}"), small.options(num_points=20))
+    assert [bool(row.failure) for row in rows] == [False, True, False, False, False]
+    assert [row.errors["all"].epe_m for row in rows if not row.failure] == [0.0] * 4
+    assert all(np.isnan(row.time_ms) for row in rows)
+
+
+def test_rows_of_the_online_method_say_whether_it_was_warm(bag):
+    options = small.options({"warm_start.enabled": True})
+    starts = [row.start for row in rows_of(small.task_at(bag, "online"), options)]
+    assert starts[0] == "cold: first triplet"
+    assert set(starts[1:]) == {"warm"}
+
+
+def test_topics_are_the_usual_ones_or_those_named(bag):
+    inspection = inspect_recording(bag)
+    used = choose_topics(inspection, "drive")
+    assert (used.points, used.truth, used.odometry) == ("/points", "/truth/flow", "/truth/odometry")
+    assert used.num_sweeps == 7
+    with pytest.raises(RecordingError, match="no topic '/lidar'"):
+        choose_topics(inspection, "drive", points="/lidar")
+    with pytest.raises(RecordingError, match="is of type nav_msgs"):
+        choose_topics(inspection, "drive", truth="/truth/odometry")
+    with pytest.raises(RecordingError, match="cannot be both"):
+        choose_topics(inspection, "drive", points="/truth/flow")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"num_points": 0}, "num_points: got 0"),
+        ({"seed": -1}, "seed: got -1"),
+        ({"num_pictured": -1}, "num_pictured: got -1"),
+        ({"realtime_rate": float("nan")}, "realtime rate: got nan"),
+        ({"every": 0}, "every: got 0"),
+        ({"every": 2, "realtime_rate": 1.0}, "--every cannot be combined"),
+    ],
+)
+def test_options_out_of_range_are_refused(values, text):
+    with pytest.raises(EvaluationError, match=text):
+        EvaluationOptions(Settings(), **values)
+
+
+def test_methods_get_the_seed_and_a_fixed_number_of_threads():
+    settings = EvaluationOptions(preset("paper"), seed=5).settings
+    assert (settings.compute.num_threads, settings.compute.seed) == (1, 5)
+    chosen = preset("paper").changed({"compute.num_threads": 3})
+    assert EvaluationOptions(chosen).settings.compute.num_threads == 3
+
+
+def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/PointCloud2"
+    with BagWriter(tmp_path / "bag") as writer:
+        for index in range(3):
+            points = small.xyz(index)
+            columns = {name: points[:, axis] for axis, name in enumerate("xyz")}
+            message = cloud_message(encode_columns(columns, 1, 60), 0, "lidar", is_dense=True)
+            raw = store.serialize_cdr(message, kind)
+            writer.write_raw("/points", kind, small.stamp(index), raw)
+    *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
+    assert [row.stamp_ns for row in rows] == [small.stamp(1)]
+    assert findings.warnings == {Event.SWEEPS_UNSTAMPED: 3}
+
+
+@pytest.mark.parametrize(("method", "num_estimates"), [("zero", 3), ("ego-estimated", 8)])
+def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estimates):
+    """A method that registers sweep after sweep sees those between, too."""
+    path = small.write_recording(tmp_path / "drive", 10)
+    calls = []
+
+    def counted(name, settings):
+        estimator = make_method(name, settings)
+        estimate = estimator.estimate
+
+        def counting(triplet):
+            calls.append(triplet.current.stamp_ns)
+            return estimate(triplet)
+
+        estimator.estimate = counting
+        return estimator
+
+    monkeypatch.setattr(task_module, "make_method", counted)
+    monkeypatch.setattr(task_module, "warm_up", lambda method, settings: None)
+    task = small.task_at(path, method)
+    rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
+    assert [row.number for row in rows] == [1, 4, 7]
+    assert len(calls) == num_estimates
+
+
+def test_sampling_counts_examples_wherever_they_are(tmp_path):
+    """After a gap the numbers of sweeps go on, but the examples between are not there."""
+    indices = (0, 1, 20, 21, 22, 23, 24, 25)
+    task = small.task_at(
+        small.write_recording(tmp_path / "drive", indices, with_truth=False), "zero"
+    )
+    found = [[row.number for row in rows_of(task, small.options(every=n))] for n in (1, 2, 3, 20)]
+    assert found == [[3, 4, 5, 6], [3, 5], [3, 6], [3]]
+    rest = rows_of(task, small.options(every=2), frozenset({3}))
+    assert [row.number for row in rest] == [5]
+
+
+def test_flow_error_and_truth_are_kept_as_a_recording(bag, tmp_path):
+    # What a killed process has left of the same task, and of another one.
+    left, other = tmp_path / ".drive.ego.x7.partial", tmp_path / ".drive.mnsf.x7.partial"
+    for folder in (left, other):
+        folder.mkdir()
+    rows = rows_of(small.task_at(bag, "ego"), small.options(flow_folder=tmp_path))
+    assert [left.exists(), other.exists()] == [False, True]
+    with BagReader(tmp_path / "drive.ego") as reader:
+        counts = {topic: summary.count for topic, summary in reader.topics.items()}
+        assert counts == {"/flow": 5, "/flow/error": 5, "/flow/truth": 5}
+        scans = [list(reader.messages(topic)) for topic in counts]
+    for row, *messages in zip(rows, *scans, strict=True):
+        assert messages[0].header.frame_id == "lidar"
+        flow, error, truth = (decode_points(message).ravel() for message in messages)
+        axes = ("flow_x", "flow_y", "flow_z")
+        distance = np.linalg.norm([flow[axis] - truth[axis] for axis in axes], axis=0)
+        assert error["error_m"] == pytest.approx(distance, abs=1e-6)
+        assert distance.mean() == pytest.approx(row.errors["all"].epe_m, abs=1e-6)
+
+
+def test_only_a_recording_is_replaced_by_flow(tmp_path):
+    path = tmp_path / "drive.ego"
+    path.mkdir()
+    (path / "notes.txt").write_text("mine")
+    with (
+        pytest.raises(RecordingError, match="is not replaced"),
+        flow_recorder(tmp_path, "drive", "ego"),
+    ):
+        pass
+    assert (path / "notes.txt").read_text() == "mine"
+
+
+def test_flow_that_is_asked_for_later_is_made_then(bag, tmp_path):
+    recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
+    out = tmp_path / "out"
+
+    def killed_before_the_last_word(task, event):
+        if isinstance(event, Findings):
+            raise KeyboardInterrupt
+
+    small.run(out, recordings, methods, small.options())
+    options = small.options(flow_folder=out / "flow")
+    with pytest.raises(KeyboardInterrupt):
+        small.run(out, recordings, methods, options, resume=True, watch=killed_before_the_last_word)
+    events, folder = small.run(out, recordings, methods, options, resume=True)
+    assert sum(isinstance(event, ResultRow) for event in events) == 5
+    assert len(list(folder.rows)) == 10
+    assert len(list((out / "flow").iterdir())) == 2
+    events, _ = small.run(out, recordings, methods, options, resume=True)
+    assert events == []
