@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
+from mnsf_ros.simulation.scenarios import Stage
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -90,16 +91,20 @@ def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     return class_id
 
 
-def simulated_sweeps(seed: int, number: int, **settings: float | str) -> list[TrueSweep]:
+def simulated_sweeps(
+    seed: int, number: int, stage: Stage | None = None, **settings: float
+) -> list[TrueSweep]:
     """Returns sweeps of a simulated street; `settings` are those of `SimulationSettings`."""
-    return list(simulated_drive(seed, number, **settings))
+    return list(simulated_drive(seed, number, stage, **settings))
 
 
-def simulated_drive(seed: int, number: int, **settings: float | str) -> Iterator[TrueSweep]:
+def simulated_drive(
+    seed: int, number: int, stage: Stage | None = None, **settings: float
+) -> Iterator[TrueSweep]:
     """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
     simulation = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
-    for item in simulate_sweeps(simulation):
+    for item in simulate_sweeps(simulation, stage):
         yield TrueSweep(
             Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
             item.world_from_sensor,

@@ -24,6 +24,7 @@ from drives import TrueSweep
 from frame import make_parser
 from movers import KITTI, recordings
 from numpy.typing import NDArray
+from scenarios import SCENARIOS
 from scipy.optimize import minimize
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -36,7 +37,6 @@ from mnsf_ros.objects.evidence import moving_scores
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.presets import preset
-from mnsf_ros.simulation.settings import SCENARIOS
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _CLOSE_M: Final = 0.1

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from drives import TrueSweep, real_sweeps, simulated_sweeps
 from frame import Table, Target, make_parser, publish
+from scenarios import SCENARIOS
 
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW, MoverSummary
@@ -28,17 +29,13 @@ from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.simulation.settings import SCENARIOS
 from mnsf_ros.sweeps.kept_points import crop_mask
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
 KITTI: Final = "KITTI 0005"
 PAIRS: Final = "KITTI 0005, two sweeps"
 _STREETS: Final = "simulated streets"
-_SEEDS: Final = {"tuned": (0,), "reported": (3,)}
-# The streets of this scenario differ most from seed to seed.
-_HARD: Final = "street_that_hurts"
-_HARD_SEEDS: Final = {"tuned": (0, 1, 2), "reported": (3, 4, 5)}
+_SEEDS: Final = {"tuned": 0, "reported": 3}
 # In this one the traffic stops later than the usual number of sweeps.
 _MIN_SWEEPS: Final = {"stop_and_go": 45}
 # The first sweeps have no past and are not scored.
@@ -80,12 +77,11 @@ def recordings(half: str, num_sweeps: int, groups: list[str] | None) -> Iterator
     for group in (KITTI, PAIRS):
         if kitti and (groups is None or group in groups):
             yield group, group, kitti, counted
-    for group in SCENARIOS:
+    for group, stage in SCENARIOS.items():
         if groups is None or group in groups:
-            for seed in (_HARD_SEEDS if group == _HARD else _SEEDS)[half]:
-                number = max(num_sweeps, _MIN_SWEEPS.get(group, 0))
-                sweeps = simulated_sweeps(seed, number, scenario=group)
-                yield group, f"{group} {seed}", sweeps, range(_NUM_FIRST, len(sweeps) - 1)
+            number = max(num_sweeps, _MIN_SWEEPS.get(group, 0))
+            sweeps = simulated_sweeps(_SEEDS[half], number, stage)
+            yield group, f"{group} {_SEEDS[half]}", sweeps, range(_NUM_FIRST, len(sweeps) - 1)
 
 
 def scored(group: str, name: str, sweeps: list[TrueSweep], counted: range) -> Iterator[ResultRow]:

@@ -89,27 +89,6 @@ def lorry(rng: np.random.Generator) -> Model:
     return Model(SurfaceClass.LARGE_VEHICLE, shapes, length, 2.5, rng.uniform(60.0, 120.0))
 
 
-def bus_front(rng: np.random.Generator) -> Model:
-    """Returns the front part of an articulated bus; its end, at the joint, is nobody's alone."""
-    roof, reflectivity = rng.uniform(2.9, 3.1), rng.uniform(60.0, 120.0)
-    shapes = (box((-4.4, 4.4), (-1.25, 1.25), (0.3, roof)),)
-    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 7.2, 2.5, reflectivity)
-
-
-def bus_rear(rng: np.random.Generator) -> Model:
-    """Returns the rear part of an articulated bus, which follows 9 m behind the front part."""
-    roof, reflectivity = rng.uniform(2.9, 3.1), rng.uniform(60.0, 120.0)
-    shapes = (box((-4.2, 4.2), (-1.25, 1.25), (0.3, roof)),)
-    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 7.2, 2.5, reflectivity)
-
-
-def coach(rng: np.random.Generator) -> Model:
-    """Returns a coach of 17 m in one piece: longer than what usually moves."""
-    roof, reflectivity = rng.uniform(3.2, 3.6), rng.uniform(60.0, 120.0)
-    shapes = (box((-8.5, 8.5), (-1.27, 1.27), (0.35, roof)),)
-    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 17.0, 2.54, reflectivity)
-
-
 def tree(rng: np.random.Generator) -> Model:
     """Returns a street tree whose crown leaves headroom for walking."""
     radius = rng.uniform(0.12, 0.24)

@@ -23,7 +23,6 @@ from mnsf_ros.simulation.street import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from mnsf_ros.geometry.transforms import FloatArray
 
 _HOUSE_WIDTH_M = 11.0
 # On the outside of a bend straight walls would leave gaps.
@@ -41,12 +40,6 @@ def roadside_bodies(street: Street, rng: np.random.Generator) -> list[Body]:
         *_corner_posts(street, rng),
         *_parked_cars(street, rng),
     ]
-
-
-def parking_gaps(street: Street) -> FloatArray:
-    """Returns (G,) world x in metres of the middles between two parking places of a row."""
-    starts: FloatArray = np.arange(street.start_x, street.end_x, _PARKING_PITCH_M)
-    return starts + _PARKING_PITCH_M / 2
 
 
 def _away_from_street(side: float) -> float:

@@ -109,20 +109,6 @@ class Trip:
 
 
 @dataclass(frozen=True)
-class Spin:
-    """Turning on the spot at world (x, y) in metres, by `rate_rad_s` to the left."""
-
-    x: float
-    y: float
-    rate_rad_s: float
-
-    def planar(self, times_s: FloatArray) -> FloatArray:
-        """Returns (T, 3) world x, y (metres) and yaw (radians) at (T,) times in seconds."""
-        place = np.full((len(times_s), 2), (self.x, self.y))
-        return np.column_stack([place, self.rate_rad_s * times_s])
-
-
-@dataclass(frozen=True)
 class Stop:
     """A halt before a crossing, from one time to another, in seconds of the recording."""
 
@@ -137,7 +123,7 @@ class EgoMotion:
     The rows of `sway` (3, 3) are pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.
     """
 
-    trip: Trip | Spin
+    trip: Trip
     sway: FloatArray
 
     def world_from_sensor(self, time_s: float) -> FloatArray:
@@ -203,7 +189,7 @@ class Clearance:
         self._margin_m = margin_m
         self._tracks: list[_Track] = []
 
-    def accept(self, trip: Trip | Spin, length_m: float, width_m: float) -> bool:
+    def accept(self, trip: Trip, length_m: float, width_m: float) -> bool:
         """Adds the trip of a rectangle unless it meets an accepted one; says whether it did."""
         track = self._track(trip, length_m, width_m)
         if any(_meet(track, other) for other in self._tracks):
@@ -211,7 +197,7 @@ class Clearance:
         self._tracks.append(track)
         return True
 
-    def _track(self, trip: Trip | Spin, length_m: float, width_m: float) -> _Track:
+    def _track(self, trip: Trip, length_m: float, width_m: float) -> _Track:
         count = max(1, math.ceil(length_m / width_m))
         spacing = length_m / count
         radius = math.hypot(spacing, width_m) / 2 + self._margin_m

@@ -17,15 +17,9 @@ from mnsf_ros.simulation.routes import (
     draw_sway,
     drive_with_stops,
 )
-from mnsf_ros.simulation.scenarios import STAGES, Sensor
+from mnsf_ros.simulation.scenarios import STAGES, Sensor, Stage
 from mnsf_ros.simulation.stage import staged_bodies
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
-from mnsf_ros.simulation.street_that_hurts import (
-    add_lorry,
-    add_people,
-    add_scooters,
-    scene_rng,
-)
 from mnsf_ros.simulation.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -47,9 +41,13 @@ class Scene:
     sensor: Sensor
 
 
-def build_scene(settings: SimulationSettings) -> Scene:
-    """Returns the scene of a recording; equal settings give equal scenes."""
-    if (stage := STAGES.get(settings.scenario)) is not None:
+def build_scene(settings: SimulationSettings, stage: Stage | None = None) -> Scene:
+    """Returns the scene of a recording; equal settings give equal scenes.
+
+    A stage takes the place of the scenario of the settings.
+    """
+    stage = stage or STAGES.get(settings.scenario)
+    if stage is not None:
         return Scene(*staged_bodies(stage, settings), stage.sensor)
     # A generator of its own for each part: more cars do not change the houses.
     ground, statics, movers = np.random.default_rng([settings.seed, 0]).spawn(3)
@@ -68,20 +66,11 @@ def build_scene(settings: SimulationSettings) -> Scene:
     trip = Trip(route, profile, start)
     ego = EgoMotion(trip, draw_sway(ground))
     traffic = Traffic(street, trip, settings.duration_s, movers)
-    hurts = settings.scenario == "street_that_hurts"
-    extra = scene_rng(settings.seed)
-    if hurts and settings.seed % 2:
-        # Before those that come along its lane: they make room.
-        add_lorry(traffic, trip, extra)
     for crossing, stop in zip(street.crossings, stops, strict=True):
         traffic.add_crossing(crossing, stop)
     traffic.add_companions()
-    if hurts:
-        add_scooters(traffic, reach_x, extra)
     traffic.add_cyclists(reach_x)
     traffic.add_oncoming(reach_x)
-    if hurts:
-        add_people(traffic, reach_x, extra)
     traffic.add_walkers(reach_x)
     return Scene(street, (*roadside_bodies(street, statics), *traffic.bodies), ego, Sensor())
 

@@ -11,14 +11,12 @@ from mnsf_ros.setting import Setting, declared, settings_of
 from mnsf_ros.simulation.scenarios import STAGES
 
 BEAM_CHOICES = (16, 32, 64, 128)
-# The usual street; one with movers that are hard to find (people along walls and between parked
-# cars, slow walkers, scooters beside parked rows, with odd seeds a lorry alongside); staged ones.
-SCENARIOS = ("street", "street_that_hurts", *STAGES)
+SCENARIOS = ("street", *STAGES)
 
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """What to simulate. Equal settings give equal recordings, byte for byte.
+    """Settings of a simulation. Equal settings give equal recordings, byte for byte.
 
     Raises:
         SettingsError: If a value is of the wrong type or out of its range.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Scenes of staged scenarios: from what is declared to bodies in the world."""
+"""Scenes of staged scenarios, from their declarations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from mnsf_ros.simulation.routes import (
     EgoMotion,
     Route,
     SpeedProfile,
-    Spin,
     Trip,
     draw_sway,
 )
@@ -28,7 +27,7 @@ from mnsf_ros.simulation.street import Centerline, Crossing, Street
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from mnsf_ros.simulation.scenarios import Mover, Row, Speeds, Stage, Way
+    from mnsf_ros.simulation.scenarios import ModelName, Mover, Row, Speeds, Stage, Way
     from mnsf_ros.simulation.settings import SimulationSettings
 
 _STEP_M = 0.5
@@ -51,15 +50,13 @@ def staged_bodies(
     bodies = [body for row in stage.rows for body in _row(row, street, statics)]
     for mover in stage.movers:
         for model, trip in _trips(mover, movers):
-            # Two that would meet are not told apart by anybody: the later one stays away.
+            # Of two that would meet, the later one is left out.
             if clearance.accept(trip, model.length_m, model.width_m):
                 bodies.append(Body(model, trip))
     return street, tuple(bodies), ego
 
 
-def _ego_trip(stage: Stage, speed_m_s: float) -> Trip | Spin:
-    if stage.spin_deg_s:
-        return Spin(0.0, 0.0, math.radians(stage.spin_deg_s))
+def _ego_trip(stage: Stage, speed_m_s: float) -> Trip:
     speeds = tuple((time_s, share * speed_m_s) for time_s, share in stage.ego_speeds)
     route = Route.through(_points(stage.ego, 20.0))
     at_start = route.arc_nearest(0.0, stage.ego[0][1])
@@ -89,10 +86,11 @@ def _row(row: Row, street: Street, rng: np.random.Generator) -> Iterator[Body]:
             yield Body(model, planar_pose(float(x), row.y, math.radians(row.turn_deg)))
 
 
-def _maker(name: str) -> Callable[[np.random.Generator], Model]:
-    if name == "house":
+def _maker(model: ModelName) -> Callable[[np.random.Generator], Model]:
+    if model == "house":
         return partial(models.house, width_m=11.0)
-    maker: Callable[[np.random.Generator], Model] = getattr(models, name)
+    maker: Callable[[np.random.Generator], Model]
+    maker = getattr(models, model) if isinstance(model, str) else model
     return maker
 
 

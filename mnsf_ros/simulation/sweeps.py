@@ -14,13 +14,14 @@ from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
 from mnsf_ros.simulation.ground import ground_hits, intensities
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
-from mnsf_ros.simulation.scene import Scene, build_scene
+from mnsf_ros.simulation.scene import build_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
+    from mnsf_ros.simulation.scenarios import Stage
     from mnsf_ros.simulation.settings import SimulationSettings
 
 # 2024-05-23T08:00:00Z: fixed, so that equal settings give equal recordings.
@@ -68,12 +69,18 @@ class SimulatedSweep:
     times_ns: NDArray[np.uint32] | None = None
 
 
-def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
+def simulate_sweeps(
+    settings: SimulationSettings, stage: Stage | None = None
+) -> Iterator[SimulatedSweep]:
     """Yields the sweeps of a recording in the order of their stamps.
 
     Every sweep has flow, also the last one: its truth leads to the sweep that would follow.
+
+    Args:
+        settings: Of the simulation.
+        stage: Takes the place of the scenario of the settings.
     """
-    simulator = SweepSimulator(settings)
+    simulator = SweepSimulator(settings, stage)
     for index in range(settings.num_sweeps):
         yield simulator.sweep(index)
 
@@ -81,10 +88,10 @@ def simulate_sweeps(settings: SimulationSettings) -> Iterator[SimulatedSweep]:
 class SweepSimulator:
     """Takes sweeps of one scene, in any order."""
 
-    def __init__(self, settings: SimulationSettings, scene: Scene | None = None) -> None:
-        """Takes sweeps of `scene`, or of the scenario that the settings name."""
+    def __init__(self, settings: SimulationSettings, stage: Stage | None = None) -> None:
+        """Builds the scene, see `build_scene`."""
         self.settings = settings
-        self.scene: Scene = scene or build_scene(settings)
+        self.scene = build_scene(settings, stage)
         bodies = self.scene.bodies
         owners = [number for number, body in enumerate(bodies) for _ in body.model.shapes]
         self._shapes = ShapeTable([s for body in bodies for s in body.model.shapes], owners)

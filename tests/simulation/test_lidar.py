@@ -1,14 +1,41 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Rays of the simulated lidar, against slow and obvious geometry."""
+
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from slow_geometry import signed_distance
 
 from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
 from mnsf_ros.simulation.bodies import Shape, ShapeKind, box, entry_ranges
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
 
 FULL = (slice(None), slice(None))
+HALF = {
+    ShapeKind.BOX: np.array([2.0, 1.0, 0.5]),
+    ShapeKind.CYLINDER: np.array([0.7, 0.7, 1.5]),
+    ShapeKind.SPHERE: np.array([1.2, 1.2, 1.2]),
+}
+
+
+@pytest.mark.parametrize("kind", list(ShapeKind))
+def test_entry_is_the_first_point_on_the_surface(kind):
+    rng = np.random.default_rng(3)
+    origin = np.array([3.0, -2.5, 1.7])
+    rays = rng.normal(size=(4000, 3)) - 0.4 * origin
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    entry = entry_ranges(kind, HALF[kind], origin, tuple(rays.T))
+    hit = np.isfinite(entry)
+    assert 50 < hit.sum() < 3950
+    points = origin + entry[hit, None] * rays[hit]
+    assert np.abs(signed_distance(kind, HALF[kind], points)).max() < 1e-9
+    # Marching along each ray finds nothing before the entry, and nothing at all on a miss.
+    for part in np.linspace(0.0, 0.999, 60):
+        before = origin + part * entry[hit, None] * rays[hit]
+        assert signed_distance(kind, HALF[kind], before).min() > 0
+    for reach in np.linspace(0.0, 8.0, 160):
+        assert signed_distance(kind, HALF[kind], origin + reach * rays[~hit]).min() > -0.01
 
 
 def random_shape(rng):
@@ -25,7 +52,7 @@ def random_shape(rng):
     return Shape(kind, tuple(half), pose)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_culling_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     # The last shapes stand around, above and below the lidar and behind it, across azimuth pi.
@@ -73,11 +100,3 @@ def test_shapes_beyond_the_range_are_not_seen():
     ranges, bodies = ShapeTable([far], [0]).cast(rays, np.eye(4)[None], 50.0)
     assert not np.isfinite(ranges).any()
     assert (bodies == -1).all()
-
-
-@pytest.mark.parametrize("num_beams", [16, 32, 64, 128])
-def test_beams_rise_over_the_vertical_field_of_view(num_beams):
-    elevations = np.degrees(Rays.revolution(36, num_beams, 0.0).elevations)
-    assert len(elevations) == num_beams
-    assert np.all(np.diff(elevations) > 0)
-    assert elevations[[0, -1]] == pytest.approx([-24.8, 2.0])
