@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""sensor_msgs/PointCloud2 as the bytes that go over the wire: CDR, little-endian."""
+"""Serialization of sensor_msgs/PointCloud2: CDR, little-endian."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _ENCAPSULATION: Final = b"\x00\x01\x00\x00"
 def serialized_cloud(header: HeaderLike, encoding: CloudEncoding, *, is_dense: bool) -> bytes:
     """Returns the serialized message of a cloud, its points written in place.
 
-    The bytes are those that rclpy would make of the message, which copies the points three times.
+    The bytes are those of rclpy, which copies the points three times.
     """
     start, num_bytes = _before_data(header, encoding), encoding.layout.num_bytes
-    # The one way to write into the memory of a `bytes`, which publishers want: `getvalue` hands
-    # it out as it is.
+    # The one way to write into the memory of a `bytes`, as publishers need it: `getvalue` does not
+    # copy.
     stream = io.BytesIO()
     stream.write(start)
     stream.seek(num_bytes, io.SEEK_CUR)
@@ -35,7 +35,7 @@ def serialized_cloud(header: HeaderLike, encoding: CloudEncoding, *, is_dense: b
 
 
 def _before_data(header: HeaderLike, encoding: CloudEncoding) -> bytes:
-    """Everything up to the bytes of the points."""
+    """Returns the bytes before those of the points."""
     layout, out = encoding.layout, bytearray()
     _append(out, "i", header.stamp.sec)
     _append(out, "I", header.stamp.nanosec)
@@ -62,7 +62,7 @@ def _append(out: bytearray, kind: str, value: int) -> None:
 
 
 def _append_text(out: bytearray, text: str) -> None:
-    # A string of C ends at its first zero, and so does one that rclpy sends.
+    # As in rclpy, a string ends at its first zero.
     content = text.encode().partition(b"\0")[0] + b"\0"
     _append(out, "I", len(content))
     out += content

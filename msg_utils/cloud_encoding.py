@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A cloud that is to be encoded: its layout, and what is written into its bytes."""
+"""Encoding of clouds: their layout, and the values of their bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from msg_utils.point_fields import POINT_STEP_MAX, FieldLayout
 # Name -> (height * width,) values in row order, of a type that a field can have.
 Columns: TypeAlias = Mapping[str, npt.NDArray[Any]]
 
-# So many points are written field by field before the next ones are: their bytes stay in the cache.
+# Points are written in blocks, field by field: the bytes of a block stay in the cache.
 _BLOCK_POINTS: Final = 4096
 
 
@@ -32,7 +32,7 @@ class KeptBytes:
 
 @dataclass(frozen=True, eq=False)
 class CloudEncoding:
-    """The layout of a cloud without padding of rows, and where its bytes come from."""
+    """The layout of a cloud without padding of rows, and the sources of its bytes."""
 
     layout: CloudLayout
     columns: tuple[tuple[FieldLayout, npt.NDArray[Any]], ...]
@@ -49,9 +49,7 @@ class CloudEncoding:
         is_bigendian: bool = False,
         kept: KeptBytes | None = None,
     ) -> CloudEncoding:
-        """Makes the encoding of a cloud of a height and a width.
-
-        The last fields are those of the columns, in their order.
+        """Returns the encoding of a cloud of a height and a width; the columns are its last fields.
 
         Raises:
             MessageError: There are points but no fields, or more bytes than a message can state.
@@ -68,21 +66,12 @@ class CloudEncoding:
 
     def encoded(self) -> EncodedCloud:
         """Returns the cloud with data of its own memory."""
-        layout = self.layout
-        data = np.zeros(layout.num_bytes, np.uint8)
+        data = np.zeros(self.layout.num_bytes, np.uint8)
         self.write(data)
-        return EncodedCloud(
-            layout.height,
-            layout.width,
-            layout.fields,
-            layout.is_bigendian,
-            layout.point_step,
-            layout.row_step,
-            data,
-        )
+        return EncodedCloud(**vars(self.layout), data=data)
 
     def write(self, data: npt.NDArray[np.uint8]) -> None:
-        """Fills `layout.num_bytes` bytes, all of them 0 before."""
+        """Fills `layout.num_bytes` bytes, which must be 0."""
         if self.layout.num_points == 0:
             return
         pairs = self._pairs(data)
@@ -95,7 +84,7 @@ class CloudEncoding:
     def _pairs(
         self, data: npt.NDArray[np.uint8]
     ) -> list[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
-        """Views of the same shape into the data, and what is to be written there."""
+        """Returns views into the data, each with its values of the same shape."""
         layout, kept = self.layout, self.kept
         pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
         shape = (layout.num_points, 1)

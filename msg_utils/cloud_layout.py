@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where the points of a cloud lie in its data, and NumPy views of them."""
+"""Layout of the points of a cloud in its data, and NumPy views of them."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class CloudLayout:
 
     @classmethod
     def from_cloud(cls, cloud: PointCloudLike) -> CloudLayout:
-        """Checks the layout that a message states.
+        """Checks the layout of a message.
 
-        A cloud without points is let through with a `point_step` or `row_step` that is too small:
-        nothing is read, and empty clouds in the wild leave both unset.
+        `point_step` and `row_step` of a cloud without points may be too small: nothing is read, and
+        drivers leave both unset in empty clouds.
 
         Raises:
             MessageError: The layout contradicts itself.
@@ -98,7 +98,7 @@ class CloudLayout:
 
 @dataclass(frozen=True, eq=False)
 class EncodedCloud(CloudLayout):
-    """What a message needs besides its header and `is_dense`; decodes like a message.
+    """A cloud without header and `is_dense`; decodes like a message.
 
     `data` is (height * row_step,) uint8 in one piece and of its own memory, rows without padding.
     """
@@ -109,8 +109,7 @@ class EncodedCloud(CloudLayout):
 def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[np.uint8]:
     """Views the data of a cloud as read-only bytes, without a copy.
 
-    Only the bytes of the points are asked for: padding may be missing after the last row, and more
-    data than the layout needs is ignored.
+    Padding after the last row may be missing, and further data is ignored.
 
     Raises:
         MessageError: The data is not bytes in one piece, or shorter than the layout says.

@@ -10,7 +10,7 @@ from typing import Final, SupportsIndex
 INT32_MAX: Final = 2**31 - 1
 UINT32_MAX: Final = 2**32 - 1
 
-# A message is sent by anybody: its values must neither break a log line nor fill the log.
+# Messages have any sender: their values must neither break a log line nor fill the log.
 _SHORTENER: Final = reprlib.Repr()
 _SHORTENER.maxstring = _SHORTENER.maxother = 80
 _SHORTENER.maxlist = _SHORTENER.maxtuple = 64

@@ -25,7 +25,6 @@ __all__ = [
     "decode_points",
     "decode_xyz",
     "encode_columns",
-    "encode_with_columns",
     "encoding_of_columns",
     "encoding_with_columns",
 ]
@@ -49,14 +48,13 @@ def decode_points(cloud: PointCloudLike) -> npt.NDArray[Any]:
 def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """Copies the positions of all finite points.
 
-    Coordinates have to be FLOAT32 or FLOAT64: for integers the message does not say the unit. A
-    cloud without points needs no fields at all.
+    Coordinates must be FLOAT32 or FLOAT64: integers have no unit in the message. A cloud without
+    points needs no fields.
 
     Returns:
         xyz: (N, 3) float32, metres, native byte order, C-contiguous, of its own memory. Points row
             by row, without those of which x, y or z is NaN, infinite or beyond float32.
-        finite: (height * width,) bool, True for the N points of `xyz`. Apply it to every other
-            column of the cloud, and to put results back in place.
+        finite: (height * width,) bool, True for the N points of `xyz`: the mask of all columns.
 
     Raises:
         MessageError: The cloud cannot be decoded, or has no x, y or z of a floating point type.
@@ -67,7 +65,7 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
         return np.empty((0, 3), np.float32), np.empty(0, np.bool_)
     _check_coordinates(layout.fields)
     grid = np.empty((*points.shape, 3), np.float32)
-    # Float64 beyond float32 becomes infinite, and so not finite: no reason for a warning.
+    # Float64 beyond float32 becomes infinite, without a warning.
     with np.errstate(all="ignore"):
         for axis, name in enumerate(_XYZ):
             grid[..., axis] = points[name]
@@ -79,36 +77,28 @@ def decode_xyz(cloud: PointCloudLike) -> tuple[npt.NDArray[np.float32], npt.NDAr
     return (xyz if finite.all() else np.compress(finite, xyz, axis=0)), finite
 
 
-def encode_with_columns(
-    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
-) -> EncodedCloud:
-    """Copies a cloud and gives every point further fields, see `encoding_with_columns`."""
-    return encoding_with_columns(cloud, columns, clash_prefix=clash_prefix).encoded()
-
-
 def encode_columns(columns: Columns, height: int, width: int) -> EncodedCloud:
     """Builds a cloud of the given columns, see `encoding_of_columns`."""
     return encoding_of_columns(columns, height, width).encoded()
 
 
 def encoding_with_columns(
-    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str = ""
+    cloud: PointCloudLike, columns: Columns, *, clash_prefix: str
 ) -> CloudEncoding:
-    """Returns how to copy a cloud and give every point further fields.
+    """Returns the encoding of a cloud with further fields for every point.
 
-    All fields of the cloud keep name, offset, datatype, count and the exact bytes of their values,
-    also where they overlap or repeat a name; points keep their order, the cloud its byte order. New
-    fields follow the last kept one, each at a multiple of its size. A field of the cloud with the
-    name of a column is dropped first, so that encoding the result again gives the same layout; or,
-    with a `clash_prefix`, it is kept under another name, see `clash_names`. Padding at the end of
-    points and rows is not kept.
+    All fields of the cloud keep offset, datatype, count and the exact bytes of their values, also
+    where they overlap or repeat a name; points keep their order, the cloud its byte order. New
+    fields follow the last one, each at a multiple of its size. A field of the cloud with the name
+    of a column is renamed, see `clash_names`. Padding at the end of points and rows is dropped.
 
     Raises:
         MessageError: The cloud cannot be decoded, or a column does not fit it.
     """
     layout = CloudLayout.from_cloud(cloud)
     buffer = read_only_bytes(cloud, layout)
-    kept = _kept_fields(layout.fields, columns, clash_prefix)
+    others = clash_names([field.name for field in layout.fields], columns, clash_prefix)
+    kept = tuple(replace(field, name=others.get(field.name, field.name)) for field in layout.fields)
     kept_size = fields_end(kept)
     added = _column_fields(columns, layout.num_points, kept_size, aligned=True)
     # Fields stay at multiples of their size from point to point, too.
@@ -124,7 +114,7 @@ def encoding_with_columns(
 
 
 def encoding_of_columns(columns: Columns, height: int, width: int) -> CloudEncoding:
-    """Returns how to build a little-endian cloud of columns, in their order and without gaps.
+    """Returns the encoding of a little-endian cloud of columns, in their order and without gaps.
 
     Raises:
         MessageError: A column does not fit, or there are points but no columns.
@@ -135,11 +125,9 @@ def encoding_of_columns(columns: Columns, height: int, width: int) -> CloudEncod
 
 
 def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> dict[str, str]:
-    """Finds other names for the fields of a cloud that have the name of a column.
+    """Returns new names of the fields of a cloud that have the name of a column.
 
-    Returns:
-        Name -> other name, of those fields only: with the prefix, as often as it takes to be
-        unique.
+    The prefix is repeated until a name is unique.
     """
     wanted = set(columns)
     taken, others = wanted | set(names), {}
@@ -150,15 +138,6 @@ def clash_names(names: Collection[str], columns: Iterable[str], prefix: str) -> 
         others[name] = other
         taken.add(other)
     return others
-
-
-def _kept_fields(
-    fields: tuple[FieldLayout, ...], columns: Columns, clash_prefix: str
-) -> tuple[FieldLayout, ...]:
-    if not clash_prefix:
-        return tuple(field for field in fields if field.name not in columns)
-    others = clash_names([field.name for field in fields], columns, clash_prefix)
-    return tuple(replace(field, name=others.get(field.name, field.name)) for field in fields)
 
 
 def _column_fields(

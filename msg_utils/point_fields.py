@@ -14,7 +14,7 @@ from msg_utils.errors import INT32_MAX, MessageError, checked_integer, describe
 # Any object with the attributes of sensor_msgs/PointField.
 PointFieldLike: TypeAlias = Any
 
-# What NumPy can address; a message could state twice as much.
+# The limit of NumPy; a message could state twice as much.
 POINT_STEP_MAX: Final = INT32_MAX
 
 # The constants of sensor_msgs/PointField.
@@ -31,7 +31,7 @@ _DATATYPES_TEXT: Final = ", ".join(
 class FieldLayout:
     """One field of a point: the values of sensor_msgs/PointField.
 
-    `count` 0 is kept but means 1, as PCL reads it: old drivers leave it unset.
+    `count` 0 is kept but means 1, as in PCL: old drivers leave it unset.
     """
 
     name: str
@@ -89,7 +89,7 @@ def datatype_of(scalar: np.dtype[Any], name: str) -> int:
 
 
 def fields_end(fields: Iterable[FieldLayout]) -> int:
-    """Returns the bytes from the start of the point to the end of the field farthest out."""
+    """Returns the bytes from the start of the point to the end of its last field."""
     return max((field.end for field in fields), default=0)
 
 

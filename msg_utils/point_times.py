@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""When each point of a cloud was measured, from the field in which its driver says so."""
+"""Times of the points of a cloud, from the field of its driver."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ NO_FIELD: Final = "none"
 # In the order in which they are tried.
 FIELD_NAMES: Final = ("t", "time", "timestamp", "time_stamp", "offset_time")
 UNITS_S: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# A sweep takes from here to there. Of `s`, `us` and `ns` one at most makes that of given numbers.
+# Duration of a sweep. At most one of `s`, `us` and `ns` gives it for given numbers.
 _SHORTEST_S: Final = 0.002
 _LONGEST_S: Final = 2.0
-# Numbers of fewer bits are something else: a tag, a line, a temperature.
+# Smaller numbers are something else: a tag, a line, a temperature.
 _MIN_BYTES: Final = 4
-# Units that are tried by themselves, by the kind of the numbers.
+# Units of the rule `auto`, by the kind of the numbers.
 _USUAL_UNITS: Final = {"f": ("s", "us", "ns"), "i": ("us", "ns"), "u": ("us", "ns")}
 
 
 @dataclass(frozen=True)
 class TimeRule:
-    """How times are to be read; `auto` leaves it to type, name and values of the fields.
+    """Settings of reading times; `auto` decides by type, name and values of the fields.
 
     Attributes:
-        field: Name of the field; `none`: do not read any.
+        field: Name of the field; `none`: no times.
         unit: `s`, `ms`, `us` or `ns`.
-        stamp: What the stamp of the cloud is: `start`, the time of the first point, or `end`, that
-            of the last one.
+        stamp: Meaning of the cloud's stamp: time of the first point (`start`) or of the last one
+            (`end`).
     """
 
     field: str = AUTO
@@ -46,14 +46,13 @@ class TimeRule:
 
 @dataclass(frozen=True, eq=False)
 class PointTimes:
-    """What a cloud says of the times of its points.
+    """Times of the points of a cloud.
 
     Attributes:
         times_s: (N,) float32, seconds after the stamp of the cloud, negative before it; None if
-            they are not known.
-        source: What they were read from, the same text for all clouds that are alike; `none`.
-        fault: What is wrong with the times that the cloud has; empty if nothing is, or if it has
-            none.
+            unknown.
+        source: Description of field, unit and stamp, the same for similar clouds; `none`.
+        fault: Fault of the times in the cloud; empty without a fault or without times.
     """
 
     times_s: npt.NDArray[np.float32] | None
@@ -62,7 +61,7 @@ class PointTimes:
 
 
 class _UnfitError(ValueError):
-    """The values of a field that cannot be the times of the points of a sweep."""
+    """The values of a field cannot be times of a sweep."""
 
 
 def decode_times(
@@ -73,7 +72,7 @@ def decode_times(
 ) -> PointTimes:
     """Reads the times of the wanted points (height * width,) of a cloud of this stamp.
 
-    Never fails: times that cannot be trusted are none.
+    Unfit times are a fault of the result, not an error.
 
     Raises:
         MessageError: The cloud cannot be decoded.
@@ -126,7 +125,7 @@ def _times_of(
 
 
 def _unit(first: float, last: float, kind: str) -> str:
-    """The unit in which the values span a sweep."""
+    """Returns the unit in which the values span a sweep."""
     if first == last:
         raise _UnfitError(f"all values are {first:g}")
     for unit in _USUAL_UNITS[kind]:
@@ -137,7 +136,7 @@ def _unit(first: float, last: float, kind: str) -> str:
 
 
 def _zero(first: float, last: float, stamp: float, rule: TimeRule) -> tuple[float, str]:
-    """The value that a point measured at the stamp has, and what that means for the others."""
+    """Returns the value at the time of the stamp, and the meaning of the values."""
     if rule.stamp == "start":
         return first, "stamp at the start"
     if rule.stamp == "end":

@@ -22,10 +22,11 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.demo.replay import DIAGNOSTICS_TOPIC, FLOW_TOPIC, ReplayLog, replay
-from mnsf_ros.drawing.top_view import save_top_view
+from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
 from mnsf_ros.evaluation.results import ResultRow, summarize
@@ -254,7 +255,9 @@ def drop_hint(log: ReplayLog) -> str | None:
 def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:
     truth, current = example.truth, example.triplet.current
     true_flow = None
+    error_m: NDArray[np.float64] = np.full(len(flow), np.nan)
     if truth is not None and truth.valid.any():
         true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
-    title = f"sweep {current.stamp_ns / NANOSECONDS:.3f} s"
-    save_top_view(path, current.xyz, flow, title=title, truth=true_flow)
+        error_m = end_point_errors(flow, true_flow)
+    painter = ExamplePainter(current.xyz, [flow], true_flow)
+    path.write_bytes(painter.method(f"{current.stamp_ns / NANOSECONDS:.1f} s", flow, error_m))

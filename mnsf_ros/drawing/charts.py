@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: values over bands, and the time of each stage."""
+"""The charts of the report: errors over bands and sweeps, shares of points, time of each stage."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from mnsf_ros.drawing.figures import (
 
 _MARKS: Final = ("o", "s", "D", "^", "v")
 _DASHES: Final = ("-", (0, (4, 2.5)), (0, (1, 1.5)))
-# More areas than hues: then the hues come again, ever lighter.
+# With more areas than hues, the hues repeat, ever lighter.
 _SHADES: Final = (1.0, 0.5, 0.22)
-# Beyond this ratio of largest to smallest value, the small ones would lie on the ground line.
+# Above this ratio of largest to smallest value, a linear scale would hide the small ones.
 _LOG_RATIO: Final = 30.0
 _SMALLEST_SHARE: Final = 1e-3
 _BAND_WIDTH, _BAND_HEIGHT, _BAR_WIDTH = 5.2, 3.1, 10.4
@@ -41,20 +41,17 @@ def band_chart(
 ) -> str:
     """Returns errors over B bands as inline SVG, one line for each series.
 
-    `across` says what the bands are bands of, with unit. Each series has B values in metres, at
-    least 0, NaN where there is none. Colour is never its only mark.
+    `across` names the bands, with unit. Each series has B values in metres, at least 0, NaN where
+    there is none. Series differ by more than their colour.
     """
     figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, values)
-    titles: dict[str, str] = {}
     for number, (name, series) in enumerate(values.items()):
-        titles |= _draw_series(axes, number, name, series, bands)
-    _set_scale(axes, [value for series in values.values() for value in series])
+        axes.plot(range(len(bands)), series, label=shortened(name), **_look(number))
     axes.set_xticks(range(len(bands)), bands)
-    axes.set(xlim=(-0.5, len(bands) - 0.5), xlabel=across)
-    axes.grid(axis="y")
+    axes.set_xlim(-0.5, len(bands) - 0.5)
+    _set_error_scale(axes, across, values)
     _draw_legend(figure, axes, columns)
-    label = f"{title}: {_ERROR} over {across}. The numbers are in a table below."
-    return inline_svg(figure, label, titles)
+    return inline_svg(figure, f"{title}: {_ERROR} over {across}. The numbers are in a table below.")
 
 
 @mpl.rc_context(CHART_STYLE)
@@ -63,20 +60,18 @@ def curve_chart(
 ) -> str:
     """Returns errors of N sweeps in order as inline SVG, one curve for each series.
 
-    `across` says what the N places are. Each series has N values in metres, at least 0, NaN where
-    there is none.
+    `across` names the N places. Each series has N values in metres, at least 0, NaN where there
+    is none.
     """
     figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, curves)
     for number, (name, values) in enumerate(curves.items()):
         # A sweep between two without a flow is a point, which a line alone would not show.
         look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
         axes.plot(places, values, label=shortened(name), **look)
-    _set_scale(axes, [value for series in curves.values() for value in series])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel(across)
-    axes.grid(axis="y")
+    _set_error_scale(axes, across, curves)
     _draw_legend(figure, axes, columns)
-    return inline_svg(figure, f"{title}: {_ERROR} over {across}.", {})
+    return inline_svg(figure, f"{title}: {_ERROR} over {across}.")
 
 
 @mpl.rc_context(CHART_STYLE)
@@ -88,25 +83,21 @@ def share_bars(
     Each series has B shares from 0 to 1.
     """
     figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, shares)
-    titles: dict[str, str] = {}
     width = 0.8 / max(1, len(shares))
     for number, (name, series) in enumerate(shares.items()):
+        lefts = [place - 0.4 + number * width for place in range(len(bins))]
         look = {"color": _look(number)["color"], "edgecolor": CARD, "linewidth": 0.5}
-        for place, share in enumerate(series):
-            key = f"share-{number}-{place}"
-            left = place - 0.4 + number * width
-            label = shortened(name) if place == 0 else None
-            axes.bar(left, 100 * share, width, align="edge", gid=key, label=label, **look)
-            titles[key] = f"{name}, {bins[place]} m: {share:.1%}"
+        percent = [100 * share for share in series]
+        axes.bar(lefts, percent, width, align="edge", label=shortened(name), **look)
     axes.set_xticks(range(len(bins)), bins)
     axes.set(xlim=(-0.5, len(bins) - 0.5), xlabel=across, title="points (%)")
     axes.grid(axis="y")
     _draw_legend(figure, axes, columns)
-    return inline_svg(figure, f"{title}: share of points over {across}.", titles)
+    return inline_svg(figure, f"{title}: share of points over {across}.")
 
 
 def _look(number: int) -> dict[str, Any]:
-    """How the line of a series looks; colour is never its only mark."""
+    """Returns the style of the line of a series."""
     return {
         "color": SERIES[number % len(SERIES)],
         "linestyle": _DASHES[number // len(SERIES) % len(_DASHES)],
@@ -116,25 +107,11 @@ def _look(number: int) -> dict[str, Any]:
     }
 
 
-def _draw_series(
-    axes: Axes, number: int, name: str, values: Sequence[float], bands: Sequence[str]
-) -> dict[str, str]:
-    """Draws one line; returns the text of each of its marks."""
-    known = [place for place, value in enumerate(values) if math.isfinite(value)]
-    look = _look(number)
-    axes.plot(known, [values[place] for place in known], label=shortened(name), **look)
-    titles = {}
-    for place in known:
-        key = f"mark-{number}-{place}"
-        (mark,) = axes.plot([place], [values[place]], gid=key, **look)
-        mark.set_label("_")
-        titles[key] = f"{name}, {bands[place]}: {values[place]:.3f}"
-    return titles
-
-
-def _set_scale(axes: Axes, values: Sequence[float]) -> None:
-    """Linear from 0, or logarithmic where values differ too much."""
-    numbers = [value for value in values if math.isfinite(value)]
+def _set_error_scale(axes: Axes, across: str, series: Mapping[str, Sequence[float]]) -> None:
+    """Sets a scale of errors: linear from 0, or logarithmic where values differ too much."""
+    axes.set_xlabel(across)
+    axes.grid(axis="y")
+    numbers = [value for values in series.values() for value in values if math.isfinite(value)]
     largest = max(numbers, default=0.0) or 1.0
     # A perfect zero has no logarithm, and must not stretch the scale without end.
     floor = largest * _SMALLEST_SHARE
@@ -161,7 +138,14 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     totals_ms = {name: math.fsum(part.values()) for name, part in times_ms.items()}
     longest_ms = max(totals_ms.values(), default=0.0) or 1.0
     figure, axes, columns = _with_legend(_BAR_WIDTH, _BAR_ROW * len(times_ms) + 0.15, stages)
-    titles = _draw_bars(axes, times_ms, stages)
+    lefts_ms = [0.0] * len(times_ms)
+    for number, stage in enumerate(stages):
+        parts_ms = [part.get(stage, 0.0) for part in times_ms.values()]
+        color = SERIES[number % len(SERIES)]
+        alpha = _SHADES[number // len(SERIES) % len(_SHADES)]
+        look: dict[str, Any] = {"color": color, "alpha": alpha, "ec": CARD, "lw": 0.8}
+        axes.barh(range(len(times_ms)), parts_ms, 0.6, lefts_ms, label=shortened(stage), **look)
+        lefts_ms = [left + part for left, part in zip(lefts_ms, parts_ms, strict=True)]
     for row, total_ms in enumerate(totals_ms.values()):
         axes.text(total_ms + 0.008 * longest_ms, row, time_text(total_ms), va="center")
     axes.set_yticks(range(len(times_ms)), [shortened(name) for name in times_ms], color=INK)
@@ -169,27 +153,7 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     axes.spines["bottom"].set_visible(False)
     _draw_legend(figure, axes, columns)
     said = "; ".join(f"{name} {total_ms:.0f} ms" for name, total_ms in totals_ms.items())
-    return inline_svg(figure, f"Mean wall time of an estimate, by stage. {said}.", titles)
-
-
-def _draw_bars(
-    axes: Axes, times_ms: Mapping[str, Mapping[str, float]], stages: Sequence[str]
-) -> dict[str, str]:
-    """Draws the parts of all bars; returns the text of each of them."""
-    titles = {}
-    for number, stage in enumerate(stages):
-        look: dict[str, Any] = {
-            "color": SERIES[number % len(SERIES)],
-            "alpha": _SHADES[number // len(SERIES) % len(_SHADES)],
-        }
-        axes.barh(0, 0.0, label=shortened(stage), **look)
-        for row, (method, part) in enumerate(times_ms.items()):
-            if part.get(stage, 0.0) > 0:
-                key = f"bar-{number}-{row}"
-                left_ms = math.fsum(part.get(before, 0.0) for before in stages[:number])
-                axes.barh(row, part[stage], 0.6, left_ms, ec=CARD, lw=0.8, gid=key, **look)
-                titles[key] = f"{method}, {stage}: {time_text(part[stage])}"
-    return titles
+    return inline_svg(figure, f"Mean wall time of an estimate, by stage. {said}.")
 
 
 def stage_names(times_ms: Mapping[str, Mapping[str, float]]) -> list[str]:
@@ -209,7 +173,7 @@ def time_text(time_ms: float) -> str:
 
 
 def _with_legend(width: float, height: float, names: Collection[str]) -> tuple[Figure, Axes, int]:
-    """A figure of so many inches with room for a legend of these names below, and its columns."""
+    """Returns a figure, in inches, with room for a legend below, and the legend's columns."""
     longest = max((len(shortened(name)) for name in names), default=0)
     columns = max(1, int(width / (0.55 + 0.085 * longest)))
     figure = chart_figure(width, height + _LEGEND_ROW * math.ceil(len(names) / columns))

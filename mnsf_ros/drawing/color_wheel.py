@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The colours of motion, the same in pictures and in clouds: direction is the hue."""
+"""The colours of motion in pictures and clouds: direction is the hue."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mnsf_ros.compiled import compiled
 
 Color = tuple[float, float, float]
 
-# RGB of what does not move.
+# RGB of static points.
 SLOW: Final[Color] = (0.36, 0.38, 0.42)
 
-# Directions and lengths that packed colours tell apart, more than eyes do.
+# Number of directions and lengths of packed colours.
 _NUM_HUES: Final = 360
 _NUM_STRENGTHS: Final = 64
 _HUE_STEP: Final = 0.618  # of a turn, from object to object
@@ -31,10 +31,10 @@ def flow_colors(
     Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
 
     Args:
-        flow: (N, 2) or wider, metres; only x and y are looked at.
-        full_speed_m: Length of a vector that gets its full colour, metres, above 0. Longer
-            vectors look the same.
-        neutral: RGB of the zero vector, and of vectors that are not finite, each 0 to 1.
+        flow: (N, 2) or wider, metres; only x and y count.
+        full_speed_m: Length of vectors with full colour, metres, above 0; longer ones look the
+            same.
+        neutral: RGB of vectors that are zero or not finite, each 0 to 1.
 
     Returns:
         (N, 3) RGB, each 0 to 1.
@@ -52,17 +52,33 @@ def flow_colors(
     return colors
 
 
+def wheel_image(num_pixels: int = 161, *, root: bool = False) -> NDArray[np.float64]:
+    """Returns the wheel of colours, x to the right and y up, full colour on its rim.
+
+    (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel;
+    with `root` the colours of the root of the length, as in `packed_colors`.
+    """
+    across = np.linspace(-1.0, 1.0, num_pixels)
+    x, y = np.meshgrid(across, across[::-1])
+    radius = np.hypot(x, y)
+    scale = 1.0 / np.sqrt(np.maximum(radius, 1e-9)) if root else np.ones_like(radius)
+    colors = flow_colors(np.column_stack([(scale * x).ravel(), (scale * y).ravel()]), 1.0)
+    # The rim fades over one pixel, so that it is not jagged.
+    opacities = np.clip((1.0 - radius) * (num_pixels / 2), 0.0, 1.0)
+    return np.dstack([colors.reshape(num_pixels, num_pixels, 3), opacities])
+
+
 def packed_colors(motion: NDArray[np.float32], full_length_m: float) -> NDArray[np.uint32]:
     """Returns the colours (N,) of motions (N, 3) in metres, packed as 0x00RRGGBB.
 
-    They are those of `flow_colors`, of the root of the length: in a cloud with cars, a pedestrian
-    is still to be seen. From `full_length_m` on, metres above 0, the colour is full.
+    The colours of `flow_colors` for the root of the length, so that a pedestrian shows beside cars.
+    From `full_length_m` on, metres above 0, the colour is full.
     """
     return _looked_up(np.ascontiguousarray(motion), np.float32(1 / full_length_m), _TABLE)
 
 
 def object_color(number: int) -> Color:
-    """Returns the colour of an object, by its number: those of neighbouring numbers differ most."""
+    """Returns the colour of an object by its number; neighbouring numbers differ most."""
     return colorsys.hsv_to_rgb(number * _HUE_STEP % 1, 0.7, 1.0)
 
 
@@ -81,7 +97,7 @@ def _table() -> NDArray[np.uint32]:
 def _looked_up(
     motion: NDArray[np.float32], per_length: np.float32, table: NDArray[np.uint32]
 ) -> NDArray[np.uint32]:
-    """The entry of the table for each motion (N, 3); the first one for none, and for NaN."""
+    """Returns the entry of the table for each motion (N, 3); the first one for zero and NaN."""
     num_hues, num_strengths = table.shape
     result = np.full(len(motion), table[0, 0], np.uint32)
     for row in range(len(motion)):

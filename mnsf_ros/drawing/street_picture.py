@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""One picture of a sweep in perspective: what moves is coloured, with boxes and speeds."""
+"""One picture of a sweep in perspective: moving points coloured, with boxes and speeds."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from mnsf_ros.drawing.color_wheel import flow_colors, packed_colors
+from mnsf_ros.drawing.color_wheel import packed_colors, wheel_image
 
 WIDTH_PX: Final = 880
 HEIGHT_PX: Final = 470
-_SCALE: Final = 2  # drawn larger and made smaller, so that edges are smooth
+_SCALE: Final = 2  # drawn larger, for smooth edges
 _BACKGROUND: Final = np.array([13, 15, 20], np.uint8)
 _INK: Final = (225, 228, 232)
 _FAINT: Final = (140, 147, 156)
@@ -49,7 +49,7 @@ class ShownObject:
         size: (3,) metres: length along `yaw`, width, height.
         yaw: Radians about z.
         velocity: (3,) metres per second over ground.
-        way: (K, 3) metres, where its middle was before, oldest first.
+        way: (K, 3) metres, earlier places of its middle, oldest first.
     """
 
     center: NDArray[np.float64]
@@ -69,8 +69,8 @@ def street_picture(
 
     Args:
         xyz: (N, 3) metres, sensor frame, x forward.
-        velocity: (N, 3) metres per second over ground; what does not move is grey.
-        objects: What moves.
+        velocity: (N, 3) metres per second over ground; static points are grey.
+        objects: Moving objects.
         full_speed_m_s: Speed of the full colour.
     """
     image = Image.fromarray(_points(xyz, velocity, full_speed_m_s))
@@ -86,7 +86,7 @@ def street_picture(
 
 
 def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels (N, 2) of points (N, 3), and their depths (N,) in metres."""
+    """Returns pixels (N, 2) of points (N, 3), and their depths (N,) in metres."""
     pitch = math.radians(_PITCH_DEG)
     x, y, z = (points - _CAMERA).T
     depth = x * math.cos(pitch) - z * math.sin(pitch)
@@ -100,14 +100,14 @@ def _projected(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 def _points(
     xyz: NDArray[np.float32], velocity: NDArray[np.float32], full_speed_m_s: float
 ) -> NDArray[np.uint8]:
-    """The image (H, W, 3) of the points, the nearest on top, what moves over all."""
+    """Returns the image (H, W, 3) of the points, the nearest on top, moving ones over all."""
     canvas = np.empty((_SCALE * HEIGHT_PX, _SCALE * WIDTH_PX, 3), np.uint8)
     canvas[:] = _BACKGROUND
     pixels, depth = _projected(xyz.astype(np.float64))
     packed = packed_colors(velocity, full_speed_m_s)
     colors = np.column_stack([packed >> 16, packed >> 8 & 0xFF, packed & 0xFF]).astype(np.float64)
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > 0
-    # What is static fades into the distance, and is lighter above the ground.
+    # Static points fade into the distance, and are lighter above the ground.
     light = np.clip(1.0 + 0.16 * xyz[:, 2], 0.55, 1.4) * np.clip(1.4 - depth / 80, 0.35, 1.0)
     colors[~moving] *= light[~moving, None]
     visible = (depth > _NEAREST_M) & (depth < _FARTHEST_M)
@@ -133,7 +133,7 @@ def _splat(
 def _draw_object(
     canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float, labels: list[_Box]
 ) -> None:
-    """Draws box, way and speed; the speed only where it covers none of the labels before."""
+    """Draws box, way and speed; no speed that would cover an earlier label."""
     pixels, depth = _projected(_corners(item))
     if (depth < _NEAREST_M).any():
         return
@@ -144,43 +144,30 @@ def _draw_object(
     _draw_way(canvas, item, color)
     speed = float(np.hypot(item.velocity[0], item.velocity[1]))
     text, font = f"{speed:.1f} m/s", _font(12 * _SCALE)
-    place = (
-        float(pixels[:, 0].min() + pixels[:, 0].max()) / 2,
-        float(pixels[:, 1].min()) - 4 * _SCALE,
-    )
+    (left, top), (right, _) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    place = ((left + right) / 2, top - 4 * _SCALE)
     label = canvas.textbbox(place, text, font=font, anchor="mb", stroke_width=_SCALE)
     if any(_overlap(label, other) for other in labels):
         return
     labels.append(label)
-    canvas.text(
-        place,
-        text,
-        font=font,
-        fill=_INK,
-        anchor="mb",
-        stroke_width=_SCALE,
-        stroke_fill=tuple(_BACKGROUND.tolist()),
-    )
+    outline = tuple(_BACKGROUND.tolist())
+    canvas.text(place, text, _INK, font, "mb", stroke_width=_SCALE, stroke_fill=outline)
 
 
 def _overlap(first: _Box, second: _Box) -> bool:
-    return (
-        first[0] < second[2]
-        and second[0] < first[2]
-        and first[1] < second[3]
-        and second[1] < first[3]
-    )
+    columns = first[0] < second[2] and second[0] < first[2]
+    return columns and first[1] < second[3] and second[1] < first[3]
 
 
 def _draw_sensor(canvas: ImageDraw.ImageDraw) -> None:
-    """An arrow on the ground that points ahead."""
+    """Draws an arrow on the ground that points ahead."""
     arrow = np.array([[2.2, 0.0], [-1.6, 1.1], [-0.7, 0.0], [-1.6, -1.1]])
     pixels, _ = _projected(np.column_stack([arrow, np.full(4, _GROUND_M)]))
     canvas.polygon([tuple(pixel) for pixel in pixels.tolist()], fill=_INK)
 
 
 def _draw_way(canvas: ImageDraw.ImageDraw, item: ShownObject, color: tuple[int, int, int]) -> None:
-    """Where it was, fading."""
+    """Draws the way of an object, fading."""
     base = np.array([0.0, 0.0, -item.size[2] / 2])
     pixels, depth = _projected(np.vstack([item.way, item.center]) + base)
     for index in range(len(pixels) - 1):
@@ -191,7 +178,7 @@ def _draw_way(canvas: ImageDraw.ImageDraw, item: ShownObject, color: tuple[int, 
 
 
 def _corners(item: ShownObject) -> NDArray[np.float64]:
-    """(8, 3): front before back, left before right; the lower four first."""
+    """Returns (8, 3) corners: front before back, left before right; the lower four first."""
     signs = np.array([[x, y, z] for z in (-1, 1) for x in (1, -1) for y in (1, -1)], float)
     local = signs * item.size / 2
     cos, sin = math.cos(item.yaw), math.sin(item.yaw)
@@ -205,15 +192,8 @@ def _color(velocity: NDArray[np.float64], full_speed_m_s: float) -> tuple[int, i
 
 
 def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
-    """The wheel of colours as it is seen from here: ahead is up."""
-    size = _WHEEL_PX * _SCALE
-    across = np.linspace(-1.0, 1.0, size)
-    left, ahead = -across[None, :].repeat(size, 0), -across[:, None].repeat(size, 1)
-    radius = np.hypot(left, ahead)
-    directions = np.column_stack([ahead.ravel(), left.ravel()])
-    colors = flow_colors(directions / np.sqrt(radius).reshape(-1, 1), 1.0)  # as packed_colors
-    alpha = 255 * np.clip((1.0 - radius) * size / 2, 0.0, 1.0)
-    rgba = np.dstack([255 * colors.reshape(size, size, 3), alpha]).astype(np.uint8)
+    """Draws the wheel of colours, ahead is up."""
+    rgba = np.rot90(np.rint(255 * wheel_image(_WHEEL_PX * _SCALE, root=True))).astype(np.uint8)
     wheel = Image.fromarray(rgba, "RGBA").resize((_WHEEL_PX, _WHEEL_PX), Image.Resampling.BOX)
     x, y = WIDTH_PX - _WHEEL_PX - 22, HEIGHT_PX - _WHEEL_PX - 34
     image.paste(wheel, (x, y), wheel)

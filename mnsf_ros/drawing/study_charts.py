@@ -19,7 +19,7 @@ _GROUP_COLORS: Final = (SERIES[0], "#e2703a", "#8a94a3")
 
 
 class LogLine(NamedTuple):
-    """A line through x and y above 0; `color` and `look` number its color, and mark and dashes."""
+    """A line through x and y above 0, with numbers of its colour, and of its mark and dashes."""
 
     label: str
     values: Mapping[int, float]
@@ -30,9 +30,9 @@ class LogLine(NamedTuple):
 def grouped_bars(
     title: str, rows: Sequence[str], panels: Mapping[str, Mapping[str, Sequence[float]]]
 ) -> bytes:
-    """Draws horizontal bars, some beside each other in each of R rows.
+    """Draws groups of horizontal bars in R rows.
 
-    A panel has a title, and names of groups with R values each, NaN where there is none.
+    Each panel has a title, and groups with R values each, NaN where there is none.
     """
     figure = chart_figure(9.0, 1.2 + 0.5 * len(rows))
     axes_of = np.atleast_1d(figure.subplots(1, len(panels), sharey=True))
@@ -55,7 +55,7 @@ def grouped_bars(
 def height_maps(
     title: str, maps: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64], float]]
 ) -> bytes:
-    """Draws how much losses in metres rise above that in the middle, with the same levels for all.
+    """Draws the rise of losses in metres above that in the middle, with the same levels for all.
 
     Each map has (G,) steps, symmetric, 0 in the middle; (G, G) losses, rows along the second
     direction; and the loss in the middle.
@@ -64,7 +64,7 @@ def height_maps(
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
     rises = [np.maximum(losses_m - middle_m, 0.0) for _, losses_m, middle_m in maps.values()]
     highest = max(float(np.percentile(rise, 95)) for rise in rises) or 1.0
-    # Denser near the middle; the same levels for all, or the eye would compare nothing.
+    # Denser near the middle; the same levels for all, so that maps can be compared.
     levels = highest * np.linspace(0.0, 1.0, _LEVELS) ** 2
     norm = BoundaryNorm(levels, 256, extend="max")
     for axes, (name, (steps, _, middle_m)), rise in zip(panels, maps.items(), rises, strict=True):

@@ -60,9 +60,9 @@ def merged_sweep(
     numbers = np.fromiter((index + 1 for index in sweeps), np.uint8, len(sweeps))
     columns["lidar"] = np.repeat(numbers, [len(sweep) for sweep in sweeps.values()])
     encoded = encode_columns(columns, 1, len(xyz))
-    parts = {name: getattr(encoded, name) for name in encoded.__dataclass_fields__}
     times = PointTimes(times_s, "several lidars")
-    source = CloudSource(MergedCloud(**parts, header=header), np.ones(len(xyz), np.bool_), times)
+    cloud = MergedCloud(**vars(encoded), header=header)
+    source = CloudSource(cloud, np.ones(len(xyz), np.bool_), times)
     return Sweep(xyz, stamp_ns, header.frame_id, source=source, times_s=times_s)
 
 

@@ -90,7 +90,7 @@ def test_a_cloud_with_further_columns():
         PointCloud2,
     )
     added = columns(9_000, "flow_x") | {"dynamic": RANDOM.integers(0, 2, 9_000).astype(np.uint8)}
-    message = assert_same(encoding_with_columns(source, added))
+    message = assert_same(encoding_with_columns(source, added, clash_prefix="s_"))
     points = decode_points(message).ravel()
     np.testing.assert_array_equal(points["flow_x"], added["flow_x"])
     np.testing.assert_array_equal(points["dynamic"], added["dynamic"])
@@ -104,7 +104,9 @@ def test_a_cloud_of_many_rows_with_padding():
         source = PointCloud2(height=height, width=width, point_step=4, row_step=4 * width + 4)
         source.fields = [PointField(name="x", offset=0, datatype=7, count=1)]
         source.data = array("B", values.tobytes())
-        message = assert_same(encoding_with_columns(source, columns(height * width, "a")))
+        message = assert_same(
+            encoding_with_columns(source, columns(height * width, "a"), clash_prefix="s_")
+        )
         np.testing.assert_array_equal(decode_points(message)["x"], values[:, :-1])
 
 

@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, decode_xyz, encode_with_columns
+from msg_utils.point_cloud2 import decode_points, decode_xyz, encoding_with_columns
 
 XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
-FUNCTIONS = [decode_points, decode_xyz, lambda cloud: encode_with_columns(cloud, {})]
+FUNCTIONS = [
+    decode_points,
+    decode_xyz,
+    lambda cloud: encoding_with_columns(cloud, {}, clash_prefix="").encoded(),
+]
 
 
 def expect(cloud, text):
@@ -23,77 +27,87 @@ def expect(cloud, text):
             function(cloud)
 
 
-def test_data_too_short(stack):
-    expect(
-        stack.make_cloud(XYZ, bytes(23), width=2, point_step=12),
-        "data has 23 bytes, expected at least 24 (height 1, width 2, point_step 12, row_step 24)",
-    )
-    expect(
-        stack.make_cloud(XYZ, bytes(51), width=2, height=2, point_step=12, row_step=28),
-        "data has 51 bytes, expected at least 52 (height 2, width 2, point_step 12, row_step 28)",
-    )
-
-
-def test_no_bytes_per_point(stack):
-    expect(
-        stack.make_cloud(XYZ, bytes(24), width=2, point_step=0),
-        "point_step is 0, expected at least 1 for the 2 points of a cloud of height 1 and width 2",
-    )
-
-
-def test_field_beyond_the_point(stack):
-    expect(
-        stack.make_cloud(XYZ, bytes(22), width=2, point_step=11),
-        "field 'z' (offset 8, count 1, FLOAT32) ends at byte 12 of the point, "
-        "expected at most point_step 11",
-    )
-
-
-def test_huge_count_and_offset(stack):
-    expect(
-        stack.make_cloud([("x", 0, 8, 2**32 - 1)], bytes(24), width=2, point_step=12),
-        "field 'x' (offset 0, count 4294967295, FLOAT64) ends at byte 34359738360 of the point, "
-        "expected at most point_step 12",
-    )
-    expect(
-        stack.make_cloud([("x", 2**32 - 1, 7, 0)], bytes(24), width=2, point_step=12),
-        "field 'x' (offset 4294967295, count 0, FLOAT32) ends at byte 4294967299 of the point, "
-        "expected at most point_step 12",
-    )
-
-
-def test_row_too_short(stack):
-    expect(
-        stack.make_cloud(XYZ, bytes(24), width=2, point_step=12, row_step=23),
-        "row_step is 23, expected at least 24 (width 2 x point_step 12)",
-    )
-
-
-def test_absurd_size(stack):
-    # 4.6e18 points: neither overflows nor allocates.
-    expect(
-        stack.make_cloud(
-            [("x", 0, 2, 1)],
-            bytes(100),
-            width=2**31,
-            height=2**31,
-            point_step=1,
-            row_step=2**31,
+@pytest.mark.parametrize(
+    ("fields", "num_bytes", "layout", "text"),
+    [
+        (
+            XYZ, 23, {"width": 2, "point_step": 12},
+            "data has 23 bytes, expected at least 24 (height 1, width 2, point_step 12, row_step "
+            "24)",
         ),
-        "data has 100 bytes, expected at least 4611686018427387904 (height 2147483648, "
-        "width 2147483648, point_step 1, row_step 2147483648)",
-    )
-    expect(
-        stack.make_cloud(XYZ, b"", width=2**31, height=2**31, point_step=12, row_step=2**32 - 1),
-        "row_step is 4294967295, expected at least 25769803776 (width 2147483648 x point_step 12)",
-    )
+        (
+            XYZ, 51, {"width": 2, "height": 2, "point_step": 12, "row_step": 28},
+            "data has 51 bytes, expected at least 52 (height 2, width 2, point_step 12, row_step "
+            "28)",
+        ),
+        (
+            XYZ, 24, {"width": 2, "point_step": 0},
+            "point_step is 0, expected at least 1 for the 2 points of a cloud of height 1 and "
+            "width 2",
+        ),
+        (
+            XYZ, 22, {"width": 2, "point_step": 11},
+            "field 'z' (offset 8, count 1, FLOAT32) ends at byte 12 of the point, expected at most "
+            "point_step 11",
+        ),
+        (
+            [("x", 0, 8, 2**32 - 1)], 24, {"width": 2, "point_step": 12},
+            "field 'x' (offset 0, count 4294967295, FLOAT64) ends at byte 34359738360 of the point,"
+            " expected at most point_step 12",
+        ),
+        (
+            XYZ, 24, {"width": 2, "point_step": 12, "row_step": 23},
+            "row_step is 23, expected at least 24 (width 2 x point_step 12)",
+        ),
+        (  # 4.6e18 points: neither overflows nor allocates
+            [("x", 0, 2, 1)], 100,
+            {"width": 2**31, "height": 2**31, "point_step": 1, "row_step": 2**31},
+            "data has 100 bytes, expected at least 4611686018427387904 (height 2147483648, "
+            "width 2147483648, point_step 1, row_step 2147483648)",
+        ),
+    ],
+)  # fmt: skip
+def test_contradictions_are_named(stack, fields, num_bytes, layout, text):
+    expect(stack.make_cloud(fields, bytes(num_bytes), **layout), text)
 
 
-def test_unknown_datatype(stack):
-    cloud = stack.make_cloud([*XYZ, ("ring", 12, 11, 1)], bytes(16), width=1, point_step=16)
+@pytest.mark.parametrize(
+    ("field", "text"),
+    [
+        (("x", 0, 0, 1), "datatype of field 'x' is 0, expected one of 1 (INT8), 2 (UINT8), 3"),
+        (("x", 0, 300, 1), "datatype of field 'x' is 300, expected an integer from 0 to 255"),
+        (("x", -4, 7, 1), "offset of field 'x' is -4, expected an integer from 0 to 4294967295"),
+        (("x", 0.0, 7, 1), "offset of field 'x' is 0.0, expected an integer from 0 to 4294967295"),
+        (("x", 0, 7, 2**32), "count of field 'x' is 4294967296, expected an integer from 0 to 429"),
+        ((None, 0, 7, 1), "name of a field is None, expected a string"),
+        (("a\nb", 0, 7, -1), "count of field 'a\\nb' is -1, expected an integer from 0"),
+    ],
+)
+def test_bad_fields_are_named(make_cloud, field, text):
     for function in FUNCTIONS:
-        with pytest.raises(MessageError, match=r"^datatype of field 'ring' is 11, expected"):
-            function(cloud)
+        with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+            function(make_cloud([field], bytes(16), width=1, point_step=16))
+
+
+def test_a_very_long_name_is_shortened_in_the_error(make_cloud):
+    with pytest.raises(MessageError, match=r"^count of field 'aaa+\.\.\.a+' is -1") as caught:
+        decode_points(make_cloud([("a" * 100_000, 0, 7, -1)], bytes(16), point_step=16))
+    assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ([*XYZ[:2], ("i", 8, 7, 1)], "no field 'z', expected x, y and z; the fields are ['x', 'y'"),
+        ([], "no field 'x', expected x, y and z; the fields are []"),
+        ([*XYZ[:2], ("z", 8, 5, 1)], "field 'z' is 1 x INT32, expected 1 x FLOAT32 or 1 x FLOAT64"),
+        ([("x", 0, 7, 3), *XYZ[1:]], "field 'x' is 3 x FLOAT32, expected 1 x FLOAT32 or 1 x FLO"),
+    ],
+)
+def test_clouds_without_positions_are_refused(stack, fields, text):
+    cloud = stack.make_cloud(fields, bytes(12), width=1, point_step=12)
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+        decode_xyz(cloud)
 
 
 @pytest.mark.parametrize(
@@ -105,22 +119,11 @@ def test_unknown_datatype(stack):
         ("row_step", 4294967295),
     ],
 )
-@pytest.mark.parametrize("value", [-1, 2**32, 12.0, "12", None, np.float32(2.0)])
+@pytest.mark.parametrize("value", [-1, 2**32, 12.0, "12", None])
 def test_values_that_are_no_size(make_cloud, name, maximum, value):
     cloud = make_cloud(XYZ, bytes(12), point_step=12)
     setattr(cloud, name, value)
     expect(cloud, f"{name} is {value!r}, expected an integer from 0 to {maximum}")
-
-
-def test_points_larger_than_numpy_can_address(make_cloud):
-    expect(
-        make_cloud([("x", 0, 8, 2**29)], width=0, point_step=0),
-        "field 'x' (offset 0, count 536870912, FLOAT64) ends at byte 4294967296 of the point, "
-        "expected at most 2147483647",
-    )
-    cloud = make_cloud([("x", 2**31 - 9, 8, 1)], width=0, point_step=0)
-    with pytest.raises(MessageError, match=r"^encoded point_step is 2147483652, expected an int"):
-        encode_with_columns(cloud, {"speed": np.empty(0, np.float32)})
 
 
 @pytest.mark.parametrize(
@@ -148,7 +151,7 @@ def test_random_hostile_layouts_only_raise_message_errors(make_cloud):
         return chance.choice(sizes if chance.random() < 0.3 else likely)
 
     decoded = 0
-    for _ in range(3000):
+    for _ in range(1000):
         cloud = make_cloud(
             [(name, pick(), chance.choice([7, 7, 7, 8, 2, 0]), pick()) for name in ("x", "y", "z")],
             bytes(chance.choice([0, 12, 48, 200])),
@@ -160,4 +163,4 @@ def test_random_hostile_layouts_only_raise_message_errors(make_cloud):
             with contextlib.suppress(MessageError):
                 function(cloud)
                 decoded += 1
-    assert 100 < decoded < 9000
+    assert 30 < decoded < 3000

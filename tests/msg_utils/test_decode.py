@@ -1,0 +1,171 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Decoded clouds: values against struct, one mask for all columns, memory, and odd layouts."""
+
+from __future__ import annotations
+
+import array
+import random
+import struct
+
+import numpy as np
+import pytest
+
+from msg_utils.point_cloud2 import decode_points, decode_xyz
+
+LETTERS = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
+VALUES = {1: -7, 2: 200, 3: -300, 4: 60_000, 5: -70_000, 6: 4_000_000_000, 7: 1.5, 8: 0.1}
+NAN, INF = float("nan"), float("inf")
+LARGEST = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
+XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
+XYZ64 = [("x", 0, 8, 1), ("y", 8, 8, 1), ("z", 16, 8, 1)]
+
+
+def pack(points, code="<fff"):
+    return b"".join(struct.pack(code, *point) for point in points)
+
+
+class TestPoints:
+    @pytest.mark.parametrize("is_bigendian", [False, True])
+    def test_all_datatypes_at_odd_offsets(self, stack, is_bigendian):
+        order = ">" if is_bigendian else "<"
+        fields, packed, offset = [], b"", 0
+        for code, letter in LETTERS.items():
+            packed += b"\xee" + struct.pack(order + letter, VALUES[code])
+            fields.append((f"field_{code}", offset + 1, code, 1))
+            offset += 1 + struct.calcsize(letter)
+        cloud = stack.make_cloud(
+            fields, packed * 2, width=2, point_step=offset, is_bigendian=is_bigendian
+        )
+        points = decode_points(stack.send(cloud))
+        assert points.shape == (1, 2)
+        for code, value in VALUES.items():
+            assert points[f"field_{code}"].tolist() == [[value, value]]
+
+    def test_several_elements_overlap_and_repeated_names(self, stack):
+        data = struct.pack("<6f", *range(1, 7))
+        fields = [("normal", 0, 7, 3), ("y", 4, 7, 1), ("y", 8, 7, 1), ("", 0, 7, 1)]
+        fields += [("z", 8, 7, 0), ("unnamed_3", 0, 7, 1)]
+        points = decode_points(stack.make_cloud(fields, data, width=2, point_step=12))
+        assert points["normal"].tolist() == [[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]
+        assert points["y"].tolist() == [[2.0, 5.0]]
+        assert points["y_2"].tolist() == [[3.0, 6.0]]
+        assert points["unnamed_3_"].tolist() == points["unnamed_3"].tolist() == [[1.0, 4.0]]
+        assert points["z"].tolist() == [[3.0, 6.0]]
+
+    @pytest.mark.parametrize(
+        "hold",
+        [bytes, bytearray, memoryview, lambda data: array.array("B", data)],
+        ids=["bytes", "bytearray", "memoryview", "array"],
+    )
+    def test_is_a_read_only_view_of_any_kind_of_data(self, make_cloud, hold):
+        data = hold(struct.pack("<fff", 1.0, 2.0, 3.0))
+        points = decode_points(make_cloud([("x", 0, 7, 1)], data, width=3, point_step=4))
+        assert points["x"].tolist() == [[1.0, 2.0, 3.0]]
+        assert np.shares_memory(points, np.frombuffer(data, np.uint8))
+        with pytest.raises(ValueError, match="read-only"):
+            points["x"][0, 0] = 5.0
+
+    @pytest.mark.parametrize(("height", "width"), [(0, 0), (0, 7), (1, 0), (2**32 - 1, 0)])
+    @pytest.mark.parametrize("fields", [[("x", 0, 7, 1), ("time", 4, 8, 1)], []])
+    def test_empty_clouds(self, stack, fields, height, width):
+        for point_step in (0, 12, 32):
+            cloud = stack.make_cloud(
+                fields, b"", height=height, width=width, point_step=point_step, row_step=0
+            )
+            assert decode_points(cloud).shape == (height, width)
+            xyz, finite = decode_xyz(cloud)
+            assert (xyz.shape, xyz.dtype, finite.shape) == ((0, 3), np.float32, (0,))
+
+    def test_more_data_than_needed_and_no_padding_after_the_last_row(self, stack):
+        row, fields = struct.pack("<ff", 1.0, 2.0), [("x", 0, 7, 1)]
+        longer = stack.make_cloud(fields, row + b"rest", width=2, point_step=4)
+        assert decode_points(longer)["x"].tolist() == [[1.0, 2.0]]
+        two = row + b"\xff" * 4 + row
+        shorter = stack.make_cloud(fields, two, width=2, height=2, point_step=4, row_step=12)
+        assert decode_points(shorter)["x"].tolist() == [[1.0, 2.0], [1.0, 2.0]]
+
+    def test_random_layouts_against_struct(self, make_cloud):
+        chance = random.Random(5)
+        for _ in range(60):
+            order = chance.choice("<>")
+            height, width = chance.randint(1, 3), chance.randint(1, 4)
+            fields, point_step = [], 1
+            for index in range(chance.randint(1, 6)):
+                code, count, offset = chance.randint(1, 8), chance.randint(0, 3), index * 7
+                size = struct.calcsize(LETTERS[code]) * max(count, 1)
+                point_step = max(point_step, offset + size)
+                fields.append((f"f{index}", offset, code, count))
+            point_step += chance.choice([0, 0, 5])
+            row_step = width * point_step + chance.choice([0, 3])
+            data = chance.randbytes(height * row_step)
+            shape = {"width": width, "height": height, "is_bigendian": order == ">"}
+            cloud = make_cloud(fields, data, point_step=point_step, row_step=row_step, **shape)
+            points = decode_points(cloud)
+            for name, offset, code, count in fields:
+                for row, column in np.ndindex(height, width):
+                    start = row * row_step + column * point_step + offset
+                    text = f"{order}{max(count, 1)}{LETTERS[code]}"
+                    expected = np.array(struct.unpack_from(text, data, start))
+                    found = np.atleast_1d(points[name][row, column])
+                    np.testing.assert_array_equal(found, expected)
+
+
+class TestXyz:
+    @pytest.mark.parametrize("is_bigendian", [False, True])
+    def test_one_mask_for_every_column(self, stack, is_bigendian):
+        rows = [
+            (1.0, 2.0, 3.0, 10),
+            (NAN, 2.0, 3.0, 11),
+            (4.0, INF, 6.0, 12),
+            (7.0, 8.0, -INF, 13),
+            (-0.5, 0.25, 1e-40, 15),
+        ]
+        data = pack(rows, f"{'>' if is_bigendian else '<'}fffH")
+        fields = [*XYZ, ("ring", 12, 4, 1)]
+        cloud = stack.make_cloud(fields, data, width=5, point_step=14, is_bigendian=is_bigendian)
+        xyz, finite = decode_xyz(cloud)
+        assert finite.tolist() == [True, False, False, False, True]
+        assert xyz.tolist() == [[1.0, 2.0, 3.0], [-0.5, 0.25, float(np.float32(1e-40))]]
+        assert decode_points(cloud)["ring"].reshape(-1)[finite].tolist() == [10, 15]
+        assert bytes(cloud.data) == data
+
+    @pytest.mark.parametrize("last", [3.0, NAN])
+    def test_own_memory_in_native_order(self, stack, last):
+        cloud = stack.make_cloud(XYZ, pack([(1.0, 2.0, 3.0), (4, 5, last)]), width=2, point_step=12)
+        xyz, _ = decode_xyz(cloud)
+        assert xyz.dtype == np.dtype("=f4")
+        assert xyz.flags.c_contiguous
+        assert xyz.flags.writeable
+        assert not np.shares_memory(xyz, np.frombuffer(cloud.data, np.uint8))
+
+    def test_rows_with_padding(self, stack):
+        rows = [[(0, 0, 0), (0, 1, 0)], [(1, 0, 0), (NAN, 1, 0)], [(2, 0, 0), (2, 1, 0)]]
+        data = b"".join(pack(row) + b"\x7f" * 8 for row in rows)
+        cloud = stack.make_cloud(XYZ, data, width=2, height=3, point_step=12, row_step=32)
+        xyz, finite = decode_xyz(cloud)
+        assert finite.tolist() == [True, True, True, False, True, True]
+        assert xyz.tolist() == [[0, 0, 0], [0, 1, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
+
+    def test_autoware_layout_with_float64_at_offset_27(self, stack):
+        # XYZIRADRT without padding.
+        others = [("intensity", 12, 7, 1), ("ring", 16, 4, 1), ("azimuth", 18, 7, 1)]
+        others += [("distance", 22, 7, 1), ("return_type", 26, 2, 1), ("time_stamp", 27, 8, 1)]
+        points = [(1.0, 2.0, 3.0, 0.5, 7, 0.25, 4.0, 1, 1_700_000_000.125)]
+        data = pack(points, "<ffffHffBd")
+        cloud = stack.send(stack.make_cloud([*XYZ, *others], data, width=1, point_step=35))
+        assert decode_xyz(cloud)[0].tolist() == [[1.0, 2.0, 3.0]]
+        assert decode_points(cloud)["time_stamp"].tolist() == [[1_700_000_000.125]]
+
+    def test_float64_beyond_float32_and_signalling_nan_are_silent(self, make_cloud):
+        points = [(1e39, 0.0, 0.0), (0.0, -1e300, 0.0), (LARGEST, 1e-300, 0.1)]
+        data = pack(points, "<ddd") + struct.pack("<Q", 0x7FF0000000000001) * 3
+        with np.errstate(all="raise"):
+            xyz, finite = decode_xyz(make_cloud(XYZ64, data, width=4, point_step=24))
+        assert finite.tolist() == [False, False, True, False]
+        assert xyz.tolist() == [[LARGEST, 0.0, float(np.float32(0.1))]]
+
+    def test_mixed_types_any_order_and_a_repeated_name(self, make_cloud):
+        fields = [("z", 12, 7, 0), ("x", 4, 8, 1), ("x", 12, 7, 1), ("y", 0, 7, 1)]
+        data = struct.pack("<fdf", 2.0, 1.0, 3.0)
+        xyz, _ = decode_xyz(make_cloud(fields, data, width=1, point_step=16))
+        assert xyz.tolist() == [[1.0, 2.0, 3.0]]

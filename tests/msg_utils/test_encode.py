@@ -1,0 +1,201 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Encoded clouds, of columns alone or of another cloud with columns; bytes against struct."""
+
+from __future__ import annotations
+
+import random
+import re
+import struct
+
+import numpy as np
+import pytest
+
+from msg_utils.errors import MessageError
+from msg_utils.point_cloud2 import (
+    clash_names,
+    decode_points,
+    decode_xyz,
+    encode_columns,
+    encoding_with_columns,
+)
+
+NAN = float("nan")
+XYZ = [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)]
+
+
+def encode_with_columns(cloud, columns):
+    return encoding_with_columns(cloud, columns, clash_prefix="my_").encoded()
+
+
+def as_tuples(encoded):
+    return [(field.name, field.offset, field.datatype, field.count) for field in encoded.fields]
+
+
+def floats(*values):
+    return np.array(values, np.float32)
+
+
+def flow(*values):
+    return {"flow_x": floats(*values), "flow_y": -floats(*values), "flow_z": floats(*values) * 2}
+
+
+def flow_bytes(value, order="<"):
+    return struct.pack(order + "fff", value, -value, value * 2)
+
+
+def message_of(stack, encoded):
+    names = ("width", "height", "point_step", "row_step", "is_bigendian")
+    layout = {name: getattr(encoded, name) for name in names}
+    return stack.send(stack.make_cloud(as_tuples(encoded), encoded.data, **layout))
+
+
+class TestColumnsAlone:
+    def test_are_packed_in_their_order(self, stack):
+        columns = dict(zip("xyz", (floats(1, 4), floats(2, 5), floats(3, NAN)), strict=True))
+        columns["intensity"] = np.array([7, 8], np.uint8)
+        columns["ring"] = np.array([513, 9], np.uint16)
+        columns["time"] = np.array([0.1, 0.2])
+        encoded = encode_columns(columns, 2, 1)
+        others = [("intensity", 12, 2, 1), ("ring", 13, 4, 1), ("time", 15, 8, 1)]
+        assert as_tuples(encoded) == [*XYZ, *others]
+        assert (encoded.height, encoded.width, encoded.is_bigendian) == (2, 1, False)
+        assert (encoded.point_step, encoded.row_step) == (23, 23)
+        first = struct.pack("<fffBHd", 1, 2, 3, 7, 513, 0.1)
+        second = struct.pack("<fffBHd", 4, 5, NAN, 8, 9, 0.2)
+        assert encoded.data.tobytes() == first + second
+        xyz, finite = decode_xyz(message_of(stack, encoded))
+        assert xyz.tolist() == [[1.0, 2.0, 3.0]]
+        assert finite.tolist() == [True, False]
+
+    def test_have_any_type_of_a_field(self):
+        codes = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+        encoded = encode_columns({text: np.ones(1, text) for text in codes}, 1, 1)
+        assert {field.name: field.datatype for field in encoded.fields} == codes
+        assert encoded.data.tobytes() == struct.pack("<bBhHiIfd", *[1] * 8)
+
+    def test_may_be_empty(self):
+        encoded = encode_columns(dict.fromkeys("xyz", floats()), 1, 0)
+        assert (encoded.point_step, encoded.row_step, encoded.data.size) == (12, 0, 0)
+        assert encode_columns({}, 0, 0).fields == ()
+
+    def test_sizes_that_no_message_can_state_are_refused(self):
+        text = "width is -1, expected an integer from 0 to 4294967295"
+        with pytest.raises(MessageError, match=f"^{text}$"):
+            encode_columns({}, 1, -1)
+        text = "encoded row_step is 17179869180, expected an integer from 0 to 4294967295"
+        with pytest.raises(MessageError, match=f"^{text}$"):
+            encode_columns({"x": floats()}, 0, 2**32 - 1)
+
+
+@pytest.mark.parametrize(
+    ("columns", "text"),
+    [
+        ({"speed": floats(1)}, "column 'speed' has shape (1,), expected (2,)"),
+        ({"speed": np.ones((2, 1))}, "column 'speed' has shape (2, 1), expected (2,)"),
+        ({"speed": [1.0, 2.0]}, "column 'speed' is of type list, expected a NumPy array"),
+        ({"ok": np.ones(2, bool)}, "column 'ok' is of type bool, expected one of 1 (INT8), 2 (UIN"),
+        ({"ok": np.ones(2, "i8")}, "column 'ok' is of type int64, expected one of 1 (INT8), 2 (U"),
+        ({"": floats(1, 2)}, "name of a column is '', expected a string that is not empty"),
+        ({3: floats(1, 2)}, "name of a column is 3, expected a string that is not empty"),
+        ({}, "no fields, expected at least one for 2 points"),
+    ],
+)
+def test_columns_that_do_not_fit_are_refused(make_cloud, columns, text):
+    cloud = make_cloud([], bytes(8), width=2, point_step=4)
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+        encode_with_columns(cloud, columns)
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+        encode_columns(columns, 2, 1)
+
+
+class TestCloudWithColumns:
+    def test_columns_follow_the_fields_of_the_cloud(self, stack):
+        # x y z intensity ring time, 22 bytes: the columns start at the next multiple of 4.
+        fields = [*XYZ, ("intensity", 12, 7, 1), ("ring", 16, 4, 1), ("time", 18, 7, 1)]
+        points = [
+            struct.pack("<ffffHf", 1, 2, 3, 4, 5, 6),
+            struct.pack("<ffffHf", NAN, 8, 9, 10, 11, 12),
+        ]
+        cloud = stack.make_cloud(fields, b"".join(points), width=2, point_step=22)
+        encoded = encode_with_columns(cloud, flow(0.5, NAN))
+        added = [("flow_x", 24, 7, 1), ("flow_y", 28, 7, 1), ("flow_z", 32, 7, 1)]
+        assert as_tuples(encoded) == [*fields, *added]
+        assert (encoded.point_step, encoded.row_step) == (36, 72)
+        assert encoded.data.tobytes()[:60] == b"".join(
+            [points[0], bytes(2), flow_bytes(0.5), points[1], bytes(2)]
+        )
+        assert np.isnan(np.frombuffer(encoded.data, "<f4", 3, 60)).all()
+        assert not np.shares_memory(encoded.data, np.frombuffer(cloud.data, np.uint8))
+
+    def test_a_big_endian_cloud_stays_big_endian(self, stack):
+        data = struct.pack(">fff", 1, 2, 3)
+        cloud = stack.make_cloud(XYZ, data, width=1, point_step=12, is_bigendian=True)
+        encoded = encode_with_columns(cloud, {**flow(0.5), "age": np.array([258], np.uint16)})
+        assert encoded.is_bigendian is True
+        assert encoded.data.tobytes() == data + flow_bytes(0.5, ">") + b"\x01\x02" + bytes(2)
+        assert decode_xyz(message_of(stack, encoded))[0].tolist() == [[1.0, 2.0, 3.0]]
+
+    def test_columns_of_any_byte_order_and_stride(self, make_cloud):
+        cloud = make_cloud([("a", 0, 2, 1)], b"\x01\x02", width=2, point_step=1)
+        columns = {"b": np.array([1, 2], ">u2"), "c": np.arange(8, dtype=np.int32)[::-4]}
+        encoded = encode_with_columns(cloud, columns)
+        assert as_tuples(encoded) == [("a", 0, 2, 1), ("b", 2, 4, 1), ("c", 4, 5, 1)]
+        assert encoded.data.tobytes() == struct.pack("<BxHiBxHi", 1, 1, 7, 2, 2, 3)
+
+    def test_padding_is_dropped(self, stack):
+        rows = [[1, 2, 3], [4, 5, 6]]
+        data = b"".join(struct.pack("<3f", *row) + b"\xff" * 5 for row in rows)
+        cloud = stack.make_cloud(
+            [("x", 0, 7, 1)], data, width=3, height=2, point_step=4, row_step=17
+        )
+        encoded = encode_with_columns(cloud, {"age": np.arange(6, dtype=np.uint8)})
+        assert (encoded.height, encoded.width) == (2, 3)
+        assert (encoded.point_step, encoded.row_step) == (5, 15)
+        expected = struct.pack("<fBfBfBfBfBfB", 1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6, 5)
+        assert encoded.data.tobytes() == expected
+
+    def test_fields_with_the_name_of_a_column_are_renamed(self, stack):
+        fields = [*XYZ, ("flow_x", 12, 7, 1), ("my_flow_x", 16, 7, 1), ("flow_x", 20, 7, 1)]
+        point = struct.pack("<ffffff", 1, 2, 3, 4, 5, 6)
+        cloud = stack.make_cloud(fields, point, width=1, point_step=24)
+        encoded = encode_with_columns(cloud, flow(0.5))
+        names = ["x", "y", "z", "my_my_flow_x", "my_flow_x", "my_my_flow_x"]
+        assert [name for name, *_ in as_tuples(encoded)] == [*names, "flow_x", "flow_y", "flow_z"]
+        assert encoded.data.tobytes() == point + flow_bytes(0.5)
+        found = clash_names(["x", "vx", "s_vx", "vy"], ["vx", "vy", "vz", "s_vy"], "s_")
+        assert found == {"vx": "s_s_vx", "vy": "s_s_vy"}
+
+    @pytest.mark.parametrize(("height", "width"), [(0, 0), (1, 0), (0, 5)])
+    @pytest.mark.parametrize("fields", [XYZ, []])
+    def test_empty_clouds(self, stack, fields, height, width):
+        cloud = stack.make_cloud(fields, b"", height=height, width=width, point_step=0)
+        encoded = encode_with_columns(cloud, flow())
+        assert (encoded.height, encoded.width, encoded.data.size) == (height, width, 0)
+        assert encoded.point_step == 12 + 4 * len(fields)
+
+    def test_random_layouts_keep_every_byte_of_every_field(self, make_cloud):
+        chance = random.Random(3)
+        sizes = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
+        for _ in range(60):
+            height, width = chance.randint(1, 3), chance.randint(1, 4)
+            fields, point_step = [], 1
+            for name in chance.choices(["", "a", "b", "c"], k=chance.randint(1, 5)):
+                code, count, offset = (chance.randint(*ends) for ends in ((1, 8), (0, 3), (0, 30)))
+                point_step = max(point_step, offset + sizes[code] * max(count, 1))
+                fields.append((name, offset, code, count))
+            point_step += chance.choice([0, 0, 5])
+            row_step = width * point_step + chance.choice([0, 3])
+            data = chance.randbytes(height * row_step)
+            shape = {"width": width, "height": height, "is_bigendian": chance.random() < 0.5}
+            cloud = make_cloud(fields, data, point_step=point_step, row_step=row_step, **shape)
+            column = np.arange(height * width, dtype=np.float32)
+            encoded = encode_with_columns(cloud, {"speed": column})
+            assert as_tuples(encoded)[:-1] == fields
+            assert decode_points(encoded)["speed"].reshape(-1).tolist() == column.tolist()
+            written = encoded.data.tobytes()
+            for row, point in np.ndindex(height, width):
+                old = row * row_step + point * point_step
+                new = row * encoded.row_step + point * encoded.point_step
+                for _, offset, code, count in fields:
+                    end = offset + sizes[code] * max(count, 1)
+                    assert written[new + offset : new + end] == data[old + offset : old + end]
