@@ -25,9 +25,6 @@ TORCH := $(shell sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
 
-# What POINTS was called before.
-POINTS ?= $(TOPIC)
-
 STREET := demo/street_seed0_6s
 STREET_OF_README := demo/street_seed3_6s
 

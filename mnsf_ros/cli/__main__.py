@@ -1,22 +1,17 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """`mnsf` and `python -m mnsf_ros.cli` run a subcommand.
 
-Nothing is imported before signals are handled: Python would answer one with a traceback.
+Signals are handled before all else is imported: Python would answer one with a traceback.
 """
 
 import os
+import signal
 import sys
 
 
 def _leave(*_signal: object) -> None:
     os.write(2, b"mnsf: interrupted\n")
     os._exit(130)
-
-
-try:
-    import signal
-except KeyboardInterrupt:
-    _leave()
 
 
 def main() -> None:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How subcommands declare their arguments, and the arguments that several of them have."""
+"""Declaration of arguments, and those that several subcommands have."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class IntermixedParser(argparse.ArgumentParser):
         args: Sequence[str] | None = None,
         namespace: Any = None,  # noqa: ANN401 - as argparse
     ) -> tuple[Any, list[str]]:
-        """Parses options first, then what is left; that calls this method once more.
+        """Parses options first, then the rest by a second call of this method.
 
-        What is unknown is refused here, with the usage of this subcommand.
+        Unknown options are refused here, with the usage of this subcommand.
         """
         if self._is_inside:
             return super().parse_known_args(args, namespace)
@@ -70,9 +70,9 @@ class Arguments:
         Args:
             name: As the help shows it: `out`, `bags BAG`, `--out DIR` or `-o --out DIR`.
             text: What the help says; the default is added to it.
-            kind: Makes the value of its text; if not given, the type of the default, or str.
-            default: The value if there is none; None has to be explained by the text.
-            others: What argparse knows besides.
+            kind: Converter from text; if not given, the type of the default, or str.
+            default: The default value; None has to be explained by the text.
+            others: Further arguments of `argparse.add_argument`.
         """
         if default is not None:
             text, kind = f"{text} (default: {default})", kind or type(default)
@@ -83,18 +83,17 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
-    def old_name(self, name: str, now: str) -> None:
-        """Accepts an option by the name that it had before; the help does not show it."""
-        hidden = argparse.SUPPRESS
-        self._container.add_argument(name, dest=now, default=hidden, help=hidden)
+    def points(self) -> None:
+        """Adds `--points`, the topic of the sweeps."""
+        self.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
 
     def settings(self, default: str = "paper") -> None:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(
             "--preset",
-            "settings to start from, by all methods but online, which has its own: paper is the "
-            "method as published, authors its released "
-            "code, neural its networks made fast, online the default of the live node",
+            "settings to start from, except for online, which has its own: paper is the method as "
+            "published, authors its released code, neural its networks made fast, online the "
+            "default of the live node",
             default=default,
             choices=PRESET_NAMES,
         )
@@ -122,11 +121,7 @@ def add_subcommand(
     epilog: str = "",
     usage: str | None = None,
 ) -> Arguments:
-    """Adds a subcommand, which `run` does; it returns the exit status, or None for 0.
-
-    Returns:
-        Its arguments, none so far.
-    """
+    """Adds a subcommand and returns its arguments; `run` returns the exit status, or None for 0."""
     parser = subparsers.add_parser(
         name,
         help=summary,
@@ -140,7 +135,7 @@ def add_subcommand(
 
 
 def chosen_settings(options: argparse.Namespace) -> Settings:
-    """Returns what `--preset` and `--set` say.
+    """Returns the settings of `--preset` with the changes of `--set`.
 
     Raises:
         SettingsError: As `parse_assignments`.

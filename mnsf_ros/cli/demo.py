@@ -17,8 +17,7 @@ def add_to(subparsers: Subparsers) -> None:
     summary = "replay a recording to the live node and show the flow"
     arguments = add_subcommand(subparsers, "demo", summary, _run)
     arguments.value("--bag", "recording; without it, a street is simulated", Path)
-    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
-    arguments.old_name("--topic", "points")
+    arguments.points()
     arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
     arguments.value("--duration S", "length of the simulated recording", default=6.0)
     arguments.value("--seed", "seed of the simulated recording", default=0)

@@ -59,9 +59,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _add_topics(group: Arguments) -> None:
-    group.value(
-        "--points TOPIC", "point clouds (needed only if a recording has several such topics)"
-    )
+    group.points()
     group.value("--truth TOPIC", "true flow (default: /truth/flow if present)")
     group.value(
         "--odometry TOPIC",

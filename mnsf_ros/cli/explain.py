@@ -35,7 +35,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("bag BAG", "recording", Path)
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
-    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
+    arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.value("--method NAME", "see docs/evaluation.md", default="online")
     arguments.settings(default="online")

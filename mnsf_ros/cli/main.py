@@ -1,10 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The `mnsf` command: one subcommand for each thing that a user does."""
+"""The `mnsf` command and its subcommands."""
 
 from __future__ import annotations
 
 import argparse
-import atexit
 import io
 import math
 import os
@@ -52,8 +51,6 @@ _WITHOUT_LIMIT = ("simulate", "parameters")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-_AGAIN_S = 0.01
-
 EXIT_USAGE = 2
 EXIT_MEMORY = 3
 EXIT_INTERRUPTED = 130
@@ -62,29 +59,25 @@ EXIT_INTERRUPTED = 130
 def main(arguments: list[str] | None = None) -> None:
     """Runs a subcommand and ends the process.
 
-    Exit status 0: done; 2: something that the user gave cannot be used, said in one line;
-    3: that takes more memory than the limit; 130: interrupted; any other is the subcommand's own.
+    Exit status 0: done; 2: an argument or file cannot be used, said in one line; 3: it takes more
+    memory than the limit; 130: interrupted; any other is the subcommand's own.
     """
     # What nohup ignores stays so.
     heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     for number in heard:
         signal.signal(number, _interrupt)
-    signal.signal(signal.SIGALRM, _interrupt)
-    sys.unraisablehook = _interrupt_again
     _print_any_text()
     try:
         status = run(arguments)
     finally:
         # Python takes a while to end, and answers an interruption of that with a traceback.
-        for number in (*heard, signal.SIGALRM):
+        for number in heard:
             signal.signal(number, _leave)
         for stream in filter(None, (sys.stdout, sys.stderr)):
             with suppress(OSError, ValueError):
                 stream.flush()
     if status == EXIT_INTERRUPTED:
-        # With -m Python ends itself by SIGINT, whatever the status, after an interruption within
-        # exec() of a text, which dataclasses do when they are imported.
-        atexit._run_exitfuncs()
+        # With -m, Python would end itself by SIGINT instead, whatever the status.
         os._exit(status)
     sys.exit(status)
 
@@ -125,7 +118,7 @@ def _is_caused_by(error: BaseException | None, kind: type[BaseException]) -> boo
 
 def _parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="mnsf", description="Lidar scene flow: the motion of every point, without training."
+        prog="mnsf", description="Lidar scene flow: the motion of every point."
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
     subparsers = parser.add_subparsers(
@@ -140,23 +133,15 @@ def _parsed(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def _print_any_text() -> None:
-    r"""A path that the terminal's encoding does not know is shown as `\xff`; it costs no result."""
+    r"""Shows characters that the terminal's encoding does not know as `\xff`."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """All signals are a Ctrl-C: child processes are ended, half-written files removed."""
+    """Makes any signal a Ctrl-C: child processes are ended, half-written files removed."""
     raise KeyboardInterrupt
-
-
-def _interrupt_again(unraisable: sys.UnraisableHookArgs) -> None:
-    """Within a callback of the interpreter, for example of a weak reference, nothing is raised."""
-    if unraisable.exc_type is KeyboardInterrupt:
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
-    else:
-        sys.__unraisablehook__(unraisable)
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:

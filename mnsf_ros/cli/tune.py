@@ -66,7 +66,7 @@ def add_to(subparsers: Subparsers) -> None:
         "--max-examples N", "examples of each half of a recording; they stay in memory", default=40
     )
     arguments.value("--seed S", "seed of the search and of the points looked at", default=0)
-    arguments.value("--points TOPIC", "point clouds (needed only if there are several topics)")
+    arguments.points()
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -35,8 +35,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value(
         "bag", "recording; without it, the topics of the node are shown", Path, nargs="?"
     )
-    arguments.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
-    arguments.old_name("--topic", "points")
+    arguments.points()
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
     arguments.value("--rate", "speed over that of the recording", rate, 1.0)
     arguments.flag("--loop", "start again at the end of the recording")

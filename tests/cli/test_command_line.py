@@ -78,9 +78,8 @@ def other_bag(path: Path) -> Path:
         (other_bag_in := (lambda path: other_bag(path / "bag")), [], "/talk"),
         (other_bag_in, ["--points", "/points"], "/talk"),
         (other_bag_in, ["--points", "/talk"], "std_msgs/msg/Empty"),
-        (other_bag_in, ["--topic", "/talk"], "std_msgs/msg/Empty"),
     ],
-    ids=["missing", "empty folder", "no clouds", "unknown topic", "other type", "old name"],
+    ids=["missing", "empty folder", "no clouds", "unknown topic", "other type"],
 )
 def test_demo_names_what_is_wrong_with_a_bag(
     prepare: object,
@@ -94,14 +93,3 @@ def test_demo_names_what_is_wrong_with_a_bag(
     assert run(["demo", "--bag", str(bag), "--out", str(out), *arguments]) == EXIT_USAGE
     assert said in only_line(capsys)
     assert not out.exists()
-
-
-def test_demo_refuses_a_truncated_recording(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("rclpy")
-    file = next(other_bag(tmp_path / "bag").glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[:-100])
-    assert run(["demo", "--bag", str(file), "--out", str(tmp_path / "out")]) == EXIT_USAGE
-    assert file.name in only_line(capsys)
-    assert not (tmp_path / "out").exists()
