@@ -12,7 +12,6 @@ half of KITTI and on some seeds; the other half is reported.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
@@ -85,18 +84,16 @@ def recordings(half: str, num_sweeps: int, groups: list[str] | None) -> Iterator
 
 
 def scored(group: str, name: str, sweeps: list[TrueSweep], counted: range) -> Iterator[ResultRow]:
-    """Runs over a recording and yields its rows, the group as method, with CPU times."""
+    """Runs over a recording and yields its rows, the group as method."""
     estimator, are_pairs = make_method("online", preset("online")), group == PAIRS
     for index in range(counted[0] if are_pairs else 1, counted[-1] + 1):
         previous, current, next_ = (each.sweep for each in sweeps[index - 1 : index + 2])
         if are_pairs:
             estimator, previous = make_method("online", preset("online")), None
         triplet = SweepTriplet(previous, current, next_)
-        start_s = time.process_time()
         estimate = estimator.estimate(triplet)
-        elapsed_ms = (time.process_time() - start_s) * 1e3
         if index in counted:
-            yield scored_row(_example(name, index, sweeps, triplet), group, estimate, elapsed_ms)
+            yield scored_row(_example(name, index, sweeps, triplet), group, estimate)
 
 
 def _example(name: str, index: int, sweeps: list[TrueSweep], triplet: SweepTriplet) -> Example:
@@ -145,7 +142,7 @@ def _renamed(row: ResultRow) -> ResultRow:
 
 _HEADER: Final = (
     *("", "fast found (%)", "slow found (%)", "recall (%)", "precision (%)"),
-    *("false movers a sweep", "EPE dynamic (m)", "EPE static (m)", "CPU (ms)"),
+    *("false movers a sweep", "EPE dynamic (m)", "EPE static (m)"),
 )
 
 
@@ -158,7 +155,6 @@ def _cells(summary: MethodSummary) -> list[str]:
         *(f"{100 * share:.1f}" for share in shares),
         f"{movers.ghosts_per_sweep:.2f}",
         *(f"{summary.errors[part].epe_m:.3f}" for part in ("dynamic", "static")),
-        f"{summary.time_ms:.0f}",
     ]
     return [summary.method, *("" if figure == "nan" else figure for figure in figures)]
 

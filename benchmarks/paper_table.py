@@ -204,8 +204,8 @@ def tables(rows: pd.DataFrame) -> Iterator[Table]:
     counts = rows.groupby(_KEY[:3])["moment"].transform("size")
     seeds = rows[counts == len(MOMENTS)].groupby(_KEY[:3])[list(COLUMNS)].mean()
     groups = seeds.groupby(["scale", "row"])
-    means, spreads, sizes = groups.mean(), groups.std(), groups.size()
-    cells = {key: _cells(means.loc[key], spreads.loc[key]) for key in means.index}
+    means, sizes = groups.mean(), groups.size()
+    cells = {key: _cells(means.loc[key]) for key in means.index}
     yield _summary(cells)
     header = ["", *(title for title, _, _ in COLUMNS.values()), "seeds"]
     for scale, points in ((FEW, "8,192 points"), (FULL, "full sweeps")):
@@ -218,15 +218,11 @@ def tables(rows: pd.DataFrame) -> Iterator[Table]:
                 yield Table(f"{title.capitalize()}, {points}", header, lines, is_detail=True)
 
 
-def _cells(mean: pd.Series, spread: pd.Series) -> dict[str, str]:
-    """Column to mean over the seeds, EPE with its standard deviation."""
-    cells = {
+def _cells(mean: pd.Series) -> dict[str, str]:
+    return {
         name: f"{factor * mean[name]:.{decimals}f}"
         for name, (_, decimals, factor) in COLUMNS.items()
     }
-    if spread["epe_m"] > 0:
-        cells["epe_m"] += f" ± {spread['epe_m']:.3f}"
-    return cells
 
 
 def _summary(cells: Mapping[tuple[str, str], Mapping[str, str]]) -> Table:
