@@ -12,6 +12,7 @@ import rich.console
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.presets import settings_for
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def _run(options: argparse.Namespace) -> None:
     # Read by torch when it is imported. Threads that spin while they wait are 50 times slower
     # where other programs want the cores, too.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    from mnsf_ros.methods import make_method
+    from mnsf_ros.online.stream import Stream
     from mnsf_ros.scene_flow import StepReport
     from mnsf_ros.sweeps_io.read_sweep import read_sweep
     from mnsf_ros.sweeps_io.sweep_in_file import triplet_of_files
@@ -74,17 +75,19 @@ def _run(options: argparse.Namespace) -> None:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
     check_target(options.out, overwrite=options.force)
     method = options.method or settings.method.name
-    estimator = make_method(method, settings)
+    stream = Stream(settings, method)
     sweeps = [read_sweep(name) for name in options.sweeps]
     triplet = triplet_of_files(sweeps, options.interval_s)
-    if estimator.traits.needs_poses and triplet.next_from_current is None:
+    if stream.traits.needs_poses and triplet.next_from_current is None:
         raise SweepFileError(
             f"method {method!r} needs the poses of the sensor: give CURRENT and NEXT as .npz with "
             "a pose, or use ego-estimated, which estimates them"
         )
     with rich.console.Console(stderr=True).status(f"estimating with {method}") as status:
-        estimate = estimator.estimate(triplet, StepReport(status.update))
-    flow = _in_rows_of_file(sweeps[-2], triplet.interval_s, estimate, method, estimator.settings)
+        estimate = stream.flow_of(triplet, StepReport(status.update))
+    flow = _in_rows_of_file(
+        sweeps[-2], triplet.interval_s, estimate, method, settings_for(method, settings)
+    )
     write_flow(options.out, flow, overwrite=options.force)
     print(_summary(options.out, method, flow, estimate))
 

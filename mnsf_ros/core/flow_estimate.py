@@ -13,18 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.reason import Reason
-
-
-class Start(Enum):
-    """Where an estimate took its first weights from, and if from nowhere, why."""
-
-    WARM = "warm"
-    COLD_BY_SETTING = "cold: warm start is off"
-    COLD_FIRST = "cold: first triplet"
-    COLD_GAP = "cold: gap since the last triplet"
-    COLD_TIME_JUMP = "cold: time went back"
-    COLD_FRAME = "cold: frame_id changed"
-    COLD_LOSS = "cold: the carried fields no longer fit"
+from mnsf_ros.sweeps.sweep import Start
 
 
 class StopReason(Enum):

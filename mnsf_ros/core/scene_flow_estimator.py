@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What every method of estimating scene flow offers, ours and those of other packages."""
+"""The interface of all methods of scene flow, ours and those of other packages."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, runtime_checkable
@@ -24,12 +25,14 @@ def never() -> bool:
 
 @dataclass(frozen=True)
 class MethodTraits:
-    """What a method says of itself, with the settings that it has.
+    """Properties of a method with its settings.
 
     Attributes:
         num_sweeps: Sweeps that the method looks at: 2 are current and next, 3 the previous, too.
         carries_state: Whether an estimate depends on the ones before it. Such a method must get
             its triplets in order and without gaps, and an interrupted run starts again.
+        max_gap_s: Longest time from the last triplet to the next over which its state holds. After
+            a longer one the stream begins a new `Stretch`.
         needs_poses: Whether `triplet.next_from_current` must be known.
         is_reference: Whether it is a row to compare with, such as zero flow, and no rival.
         is_external: Whether it is another program or its files. Such a method is not warmed up,
@@ -41,6 +44,7 @@ class MethodTraits:
 
     num_sweeps: int = 2
     carries_state: bool = False
+    max_gap_s: float = math.inf
     needs_poses: bool = False
     is_reference: bool = False
     is_external: bool = False

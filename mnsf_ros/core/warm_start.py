@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What one triplet hands to the next: networks and their optimizers. Not in the paper."""
+"""Networks and optimizers that one triplet hands to the next. Not in the paper."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.flow_field import FlowField, StackedFields
 from mnsf_ros.core.learner import Learner, adam
 from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
 
 
 @dataclass(frozen=True)
@@ -78,29 +77,20 @@ class WarmStart:
 
     def __init__(self) -> None:
         self._carried: Learners | None = None
-        self._origin: SweepTriplet | None = None
+        self._stretch: Stretch | None = None
 
     def keep(self, learners: Learners, triplet: SweepTriplet) -> None:
         """Carries the networks, fitted to this triplet, to the next one."""
-        self._carried, self._origin = learners, triplet
+        self._carried, self._stretch = learners, triplet.stretch
 
     def forget(self) -> None:
         """Makes the next start a cold one."""
-        self._carried = self._origin = None
+        self._carried = None
 
     def carried(self, triplet: SweepTriplet, settings: Settings) -> tuple[Learners | None, Start]:
         """The networks to start this triplet from, or None and the reason for a cold start."""
-        start = self._start(triplet, settings)
-        return (self._carried if start is Start.WARM else None), start
-
-    def _start(self, triplet: SweepTriplet, settings: Settings) -> Start:
         if not settings.warm_start.enabled:
-            return Start.COLD_BY_SETTING
-        if self._carried is None or self._origin is None:
-            return Start.COLD_FIRST
-        if triplet.current.frame_id != self._origin.current.frame_id:
-            return Start.COLD_FRAME
-        elapsed_s = (triplet.current.stamp_ns - self._origin.current.stamp_ns) / NANOSECONDS
-        if elapsed_s < 0:
-            return Start.COLD_TIME_JUMP
-        return Start.COLD_GAP if elapsed_s > settings.warm_start.max_gap_s else Start.WARM
+            return None, Start.COLD_BY_SETTING
+        if self._carried is None or triplet.stretch is not self._stretch:
+            return None, triplet.stretch.start
+        return self._carried, Start.WARM

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches, evaluate
-from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock, Start
+from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.flow_field import Perceptron
 from mnsf_ros.core.learner import Learner, LossOf
 from mnsf_ros.core.memory_demand import check_memory
@@ -22,7 +22,7 @@ from mnsf_ros.core.temporal_fusion import fit_fusion
 from mnsf_ros.core.warm_start import Learners, WarmStart
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 
 
 class Workbench:

@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where the sensor was at each sweep: by odometry where there is some, else by registration."""
+"""Sensor poses of sweeps: by odometry where there is some, else by registration."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,10 +19,9 @@ from mnsf_ros.ego_motion.covariance import (
 )
 from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
-from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Stretch, Sweep
 
 # So many times the last interval: farther ahead an extrapolation is no guess any more.
 _MAX_INTERVALS: Final = 3.0
@@ -31,10 +30,12 @@ _MAX_SPEED_M_S: Final = 100.0
 _MAX_STEP_M: Final = 1.0  # without stamps, too
 # A sweep is matched so often at most, each time with the motion that was found last.
 _MAX_ROUNDS: Final = 3
+# Poses that are remembered: more than methods look back.
+_MAX_POSES: Final = 12
 
 
 class EgoSource(Enum):
-    """What a pose was taken from."""
+    """Source of a pose."""
 
     START = "start"  # the first sweep: the origin of the world
     ODOMETRY = "odometry"
@@ -91,7 +92,10 @@ class SensorPose:
 
 
 class EgoMotion:
-    """Chains the sensor's motion from sweep to sweep, so that a change of source is no jump."""
+    """Chains the sensor's motion from sweep to sweep, so that a change of source is no jump.
+
+    All sweeps are of one stretch, see `SensorPoses`.
+    """
 
     def __init__(self, settings: EgoMotionSettings) -> None:
         self._settings = settings
@@ -106,21 +110,13 @@ class EgoMotion:
         self._bending: SweepMotion | None = None
 
     def pose_of(self, sweep: Sweep) -> SensorPose:
-        """The pose of a sweep that is newer than all before it.
-
-        A sweep that is older, or of another frame, or comes after a long gap, starts a new world.
-        The last sweep once more has the pose that it had.
-        """
-        last = self._last
-        if last is None or (sweep is not last and self._is_new_start(last, sweep)):
-            self._last_pose = self._start(sweep)
-        elif sweep is not last:
-            self._last_pose = self._next_pose(last, sweep)
-        self._last = sweep
+        """The pose of a sweep that is newer than all before it. The first one is the origin."""
+        last, self._last = self._last, sweep
+        self._last_pose = self._start(sweep) if last is None else self._next_pose(last, sweep)
         return self._last_pose
 
     def motion_in(self, sweep: Sweep) -> SweepMotion | None:
-        """How the sensor moves while it takes a sweep, as far as is known by now."""
+        """The sensor's motion during a sweep, as far as it is known by now."""
         return None if sweep.times_s is None else self._bending
 
     def _bent_by(
@@ -133,13 +129,7 @@ class EgoMotion:
             self._moment_s = sweep.middle_s
         return SweepMotion.of_step(step, interval_ns / NANOSECONDS, self._moment_s)
 
-    def _is_new_start(self, last: Sweep, sweep: Sweep) -> bool:
-        elapsed_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
-        is_late = elapsed_s < 0 or elapsed_s > self._settings.max_gap_s
-        return is_late or sweep.frame_id != last.frame_id
-
     def _start(self, sweep: Sweep) -> SensorPose:
-        self._last_motion = self._moment_s = self._bending = None
         has_odometry = self._is_odometry_wanted and sweep.odometry is not None
         self._map = None if has_odometry else self._map_of(sweep, np.eye(4))
         return _origin()
@@ -242,37 +232,34 @@ class EgoMotion:
         return matcher
 
 
-class TripletPoses:
-    """The sensor's poses at triplets that follow each other: found once for each sweep."""
+class SensorPoses:
+    """The sensor's poses at the last sweeps of a stretch, each found once."""
 
     def __init__(self, settings: EgoMotionSettings) -> None:
+        self._settings = settings
+        self._stretch: Stretch | None = None
         self._ego_motion = EgoMotion(settings)
-        self._max_gap_s = settings.max_gap_s
         self._poses: dict[Sweep, SensorPose] = {}
 
-    def of(self, triplet: SweepTriplet) -> dict[Sweep, SensorPose]:
-        """The poses of all sweeps of a triplet, in a world that they share.
+    def of(self, sweeps: Iterable[Sweep], stretch: Stretch) -> dict[Sweep, SensorPose]:
+        """The poses of sweeps, oldest first, in the one world of their stretch.
 
-        Raises:
-            SweepError: If a sweep cannot follow the one before it: it is older, of another frame,
-                or comes after too long a gap.
+        Each is newer than those asked for before in this stretch, or one of them.
         """
-        sweeps = (*reversed(triplet.before), triplet.current, triplet.next)
-        known = [sweep in self._poses for sweep in sweeps]
-        # A sweep that is older than a known one cannot be added to the chain: it starts anew.
-        is_chain = known == sorted(known, reverse=True)
-        poses = self._poses if is_chain else {}
-        self._poses = {
-            sweep: poses.get(sweep) or self._ego_motion.pose_of(sweep) for sweep in sweeps
-        }
-        for before, sweep in pairwise(sweeps):
-            if self._poses[sweep].source is EgoSource.START:
-                raise SweepError(
-                    f"sweep {sweep.stamp_ns} ns of frame {sweep.frame_id!r} cannot follow sweep "
-                    f"{before.stamp_ns} ns of frame {before.frame_id!r}: it has to be later, of "
-                    f"the same frame, and within {self._max_gap_s:g} s (ego_motion.max_gap_s)"
-                )
-        return self._poses
+        if stretch is not self._stretch:
+            self._stretch, self._ego_motion = stretch, EgoMotion(self._settings)
+            self._poses.clear()
+        found = {}
+        for sweep in sweeps:
+            found[sweep] = self._poses.get(sweep) or self._ego_motion.pose_of(sweep)
+        self._poses |= found
+        for sweep in list(self._poses)[:-_MAX_POSES]:
+            del self._poses[sweep]
+        return found
+
+    def motion_in(self, sweep: Sweep) -> SweepMotion | None:
+        """The sensor's motion during a sweep, as far as it is known by now."""
+        return self._ego_motion.motion_in(sweep)
 
 
 def _origin() -> SensorPose:

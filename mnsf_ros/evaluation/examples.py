@@ -128,8 +128,7 @@ class ExampleBuilder:
         self._findings = findings
         self._truth = truth
         self._poses = poses
-        self._num_sweeps = num_sweeps
-        self._buffer = SweepBuffer(MAX_SWEEPS)
+        self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
         self._num_read = 0
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
@@ -167,13 +166,12 @@ class ExampleBuilder:
             sweep.xyz, sweep.stamp_ns, None if truth is None else truth.ground, self._options
         )
         sweep = replace(sweep, kept=kept, odometry=self._pose_of(sweep))
-        arrival = self._buffer.push(sweep, self._options.settings.buffer)
+        arrival, triplet = self._buffer.push(sweep, self._options.settings.buffer)
         if arrival is not Arrival.ACCEPTED:
             self._findings.count(ARRIVAL_EVENTS[arrival])
         if arrival in REFUSED:
             return None
         current, self._newest = self._newest, (number, truth)
-        triplet = self._buffer.triplet(self._num_sweeps)
         if triplet is None:
             return None
         triplet = replace(triplet, next_from_current=_motion(triplet.current, sweep))

@@ -3,28 +3,23 @@
 
 from __future__ import annotations
 
-import logging
-import time
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeVar
+from typing import Final
 
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import (
-    PreparingEstimator,
-    SceneFlowEstimator,
-    never,
-)
+from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
-from mnsf_ros.evaluation.real_time import played_in_real_time
-from mnsf_ros.evaluation.results import DROPPED, ResultRow
+from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
@@ -33,12 +28,9 @@ from mnsf_ros.evaluation.scoring import (
 )
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlowChooser
 from mnsf_ros.methods import make_method
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-
-_LOG = logging.getLogger(__name__)
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -97,8 +89,8 @@ class _Scorer:
     def __init__(self, method: str, options: EvaluationOptions) -> None:
         self._method = method
         self._options = options
-        self._estimator = make_method(method, options.settings)
-        self._traits = self._estimator.traits
+        self._stream = Stream(options.settings, method)
+        self._traits = self._stream.traits
         if not self._traits.is_external:
             warm_up(method, options.settings)
         # Predictions that were read from files, whose time says nothing, have no way back.
@@ -110,58 +102,35 @@ class _Scorer:
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
     ) -> Iterator[ResultRow]:
         """Yields a row for each example that is marked to be scored."""
+        for outcome in self._outcomes(examples):
+            yield self._row(outcome, recorder)
+
+    def _outcomes(self, examples: Iterator[tuple[Example, bool]]) -> Iterator[Outcome]:
         rate = self._options.realtime_rate
-        if rate is None:
-            for example, is_scored in examples:
-                if is_scored:
-                    yield self._row(example, *self._estimate(example), recorder)
-                elif self._traits.carries_state:
-                    self._estimate(example)
+        if rate is not None:
+            yield from replayed(self._stream, (example for example, _ in examples), rate)
             return
-        all_of_them = (example for example, _ in examples)
-        for outcome in played_in_real_time(all_of_them, rate, self._prepare, self._estimate):
-            if outcome.result is None:
-                yield failed_row(outcome.example, self._method, DROPPED)
-                continue
-            row = self._row(outcome.example, outcome.result, outcome.time_ms, recorder)
-            yield replace(row, latency_ms=outcome.latency_ms)
+        for example, is_scored in examples:
+            if is_scored or self._traits.carries_state:
+                outcome = estimated(self._stream, example)
+                if is_scored:
+                    yield outcome
 
-    def _prepare(self, example: Example) -> tuple[tuple[Any] | str, float]:
-        """Returns what the method prepares, or why it cannot, and the run time in milliseconds."""
-        estimator, start = self._estimator, time.perf_counter()
-        if not isinstance(estimator, PreparingEstimator):
-            return (None,), 0.0
-        prepared = _attempted(lambda: (estimator.prepare(example.triplet),))
-        return prepared, (time.perf_counter() - start) * 1e3
-
-    def _estimate(
-        self, example: Example, prepared: tuple[Any] | str = (None,)
-    ) -> tuple[FlowEstimate | str, float]:
-        """Returns the estimate, or why there is none, and the run time in milliseconds."""
-        if isinstance(prepared, str):
-            return prepared, 0.0
-        estimator, start = self._estimator, time.perf_counter()
-        if isinstance(estimator, PreparingEstimator):
-            result = _attempted(lambda: estimator.estimate(example.triplet, never, *prepared))
-        else:
-            result = _attempted(lambda: estimator.estimate(example.triplet))
-        return result, (time.perf_counter() - start) * 1e3
-
-    def _row(
-        self, example: Example, result: FlowEstimate | str, time_ms: float, recorder: FlowRecorder
-    ) -> ResultRow:
-        if isinstance(result, str):
+    def _row(self, outcome: Outcome, recorder: FlowRecorder) -> ResultRow:
+        example, result, time_ms = outcome.example, outcome.result, outcome.time_ms
+        if not isinstance(result, FlowEstimate):
             return failed_row(example, self._method, result)
         if not self._traits.is_timed:
-            time_ms = float("nan")
+            time_ms = math.nan
         elif result.times_ms:
             # A program that runs a network reports its own time, without its start.
             time_ms = result.time_ms
-        row = _attempted(lambda: scored_row(example, self._method, result, time_ms))
+        row = attempted(lambda: scored_row(example, self._method, result, time_ms))
         if isinstance(row, str):
             return failed_row(example, self._method, row)
         recorder.write(example, result.flow)
         self.shown.look(row, example, result.flow)
+        row = replace(row, latency_ms=outcome.latency_ms)
         return self._with_cycle(row, example, result)
 
     def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
@@ -169,7 +138,7 @@ class _Scorer:
             return row
         backward = self._way_back()
         triplet = example.triplet
-        way_back = _attempted(lambda: backward.estimate(reversed_pair(triplet)))
+        way_back = attempted(lambda: backward.estimate(reversed_pair(triplet)))
         if isinstance(way_back, str):
             return row
         answered = np.isfinite(result.flow).all(axis=1)
@@ -182,17 +151,6 @@ class _Scorer:
         if self._backward is None or self._traits.carries_state:
             self._backward = make_method(self._method, self._options.settings)
         return self._backward
-
-
-def _attempted(work: Callable[[], Result]) -> Result | str:
-    """What the work returns, or in one line why it failed: one bad example must not end a run."""
-    try:
-        return work()
-    except MnsfError as error:
-        return str(error)
-    except Exception as error:  # noqa: BLE001 - methods are other people's code, too
-        _LOG.exception("an example failed")
-        return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
 
 
 _FEW_STEPS: Final = {

@@ -2,7 +2,5 @@
 """The methods of estimating scene flow, by name."""
 
 from mnsf_ros.methods.registry import check_method as check_method
-from mnsf_ros.methods.registry import is_loaded as is_loaded
-from mnsf_ros.methods.registry import load_method as load_method
 from mnsf_ros.methods.registry import make_method as make_method
 from mnsf_ros.methods.registry import method_names as method_names

@@ -14,7 +14,6 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.forward_backward_fields import (
     fit_field,
     fit_jointly,
@@ -29,6 +28,7 @@ from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.core.warm_start import Learners
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field
+from mnsf_ros.sweeps.sweep import Start
 
 
 def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:

@@ -7,6 +7,7 @@ the networks explain only what the ego motion does not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -23,7 +24,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.ego_motion.ego_motion import SensorPose, TripletPoses
+from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
@@ -77,17 +78,20 @@ class NetworkEstimator:
         """
         self.settings = settings
         self._method = method
-        is_warm = method.starts_warm and settings.warm_start.enabled
+        gaps_s = [settings.ego_motion.max_gap_s] if settings.ego_motion.removed else []
+        if method.starts_warm and settings.warm_start.enabled:
+            gaps_s.append(settings.warm_start.max_gap_s)
         self.traits = MethodTraits(
             method.num_sweeps,
-            carries_state=is_warm or settings.ego_motion.removed,
+            carries_state=bool(gaps_s),
+            max_gap_s=min(gaps_s, default=math.inf),
             settings_groups=_SETTINGS_GROUPS,
         )
         self._device = compute_device(settings.compute)
         check_memory(settings)
         self._preparation = SweepPreparation(settings)
         self._warm_start = WarmStart()
-        self._poses = TripletPoses(settings.ego_motion)
+        self._poses = SensorPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> NetworkEstimator:
         """Returns an estimator with other settings that keeps what is still valid.
@@ -116,8 +120,8 @@ class NetworkEstimator:
             cancelled: Asked again and again; True ends the estimate with CancelledError.
 
         Raises:
-            SweepError: If crop and ground removal leave too few points of a sweep, there are too
-                few sweeps, or with `ego_motion.removed` a sweep cannot follow the one before it.
+            SweepError: If crop and ground removal leave too few points of a sweep, or there are too
+                few sweeps.
             OptimizationError: If the optimization finds no finite flow.
             CancelledError: If `cancelled` returns True.
         """
@@ -126,7 +130,7 @@ class NetworkEstimator:
             return self._fitted(triplet, cancelled)
         clock = StageClock()
         with clock.stage("ego motion"):
-            poses = self._poses.of(triplet)
+            poses = self._poses.of(triplet.sweeps, triplet.stretch)
             common = _in_frame_of_current(triplet, poses)
         estimate = self._fitted(common, cancelled)
         with clock.stage("output"):

@@ -15,9 +15,7 @@ from __future__ import annotations
 import difflib
 import logging
 import sys
-import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -45,7 +43,6 @@ MethodMaker = Callable[[Settings], SceneFlowEstimator]
 
 # What torch imports by itself with the first optimizer, for a second and more.
 OPTIMIZER_MODULE: Final = "torch._dynamo"
-_ARE_NETWORKS_LOADED: Final = threading.Event()
 
 
 def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any) -> MethodMaker:  # noqa: ANN401 - see below
@@ -60,6 +57,8 @@ def _network(path: str, options: Mapping[str, Any] | None = None, **traits: Any)
     def make(settings: Settings) -> SceneFlowEstimator:
         if "torch" not in sys.modules:
             _LOG.info("PyTorch is loaded for the first network, which takes some seconds")
+        # Else the first estimate would take a second longer, in which it cannot be abandoned.
+        import_module(OPTIMIZER_MODULE)
         networks = import_module("mnsf_ros.methods.network_estimator")
         flow_of = partial(resolve_name(f"mnsf_ros.methods.{path}"), **(options or {}))
         method = networks.NetworkMethod(flow_of, **traits)
@@ -135,23 +134,6 @@ def check_method(name: str) -> None:
         SettingsError: If there is none, or several packages offer it.
     """
     _maker(name)
-
-
-def is_loaded(name: str) -> bool:
-    """Whether a method is there at once: `load_method` would take no seconds."""
-    return name not in _NETWORKS or _ARE_NETWORKS_LOADED.is_set()
-
-
-def load_method(name: str) -> None:
-    """Imports what the first estimate of a method would, which takes seconds for a network.
-
-    `make_method` tells if a library is missing or broken.
-    """
-    if not is_loaded(name):
-        with suppress(Exception):
-            import_module("torch")
-            import_module(OPTIMIZER_MODULE)
-            _ARE_NETWORKS_LOADED.set()
 
 
 def make_method(name: str, settings: Settings) -> SceneFlowEstimator:

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.ego_motion.ego_motion import TripletPoses
+from mnsf_ros.ego_motion.ego_motion import SensorPoses
 from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.settings import Settings
@@ -83,7 +84,8 @@ class EstimatedEgoMotionEstimator(_Reference):
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet."""
         super().__init__(settings)
-        self._poses = TripletPoses(settings.ego_motion)
+        self.traits = replace(self.traits, max_gap_s=settings.ego_motion.max_gap_s)
+        self._poses = SensorPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> EstimatedEgoMotionEstimator:
         """Returns the same with other settings; it keeps the poses if they are still valid."""
@@ -93,7 +95,7 @@ class EstimatedEgoMotionEstimator(_Reference):
         return other
 
     def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
-        poses = self._poses.of(triplet)
+        poses = self._poses.of(triplet.sweeps, triplet.stretch)
         current, following = (
             poses[sweep].world_from_sensor for sweep in (triplet.current, triplet.next)
         )

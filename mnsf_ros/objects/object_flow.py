@@ -51,10 +51,6 @@ class ObjectFlowEstimator:
         traits: It uses three sweeps, or two where there is no previous one.
     """
 
-    traits = MethodTraits(
-        num_sweeps=3, carries_state=True, settings_groups=("objects", "warm_start")
-    )
-
     def __init__(self, settings: Settings) -> None:
         """Makes an estimator that has seen nothing yet.
 
@@ -64,6 +60,12 @@ class ObjectFlowEstimator:
         # It runs on the CPU, but a device that is not available is an error here too.
         check_device(settings.compute)
         self.settings = settings
+        self.traits = MethodTraits(
+            num_sweeps=3,
+            carries_state=True,
+            max_gap_s=min(settings.ego_motion.max_gap_s, settings.warm_start.max_gap_s),
+            settings_groups=("objects", "warm_start"),
+        )
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)
 
@@ -79,10 +81,9 @@ class ObjectFlowEstimator:
         """Makes the sweeps of a triplet ready: ego motion, crop, ground, objects.
 
         Raises:
-            SweepError: If crop and ground removal leave too few points of a sweep, or if one cannot
-                follow that before it.
+            SweepError: If crop and ground removal leave too few points of a sweep.
         """
-        return self._sweeps.ready(*triplet.before[:1], triplet.current, triplet.next)
+        return self._sweeps.ready(triplet)
 
     def estimate(
         self,

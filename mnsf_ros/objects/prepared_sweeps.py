@@ -5,22 +5,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final
 
-from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource, SensorPose
-from mnsf_ros.errors import SweepError
+from mnsf_ros.ego_motion.ego_motion import EgoSource, SensorPose, SensorPoses
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.target import Target
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Stretch, Sweep, SweepTriplet
 
 # How far back an object is looked for: three and six sweeps at 10 Hz. Before the first a car has
 # not turned by much, before the second a slow pedestrian has moved by more than the noise.
 _PAST_S: Final = (0.3, 0.6)
 _PAST_TOLERANCE_S: Final = 0.12
 _MAX_SWEEPS: Final = 12
-
-Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +27,11 @@ class ReadySweeps:
     Attributes:
         last: Oldest first; the last one is the triplet's next sweep.
         of_triplet: The previous sweep, if there is one, the current and the next one.
-        world: Number of the world that their poses are in.
-        time_ms: What it took to make those ready that were not.
+        time_ms: Run time of those that were not ready yet.
     """
 
     last: tuple[ObjectSweep, ...]
     of_triplet: tuple[ObjectSweep, ...]
-    world: int
     time_ms: float
 
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
@@ -72,81 +67,54 @@ class PreparedSweeps:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._ego_motion = EgoMotion(settings.ego_motion)
-        self._world = 0
-        self._poses: dict[Sweep, SensorPose] = {}
+        self._poses = SensorPoses(settings.ego_motion)
+        self._stretch: Stretch | None = None
         self._sweeps: dict[Sweep, ObjectSweep] = {}
 
     def with_settings(self, settings: Settings) -> PreparedSweeps:
-        """Returns the same for other settings, with what still holds.
+        """Returns the same for other settings, with all that still holds.
 
         The world and the poses in it depend on `ego_motion` only; what an object is depends on
         `crop`, `ground` and `objects`, too. These sweeps must not be used afterwards.
         """
         other = PreparedSweeps(settings)
-        other._world = self._world
         if settings.ego_motion == self._settings.ego_motion:
-            other._ego_motion, other._poses = self._ego_motion, self._poses
+            other._poses = self._poses
             if self.are_same_for(settings):
-                other._sweeps = self._sweeps
+                other._stretch, other._sweeps = self._stretch, self._sweeps
         return other
 
     def are_same_for(self, settings: Settings) -> bool:
         """Whether other settings make the same of a sweep."""
         return _all_that_matters(settings) == _all_that_matters(self._settings)
 
-    def ready(self, *sweeps: Sweep) -> ReadySweeps:
-        """The sweeps of a triplet made ready, those that are not yet.
-
-        Args:
-            sweeps: Oldest first; each is later than those made ready before, or one of them.
+    def ready(self, triplet: SweepTriplet) -> ReadySweeps:
+        """Makes the sweeps of a triplet ready, those that are not yet.
 
         Raises:
-            SweepError: If too few points of one are left, or if one cannot follow that before it:
-                it is older, of another frame, or comes after too long a gap.
+            SweepError: If too few points of one are left.
         """
         start_s = time.perf_counter()
+        if triplet.stretch is not self._stretch:
+            self._stretch = triplet.stretch
+            self._sweeps.clear()
+        sweeps = (*triplet.before[:1], triplet.current, triplet.next)
         # All poses first: how the sensor moved in the first sweep is known from the second one.
-        for sweep in sweeps:
-            if sweep not in self._poses:
-                self._add_pose(sweep)
-        for sweep in sweeps:
-            if sweep in self._poses and sweep not in self._sweeps:
-                self._add(sweep)
-        if any(sweep not in self._sweeps for sweep in sweeps):
-            # The map was restarted in between: poses before and after cannot be related.
-            raise SweepError(
-                "the sweeps of the triplet do not follow each other, "
-                f"expected one frame_id, rising stamps and no gap above ego_motion.max_gap_s, "
-                f"which is {self._settings.ego_motion.max_gap_s:g}"
-            )
+        for sweep, pose in self._poses.of(sweeps, triplet.stretch).items():
+            if sweep not in self._sweeps:
+                self._add(sweep, pose)
         of_triplet = tuple(self._sweeps[sweep] for sweep in sweeps)
         time_ms = (time.perf_counter() - start_s) * 1e3
-        return ReadySweeps(tuple(self._sweeps.values()), of_triplet, self._world, time_ms)
+        return ReadySweeps(tuple(self._sweeps.values()), of_triplet, time_ms)
 
-    def _add_pose(self, sweep: Sweep) -> None:
-        pose = self._ego_motion.pose_of(sweep)
+    def _add(self, sweep: Sweep, pose: SensorPose) -> None:
         if pose.source is EgoSource.START:
-            # The map was restarted: earlier poses no longer hold.
-            self._world += 1
-            self._poses.clear()
-            self._sweeps.clear()
-        _keep_last(self._poses, sweep, pose)
-
-    def _add(self, sweep: Sweep) -> None:
-        pose = self._poses[sweep]
-        if pose.source is EgoSource.START:
-            pose = replace(pose, motion=self._ego_motion.motion_in(sweep))
+            pose = replace(pose, motion=self._poses.motion_in(sweep))
         # Here, not after a whole triplet: there may never be one if every third sweep is refused.
-        _keep_last(self._sweeps, sweep, ObjectSweep(sweep, pose, self._settings))
+        self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
+        while len(self._sweeps) > _MAX_SWEEPS:
+            del self._sweeps[next(iter(self._sweeps))]
 
 
 def _all_that_matters(settings: Settings) -> tuple[object, ...]:
     return settings.ego_motion, settings.crop, settings.ground, settings.objects
-
-
-def _keep_last(items: dict[Sweep, Item], sweep: Sweep, item: Item) -> None:
-    """Adds an item and drops those of the oldest sweeps."""
-    items[sweep] = item
-    while len(items) > _MAX_SWEEPS:
-        del items[next(iter(items))]

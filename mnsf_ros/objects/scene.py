@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.core.flow_estimate import OverGround, Start
+from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.objects.attachments import attached
@@ -29,7 +29,7 @@ from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.settings import ObjectSettings
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
+from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, SweepTriplet
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +59,8 @@ class Scene:
         settings: ObjectSettings,
     ) -> Scene:
         """Looks at a triplet whose sweeps are ready."""
-        start = memory.start(triplet)
-        memory.enter(ready.world)
+        start = memory.enter(triplet.stretch)
         *before, current, next_ = ready.of_triplet
-        if start is Start.WARM and memory.is_blank:
-            # The gap was short for objects, but too long to know where the sensor went.
-            start = Start.COLD_GAP
         near = [Target.of(next_, current, 1.0)]
         if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
             # Otherwise the current sweep cannot be related to the previous one.

@@ -1,30 +1,22 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""From a stream of sweeps to a stream of flows: buffer, two workers, estimator. No ROS in it."""
+"""A stream of sweeps whose two halves run in worker threads. No ROS in it."""
 
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.memory_demand import check_memory
-from mnsf_ros.core.scene_flow_estimator import (
-    NUM_PREPARED_IN_ORDER,
-    PreparingEstimator,
-    SceneFlowEstimator,
-)
-from mnsf_ros.errors import CancelledError, MnsfError
-from mnsf_ros.methods import load_method, make_method
+from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
+from mnsf_ros.errors import CancelledError, MnsfError, OvertakenError
 from mnsf_ros.online.latest_only_worker import LatestOnlyWorker
 from mnsf_ros.online.online_statistics import OnlineStatistics
+from mnsf_ros.online.stream import PreparedTriplet, Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
-from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
+from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 _LOG = logging.getLogger(__name__)
 
@@ -57,53 +49,19 @@ class TripletJob:
 
     triplet: SweepTriplet
     arrived_ns: int  # `time.monotonic_ns()`, when the newest sweep arrived
-    num_resets: int = 0  # of the pipeline, until then
-
-
-@dataclass(frozen=True, eq=False)
-class _Plan:
-    """How to estimate. Replaced as a whole, so that a change is another object."""
-
-    settings: Settings
-    num_resets: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class _PreparedJob:
-    """A triplet on its way from the one worker to the other; never changed.
-
-    Attributes:
-        job: The triplet.
-        estimator: Whose preparation it is.
-        prepared: What the estimator made of the triplet; None if it prepares nothing.
-        error: Why there is no flow for it.
-    """
-
-    job: TripletJob
-    estimator: SceneFlowEstimator
-    prepared: Any = None
-    error: Exception | None = None
 
 
 class OnlinePipeline:
     """Takes sweeps as they come and hands out flows as they get ready.
 
-    Two workers: one prepares the sweeps of each triplet, where the method has that (see
-    `PreparingEstimator`), the other one estimates. So the next sweep is made ready while the last
-    estimate is under way. In front of the estimate one triplet waits, and a newer one takes its
-    place: a triplet that is dropped there has cost its preparation, and no more. In front of the
-    preparation a few wait in order.
+    Two workers run the halves of a `Stream`: one prepares the sweeps of each triplet, the other one
+    estimates. So the next sweep is made ready while the last estimate is under way. In front of the
+    estimate one triplet waits, and a newer one takes its place: a triplet that is dropped there has
+    cost its preparation, and no more. In front of the preparation a few wait in order.
 
-    Who owns what:
-
-    * The caller's thread (the executor's): the buffer, the plan and the settings that are to hold.
-      `add_sweep`, `change_settings` and `reset` are for this one only.
-    * The worker that estimates: the estimator, which it alone replaces, and the two callbacks.
-    * Whoever holds the one lock, `_preparation`: the part of the estimator that prepares, and
-      what is known of who did it last.
-
-    An error in `on_estimate` counts as a failed estimate; one in `on_failure` is logged and
-    counted.
+    `add_sweep`, `change_settings` and `reset` are for one thread only, that of the caller; both
+    callbacks run in the worker that estimates. An error in `on_estimate` counts as a failed
+    estimate; one in `on_failure` is logged and counted.
     """
 
     def __init__(
@@ -115,21 +73,12 @@ class OnlinePipeline:
         """Starts both workers. After a failure the next triplet is tried all the same.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there, or for more memory
-                than there is.
+            SettingsError: As of `Stream`.
         """
-        check_memory(settings)
         self.statistics = OnlineStatistics()
-        self._plan = _Plan(settings)
+        self._stream = Stream(settings)
         self._on_estimate = on_estimate
         self._on_failure = on_failure
-        self._buffer = SweepBuffer()
-        load_method(settings.method.name)
-        self._estimator = make_method(settings.method.name, settings)
-        self._estimator_plan = self._plan
-        self._preparation = threading.Lock()
-        # By which the worker that prepares has prepared last.
-        self._prepared_by = self._estimator
         self._estimating = LatestOnlyWorker(self._estimate, "estimator")
         self._preparing = LatestOnlyWorker(self._prepare, "preparation", NUM_PREPARED_IN_ORDER)
 
@@ -139,44 +88,44 @@ class OnlinePipeline:
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return self._preparing.load + self._estimating.load
 
-    def change_settings(self, settings: Settings) -> None:
-        """Applies other settings from the next estimate on; the method stays the same.
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return self._stream.method
 
-        A long estimate under way is abandoned: it could last for hours.
+    def change_settings(self, settings: Settings) -> None:
+        """Lets other settings hold from the next estimate on.
+
+        One that is under way for long is abandoned: it could last for hours.
 
         Raises:
-            SettingsError: If they ask for an unavailable device, or for more memory than there is;
-                nothing changes then.
+            SettingsError: As of `Stream.change_settings`; nothing changes then.
         """
-        check_device(settings.compute)
-        check_memory(settings)
-        if settings != self._plan.settings:
-            self._plan = _Plan(settings, self._plan.num_resets)
+        self._stream.change_settings(settings)
 
     def reset(self) -> None:
         """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
-        self._buffer.clear()
-        self._plan = _Plan(self._plan.settings, self._plan.num_resets + 1)
+        self._stream.reset()
         for worker in (self._preparing, self._estimating):
             if num_forgotten := worker.forget():
                 self.statistics.count(TRIPLETS_ABANDONED, num_forgotten)
 
     def add_sweep(self, sweep: Sweep, arrived_ns: int, *, is_watched: bool = True) -> Arrival:
-        """Takes the newest sweep and says what became of it. Returns at once.
+        """Takes the newest sweep and returns how it follows the last one, at once.
 
         It arrived at `time.monotonic_ns()`. If nobody watches the flow, it is only kept.
         """
         self.statistics.count(SWEEPS_RECEIVED)
         self.statistics.add_arrival()
-        arrival = self._buffer.push(sweep, self._plan.settings.buffer)
+        arrival = self._stream.add(sweep)
         if arrival is not Arrival.ACCEPTED:
             self.statistics.count(f"sweeps_{arrival.value}")
-        triplet = self._buffer.triplet()
-        if triplet is not None and triplet.next is sweep:
+        triplet = self._stream.triplet
+        if triplet is not None:
             self.statistics.count(TRIPLETS_FORMED)
             if not is_watched:
                 self.statistics.count(TRIPLETS_UNWATCHED)
-            elif self._preparing.submit(TripletJob(triplet, arrived_ns, self._plan.num_resets)):
+            elif self._preparing.submit(TripletJob(triplet, arrived_ns)):
                 self.statistics.count(TRIPLETS_DROPPED)
         return arrival
 
@@ -194,33 +143,29 @@ class OnlinePipeline:
 
     def _prepare(self, job: TripletJob) -> None:
         """Runs in the worker that prepares."""
-        with self._preparation:
-            prepared = _prepared(job, self._estimator)
-            self._prepared_by = prepared.estimator
-        if self._estimating.submit(prepared):
+        if self._estimating.submit((job, self._stream.prepare(job.triplet))):
             self.statistics.count(TRIPLETS_DROPPED)
 
-    def _estimate(self, prepared: _PreparedJob) -> None:
+    def _estimate(self, work: tuple[TripletJob, PreparedTriplet]) -> None:
         """Runs in the worker that estimates."""
-        plan, started_s, job = self._plan, time.monotonic(), prepared.job
+        job, prepared = work
+        settings, started_s = self._stream.settings, time.monotonic()
 
         def is_abandoned() -> bool:
             is_long = time.monotonic() - started_s > _ABANDONED_AFTER_S
-            is_outdated = self._plan is not plan and is_long
-            is_reset = self._plan.num_resets != job.num_resets
+            is_outdated = self._stream.settings is not settings and is_long
+            is_reset = self._stream.is_before_reset(job.triplet)
             return self._estimating.is_closing or is_outdated or is_reset
 
         try:
             if is_abandoned():
                 raise CancelledError("the triplet was abandoned")
-            adapted = self._adapted(plan, prepared)
-            if adapted is None:
-                self.statistics.count(TRIPLETS_DROPPED)
-                return
-            estimate = _estimate(adapted, is_abandoned)
+            estimate = self._stream.estimate(prepared, is_abandoned)
             if self._estimating.is_closing:
                 return
             self._on_estimate(job, estimate)
+        except OvertakenError:
+            self.statistics.count(TRIPLETS_DROPPED)
         except CancelledError:
             self.statistics.count(TRIPLETS_ABANDONED)
         except Exception as error:  # noqa: BLE001 - one bad triplet must not end the stream
@@ -231,30 +176,6 @@ class OnlinePipeline:
                 self.statistics.count(OBJECTS_LEFT_OUT, estimate.num_left_out)
             latency_ms = (time.monotonic_ns() - job.arrived_ns) / 1e6
             self.statistics.add_estimate(latency_ms, estimate)
-
-    def _adapted(self, plan: _Plan, prepared: _PreparedJob) -> _PreparedJob | None:
-        """Returns the job prepared by an estimator that does what the plan says.
-
-        None if a newer triplet was prepared with other settings meanwhile: sweeps can be prepared
-        in their order only.
-        """
-        if plan is self._estimator_plan and prepared.estimator is self._estimator:
-            return prepared
-        with self._preparation:
-            self._adapt(plan)
-            is_overtaken = self._prepared_by is not prepared.estimator
-            if is_overtaken and isinstance(self._estimator, PreparingEstimator):
-                return None
-            # Under the same lock: the worker that prepares goes on with the triplet after this one.
-            return _prepared(prepared.job, self._estimator)
-
-    def _adapt(self, plan: _Plan) -> None:
-        old, settings = self._estimator_plan, plan.settings
-        if plan.num_resets != old.num_resets:
-            self._estimator = make_method(settings.method.name, settings)
-        elif settings != old.settings:
-            self._estimator = self._estimator.with_settings(settings)
-        self._estimator_plan = plan
 
     def _fail(self, job: TripletJob, error: Exception) -> None:
         if self._estimating.is_closing:
@@ -267,21 +188,3 @@ class OnlinePipeline:
         except Exception:  # noqa: BLE001 - the next triplet is tried all the same
             self.statistics.count(CALLBACK_ERRORS)
             _LOG.exception("the callback for failed estimates raised an error")
-
-
-def _prepared(job: TripletJob, estimator: SceneFlowEstimator) -> _PreparedJob:
-    if not isinstance(estimator, PreparingEstimator):
-        return _PreparedJob(job, estimator)
-    try:
-        return _PreparedJob(job, estimator, estimator.prepare(job.triplet))
-    except Exception as error:  # noqa: BLE001 - it is told when it is the triplet's turn
-        return _PreparedJob(job, estimator, error=error)
-
-
-def _estimate(prepared: _PreparedJob, is_abandoned: Callable[[], bool]) -> FlowEstimate:
-    estimator, triplet = prepared.estimator, prepared.job.triplet
-    if prepared.error is not None:
-        raise prepared.error
-    if isinstance(estimator, PreparingEstimator):
-        return estimator.estimate(triplet, is_abandoned, prepared.prepared)
-    return estimator.estimate(triplet, is_abandoned)

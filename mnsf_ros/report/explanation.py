@@ -17,7 +17,7 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
-from mnsf_ros.methods import make_method
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 # A stamp that was printed with three decimals is off by less.
@@ -89,7 +89,7 @@ def _estimated(
     recording: EvaluatedRecording, options: EvaluationOptions, stamp_ns: int, method: str
 ) -> tuple[Example, FlowEstimate]:
     """The example of a stamp and its estimate."""
-    estimator = make_method(method, options.settings)
+    stream = Stream(options.settings, method)
     stamps_ns: list[int] = []
     with recording.open() as reader:
         for example in read_examples(reader, recording, options, Findings()):
@@ -97,7 +97,7 @@ def _estimated(
             stamps_ns.append(now_ns)
             if now_ns < stamp_ns - _PAST_S * NANOSECONDS:
                 continue
-            estimate = estimator.estimate(example.triplet)
+            estimate = stream.flow_of(example.triplet)
             if abs(now_ns - stamp_ns) <= _SAME_STAMP_NS:
                 return example, estimate
             if now_ns > stamp_ns:

@@ -1,10 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What a sweep is, and the three of them that one estimate needs."""
+"""A sweep, the triplet that one estimate needs, and the stretch of a stream that it is part of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from enum import Enum
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,34 @@ class Sweep:
         return f"Sweep(points={len(self)}, stamp_ns={self.stamp_ns}, frame_id={self.frame_id!r})"
 
 
+class Start(Enum):
+    """Where an estimate starts: from the last one, or from scratch, and why."""
+
+    WARM = "warm"
+    COLD_BY_SETTING = "cold: warm start is off"
+    COLD_FIRST = "cold: first triplet"
+    COLD_GAP = "cold: gap since the last triplet"
+    COLD_TIME_JUMP = "cold: time went back"
+    COLD_FRAME = "cold: frame_id changed"
+    COLD_LOSS = "cold: the carried fields no longer fit"
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A part of a stream without a break. What a method learns in it holds until its end.
+
+    Two triplets are of the same stretch if theirs is the same object.
+
+    Attributes:
+        start: Why the stretch began.
+    """
+
+    start: Start = Start.COLD_FIRST
+
+
+_UNBROKEN: Final = Stretch()
+
+
 @dataclass(frozen=True, eq=False)
 class SweepTriplet:
     """Three consecutive sweeps: S1 (t-1), S2 (t) and S3 (t+1) of the paper.
@@ -120,6 +149,8 @@ class SweepTriplet:
         earlier: The sweeps at t-2, t-3 ..., for methods that use more than three.
         next_from_current: (4, 4) rigid motion of the standing world between the two sensor
             frames, x_next = next_from_current · x_current, for methods that are told it.
+        stretch: Methods forget what they learned in another one. A `Stream` tells breaks; triplets
+            that come from elsewhere count as one stretch, in the order of time.
     """
 
     previous: Sweep | None
@@ -127,6 +158,12 @@ class SweepTriplet:
     next: Sweep
     earlier: tuple[Sweep, ...] = ()
     next_from_current: NDArray[np.float64] | None = None
+    stretch: Stretch = _UNBROKEN
+
+    @property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        """All sweeps, oldest first."""
+        return (*reversed(self.before), self.current, self.next)
 
     @property
     def interval_s(self) -> float:

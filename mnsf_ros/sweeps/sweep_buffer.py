@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The last few sweeps in stamp order."""
+"""The last few sweeps in stamp order, and whether one continues another."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 
 
 class Arrival(Enum):
-    """What became of a sweep that was pushed into the buffer."""
+    """How a sweep follows the last one, and what the buffer does with it."""
 
     ACCEPTED = "accepted"
     DUPLICATE = "duplicate"  # same stamp as the last one: refused
@@ -20,17 +20,32 @@ class Arrival(Enum):
     GAP = "gap"  # much newer: buffer starts anew
     FRAME_CHANGED = "frame_changed"  # other frame_id: buffer starts anew
 
+    @classmethod
+    def of(cls, sweep: Sweep, last: Sweep, max_gap_s: float, min_gap_s: float = 0.0) -> Arrival:
+        """How a sweep follows the last one, by their header stamps and frames only."""
+        if sweep.frame_id != last.frame_id:
+            return cls.FRAME_CHANGED
+        gap_s = (sweep.stamp_ns - last.stamp_ns) / NANOSECONDS
+        if abs(gap_s) < min_gap_s:
+            return cls.DUPLICATE
+        if abs(gap_s) > max_gap_s:
+            return cls.GAP if gap_s > 0 else cls.TIME_WENT_BACK
+        return cls.OUT_OF_ORDER if gap_s < 0 else cls.ACCEPTED
+
 
 REFUSED = frozenset({Arrival.DUPLICATE, Arrival.OUT_OF_ORDER})
-_RESTARTED = frozenset({Arrival.TIME_WENT_BACK, Arrival.GAP, Arrival.FRAME_CHANGED})
 
 
 class SweepBuffer:
-    """Keeps the newest consecutive sweeps; decides by their header stamps only."""
+    """Keeps the newest consecutive sweeps."""
 
-    def __init__(self, num_sweeps: int = 3) -> None:
-        """Starts empty; keeps `num_sweeps` at most."""
-        self._sweeps: deque[Sweep] = deque(maxlen=num_sweeps)
+    def __init__(self, num_kept: int = 3, num_needed: int = 3) -> None:
+        """Starts empty; keeps `num_kept` sweeps at most. A triplet has `num_needed` at least.
+
+        With 2 the previous sweep may be missing.
+        """
+        self._num_needed = num_needed
+        self._sweeps: deque[Sweep] = deque(maxlen=max(num_kept, num_needed))
 
     def __len__(self) -> int:
         return len(self._sweeps)
@@ -39,37 +54,25 @@ class SweepBuffer:
         """Forgets all sweeps: no triplet spans this place."""
         self._sweeps.clear()
 
-    def push(self, sweep: Sweep, settings: BufferSettings) -> Arrival:
-        """Adds the newest sweep, or refuses it, and says which."""
-        arrival = self._classify(sweep, settings)
-        if arrival in _RESTARTED:
-            self._sweeps.clear()
-        if arrival not in REFUSED:
-            self._sweeps.append(sweep)
-        return arrival
+    def push(self, sweep: Sweep, settings: BufferSettings) -> tuple[Arrival, SweepTriplet | None]:
+        """Adds the newest sweep, or refuses it. Returns which, and the triplet that it completes.
 
-    def triplet(self, num_sweeps: int = 3) -> SweepTriplet | None:
-        """Returns the newest sweeps, or None while there are fewer than `num_sweeps`.
-
-        With 2 the previous sweep may be missing. `earlier` has all others that are kept.
+        The triplet's `earlier` has all other sweeps that are kept.
         """
-        if len(self._sweeps) < num_sweeps:
+        arrival = Arrival.ACCEPTED
+        if self._sweeps:
+            limits = settings.max_interval_s, settings.min_interval_s
+            arrival = Arrival.of(sweep, self._sweeps[-1], *limits)
+        if arrival in REFUSED:
+            return arrival, None
+        if arrival is not Arrival.ACCEPTED:
+            self._sweeps.clear()
+        self._sweeps.append(sweep)
+        return arrival, self._triplet()
+
+    def _triplet(self) -> SweepTriplet | None:
+        if len(self._sweeps) < self._num_needed:
             return None
         newest, current, *before = reversed(self._sweeps)
         previous = before[0] if before else None
         return SweepTriplet(previous, current, newest, earlier=tuple(before[1:]))
-
-    def _classify(self, sweep: Sweep, settings: BufferSettings) -> Arrival:
-        if not self._sweeps:
-            return Arrival.ACCEPTED
-        newest = self._sweeps[-1]
-        if sweep.frame_id != newest.frame_id:
-            return Arrival.FRAME_CHANGED
-        interval_s = (sweep.stamp_ns - newest.stamp_ns) / NANOSECONDS
-        if abs(interval_s) < settings.min_interval_s:
-            return Arrival.DUPLICATE
-        if interval_s > settings.max_interval_s:
-            return Arrival.GAP
-        if interval_s < -settings.max_interval_s:
-            return Arrival.TIME_WENT_BACK
-        return Arrival.ACCEPTED if interval_s > 0 else Arrival.OUT_OF_ORDER

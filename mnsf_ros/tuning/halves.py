@@ -12,7 +12,7 @@ from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.methods import make_method
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 
 METHOD = "online"
@@ -41,10 +41,10 @@ class Half:
 
 
 def _estimated(stretch: Sequence[Example], settings: Settings) -> Iterator[Estimate]:
-    method = make_method(METHOD, settings)
+    stream = Stream(settings, METHOD)
     for example in stretch:
         try:
-            yield example, method.estimate(example.triplet)
+            yield example, stream.flow_of(example.triplet)
         except MnsfError:
             yield example, None
 

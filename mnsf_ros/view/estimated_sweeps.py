@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The sweeps of a recording with their flow, one after the other."""
+"""Sweeps of a recording with their flow, in stamp order."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from dataclasses import dataclass
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError
-from mnsf_ros.methods import make_method
+from mnsf_ros.evaluation.tracks import in_stamp_order
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import SweepTriplet
-from mnsf_ros.sweeps.sweep_buffer import REFUSED, SweepBuffer
+from mnsf_ros.settings import Settings, TimeSettings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
 
 _LOG = logging.getLogger(__name__)
-_NUM_SWEEPS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +35,25 @@ def estimated_sweeps(reader: BagReader, topic: str, settings: Settings) -> Itera
         SettingsError: The method cannot be made with the settings.
         RecordingError: Damage is met in the recording.
     """
-    method = make_method(settings.method.name, settings)
-    buffer = SweepBuffer(max(_NUM_SWEEPS, method.traits.num_sweeps))
+    stream = Stream(settings)
+    for sweep in in_stamp_order(_sweeps(reader, topic, settings.time)):
+        if sweep is None:
+            continue
+        try:
+            estimate = stream.push(sweep)
+        except MnsfError as error:
+            _LOG.warning("no flow at %.3f s: %s", sweep.stamp_ns / NANOSECONDS, error)
+            continue
+        if estimate is not None and stream.triplet is not None:
+            yield EstimatedSweep(stream.triplet, estimate)
+
+
+def _sweeps(reader: BagReader, topic: str, settings: TimeSettings) -> Iterator[Sweep]:
     for received_ns, message in reader.received_messages(topic):
         try:
-            sweep = sweep_from_message(message, settings.time, received_ns)
-            if len(sweep) == 0 or buffer.push(sweep, settings.buffer) in REFUSED:
-                continue
-            triplet = buffer.triplet()
-            if triplet is not None:
-                yield EstimatedSweep(triplet, method.estimate(triplet))
-        except (MessageError, MnsfError) as error:
-            _LOG.warning("no flow at %.3f s: %s", received_ns / 1e9, error)
+            sweep = sweep_from_message(message, settings, received_ns)
+        except MessageError as error:
+            _LOG.warning("no flow at %.3f s: %s", received_ns / NANOSECONDS, error)
+            continue
+        if len(sweep) > 0:
+            yield sweep

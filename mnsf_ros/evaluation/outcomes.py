@@ -1,0 +1,153 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Outcomes of examples in a stream: estimated one after the other, or replayed in real time."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.results import DROPPED, Failure
+from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
+from mnsf_ros.online.stream import PreparedTriplet, Stream
+
+_LOG = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
+Job = TypeVar("Job")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Outcome of an example.
+
+    Attributes:
+        example: The example.
+        result: The estimate, or in one line why there is none.
+        time_ms: Run time of preparation and estimate; NaN if dropped.
+        latency_ms: From the arrival of its next sweep to the end of the estimate; NaN if dropped,
+            or if not replayed in real time.
+    """
+
+    example: Example
+    result: FlowEstimate | Failure | str
+    time_ms: float = math.nan
+    latency_ms: float = math.nan
+
+
+def estimated(stream: Stream, example: Example) -> Outcome:
+    """Estimates an example; the next one in turn."""
+    result, time_ms = _timed(lambda: attempted(lambda: stream.flow_of(example.triplet)))
+    return Outcome(example, result, time_ms)
+
+
+def replayed(stream: Stream, examples: Iterable[Example], rate: float) -> Iterator[Outcome]:
+    """Estimates what the live node would have, and yields the outcome of every example.
+
+    As in the node one worker prepares and one estimates, each behind a `LatestOnlyQueue`. Their
+    clock is virtual: sweeps arrive by their stamps, at `rate` recorded seconds per second, and work
+    takes its measured run time. Nothing actually waits, so equal run times give equal drops. That
+    both workers share the cores of a computer is left out.
+    """
+    dropped: list[Example] = []
+
+    def prepare(job: _Arrived) -> PreparedTriplet:
+        return stream.prepare(job.example.triplet)
+
+    def prepared() -> Iterator[tuple[tuple[_Arrived, _Done[PreparedTriplet]], float]]:
+        arrivals = ((job, job.at_ms) for job in _arrivals(examples, rate))
+        for job, done in _worked(arrivals, prepare, NUM_PREPARED_IN_ORDER):
+            if done is None:
+                dropped.append(job.example)
+            else:
+                yield (job, done), done.end_ms
+
+    def estimate(work: tuple[_Arrived, _Done[PreparedTriplet]]) -> FlowEstimate | str:
+        return attempted(lambda: stream.estimate(work[1].result))
+
+    for (job, preparation), done in _worked(prepared(), estimate, 0):
+        if done is None:
+            dropped.append(job.example)
+        yield from (Outcome(each, DROPPED) for each in dropped)
+        dropped.clear()
+        if done is not None:
+            time_ms = preparation.time_ms + done.time_ms
+            yield Outcome(job.example, done.result, time_ms, done.end_ms - job.at_ms)
+    yield from (Outcome(each, DROPPED) for each in dropped)
+
+
+def attempted(work: Callable[[], Result]) -> Result | str:
+    """The result of work, or in one line why it failed: one bad example must not end a run."""
+    try:
+        return work()
+    except MnsfError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - methods are other people's code, too
+        _LOG.exception("an example failed")
+        return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+
+
+def _timed(work: Callable[[], Result]) -> tuple[Result, float]:
+    """The result of work, and its run time in milliseconds."""
+    start_s = time.perf_counter()
+    return work(), (time.perf_counter() - start_s) * 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class _Arrived:
+    """An example that arrives at a time of the virtual clock."""
+
+    example: Example
+    at_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Done(Generic[Result]):
+    """The result of a job, its run time, and when it was done by the virtual clock."""
+
+    result: Result
+    time_ms: float
+    end_ms: float
+
+
+def _worked(
+    arrivals: Iterable[tuple[Job, float]], work: Callable[[Job], Result], num_in_order: int
+) -> Iterator[tuple[Job, _Done[Result] | None]]:
+    """Works on jobs that arrive at times in ms; yields each when done, None if it was dropped."""
+    idle_from_ms = -math.inf
+    waiting: LatestOnlyQueue[tuple[Job, float]] = LatestOnlyQueue(num_in_order)
+
+    def done(job: Job, arrived_ms: float) -> tuple[Job, _Done[Result]]:
+        nonlocal idle_from_ms
+        result, time_ms = _timed(lambda: work(job))
+        idle_from_ms = max(idle_from_ms, arrived_ms) + time_ms
+        return job, _Done(result, time_ms, idle_from_ms)
+
+    for job, now_ms in arrivals:
+        while idle_from_ms <= now_ms and (first := waiting.take()) is not None:
+            yield done(*first)
+        if idle_from_ms <= now_ms:
+            yield done(job, now_ms)
+        elif (lost := waiting.put((job, now_ms))) is not None:
+            yield lost[0], None
+    while (first := waiting.take()) is not None:
+        yield done(*first)
+
+
+def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[_Arrived]:
+    """Each example with its time of arrival; the clock goes on where the recording jumps back."""
+    arrival_ms, last_ns = 0.0, None
+    for example in examples:
+        stamp_ns = example.triplet.next.stamp_ns
+        if last_ns is not None and stamp_ns < last_ns:
+            last_ns = example.triplet.current.stamp_ns
+        arrival_ms += (stamp_ns - (stamp_ns if last_ns is None else last_ns)) / 1e6 / rate
+        last_ns = stamp_ns
+        yield _Arrived(example, arrival_ms)
