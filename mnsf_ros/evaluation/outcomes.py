@@ -48,18 +48,24 @@ def estimated(stream: Stream, example: Example) -> Outcome:
     return Outcome(example, result, time_ms)
 
 
-def replayed(stream: Stream, examples: Iterable[Example], rate: float) -> Iterator[Outcome]:
+def replayed(
+    stream: Stream,
+    examples: Iterable[Example],
+    rate: float,
+    clock_s: Callable[[], float] = time.perf_counter,
+) -> Iterator[Outcome]:
     """Estimates what the live node would have, and yields the outcome of every example.
 
     As in the node one worker prepares and one estimates, each behind a `LatestOnlyQueue`. Their
     clock is virtual: sweeps arrive by their stamps, at `rate` recorded seconds per second, and work
-    takes its measured run time. Nothing actually waits, so equal run times give equal drops. That
-    both workers share the cores of a computer is left out.
+    takes its run time by `clock_s`. Nothing actually waits, so equal run times give equal
+    drops. That both workers share the cores of a computer is left out.
     """
     dropped: list[Example] = []
 
-    def prepare(job: _Arrived) -> PreparedTriplet:
-        return stream.prepare(job.example.triplet)
+    def prepare(job: _Arrived) -> tuple[PreparedTriplet, float]:
+        prepared, time_ms = _timed(lambda: stream.prepare(job.example.triplet), clock_s)
+        return prepared, time_ms if prepared.is_prepared else 0.0
 
     def prepared() -> Iterator[tuple[tuple[_Arrived, _Done[PreparedTriplet]], float]]:
         arrivals = ((job, job.at_ms) for job in _arrivals(examples, rate))
@@ -69,8 +75,10 @@ def replayed(stream: Stream, examples: Iterable[Example], rate: float) -> Iterat
             else:
                 yield (job, done), done.end_ms
 
-    def estimate(work: tuple[_Arrived, _Done[PreparedTriplet]]) -> FlowEstimate | str:
-        return attempted(lambda: stream.estimate(work[1].result))
+    def estimate(
+        work: tuple[_Arrived, _Done[PreparedTriplet]],
+    ) -> tuple[FlowEstimate | str, float]:
+        return _timed(lambda: attempted(lambda: stream.estimate(work[1].result)), clock_s)
 
     for (job, preparation), done in _worked(prepared(), estimate, 0):
         if done is None:
@@ -94,10 +102,12 @@ def attempted(work: Callable[[], Result]) -> Result | str:
         return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
 
 
-def _timed(work: Callable[[], Result]) -> tuple[Result, float]:
+def _timed(
+    work: Callable[[], Result], clock_s: Callable[[], float] = time.perf_counter
+) -> tuple[Result, float]:
     """The result of work, and its run time in milliseconds."""
-    start_s = time.perf_counter()
-    return work(), (time.perf_counter() - start_s) * 1e3
+    start_s = clock_s()
+    return work(), (clock_s() - start_s) * 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +128,20 @@ class _Done(Generic[Result]):
 
 
 def _worked(
-    arrivals: Iterable[tuple[Job, float]], work: Callable[[Job], Result], num_in_order: int
+    arrivals: Iterable[tuple[Job, float]],
+    work: Callable[[Job], tuple[Result, float]],
+    num_in_order: int,
 ) -> Iterator[tuple[Job, _Done[Result] | None]]:
-    """Works on jobs that arrive at times in ms; yields each when done, None if it was dropped."""
+    """Works on jobs that arrive at times in ms; yields each when done, None if it was dropped.
+
+    `work` returns its result and its run time in ms.
+    """
     idle_from_ms = -math.inf
     waiting: LatestOnlyQueue[tuple[Job, float]] = LatestOnlyQueue(num_in_order)
 
     def done(job: Job, arrived_ms: float) -> tuple[Job, _Done[Result]]:
         nonlocal idle_from_ms
-        result, time_ms = _timed(lambda: work(job))
+        result, time_ms = work(job)
         idle_from_ms = max(idle_from_ms, arrived_ms) + time_ms
         return job, _Done(result, time_ms, idle_from_ms)
 

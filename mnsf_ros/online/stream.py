@@ -47,6 +47,11 @@ class PreparedTriplet:
     content: Any = None
     error: Exception | None = None
 
+    @property
+    def is_prepared(self) -> bool:
+        """Whether there was anything to prepare."""
+        return self.content is not None or self.error is not None
+
 
 class Stream:
     """Takes sweeps in the order of time and gives the flow of the one before the newest.

@@ -9,10 +9,11 @@ import torch
 from box_street import BoxStreet, pose
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.errors import CancelledError
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.network_estimator import NetworkEstimator, NetworkMethod
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -140,18 +141,10 @@ def test_every_network_method_can_do_it(method):
     assert np.isfinite(result.flow).all()
 
 
-def test_sweep_that_cannot_follow_is_refused():
-    estimator = make_method("mnsf", QUICK)
-    late = SweepTriplet(sweep_at(0), sweep_at(1), sweep_at(400))
-    with pytest.raises(SweepError, match="cannot follow"):
-        estimator.estimate(late)
-    assert estimator.estimate(triplet_at(2)).over_ground is not None
-
-
 def test_older_triplet_starts_a_new_world():
-    estimator = make_method("mnsf", QUICK)
-    estimator.estimate(triplet_at(5))
-    known = estimator.estimate(triplet_at(1)).over_ground
+    stream = Stream(QUICK, "mnsf")
+    stream.flow_of(triplet_at(5))
+    known = stream.flow_of(triplet_at(1)).over_ground
     assert np.allclose(known.next_from_current, next_from_current(1), atol=0.02)
 
 

@@ -3,17 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from moving_sweeps import QUICK
 
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
 
 # Short, and without a time budget, whose outcome depends on the machine.
 SHORT = Settings().changed(
@@ -272,9 +273,9 @@ def test_cold_start_does_not_depend_on_what_came_before(make_scene, start, batch
     )
     estimator = make_method("mnsf", settings)
     estimator.estimate(triplet_of(make_scene(motion=(0, 0, 0))))
-    seconds = 100 if start is Start.COLD_GAP else 0
-    scene = make_scene(motion=(0, 1.9, 0), seed=1)
-    triplet = triplet_of(scene, tuple(1000 * seconds + ms for ms in (100, 200, 300)))
+    triplet = triplet_of(make_scene(motion=(0, 1.9, 0), seed=1), (100, 200, 300))
+    if start is Start.COLD_GAP:
+        triplet = replace(triplet, stretch=Stretch(start))
     result = estimator.estimate(triplet)
     assert result.start is start
     np.testing.assert_array_equal(result.flow, estimate(triplet, settings).flow)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
@@ -16,8 +15,9 @@ from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.mnsf import mnsf
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
 
 SMALL = Settings().changed(
     {
@@ -51,6 +51,14 @@ def triplet(seconds, frame_id="lidar", points=POINTS):
 
 def starts(estimator, *triplets):
     return [estimator.estimate(each).start for each in triplets]
+
+
+@pytest.fixture
+def stream():
+    """A stream with one triplet behind it, at 10 s."""
+    stream = Stream(SMALL.changed({"method.name": "mnsf"}))
+    assert stream.flow_of(triplet(10)).start is Start.COLD_FIRST
+    return stream
 
 
 @pytest.fixture
@@ -142,21 +150,22 @@ def test_same_triplet_again_is_a_warm_start(estimator):
 @pytest.mark.parametrize(
     ("seconds", "frame_id", "start"),
     [
-        (12.0, "lidar", Start.WARM),
-        (12.001, "lidar", Start.COLD_GAP),
+        (12.2, "lidar", Start.WARM),
+        (12.201, "lidar", Start.COLD_GAP),
         (9.999, "lidar", Start.COLD_TIME_JUMP),
         (-5, "lidar", Start.COLD_TIME_JUMP),
         (10.1, "rear", Start.COLD_FRAME),
     ],
 )
-def test_start_says_why_it_is_cold(estimator, seconds, frame_id, start):
-    assert starts(estimator, triplet(seconds, frame_id)) == [start]
+def test_start_says_why_it_is_cold(stream, seconds, frame_id, start):
+    assert stream.flow_of(triplet(seconds, frame_id)).start is start
     # And the next one goes on from there.
-    assert starts(estimator, triplet(seconds + 0.1, frame_id)) == [Start.WARM]
+    assert stream.flow_of(triplet(seconds + 0.3, frame_id)).start is Start.WARM
 
 
-def test_gap_counts_from_the_last_triplet_not_from_the_first(estimator):
-    assert starts(estimator, triplet(11.5), triplet(13), triplet(14.5)) == [Start.WARM] * 3
+def test_gap_counts_from_the_last_triplet_not_from_the_first(stream):
+    found = [stream.flow_of(triplet(seconds)).start for seconds in (11.5, 13, 14.5)]
+    assert found == [Start.WARM] * 3
 
 
 def test_switched_off():

@@ -57,19 +57,17 @@ def test_methods_that_need_it_say_so_where_there_is_none():
 LOADED = """
 import sys
 import numpy as np
-from mnsf_ros.methods import is_loaded, load_method, make_method
+from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
-load_method("online")
+make_method("online", preset("online"))
 assert "torch" not in sys.modules
-assert is_loaded("online") and not is_loaded("mnsf")
-load_method("mnsf")
-assert is_loaded("mnsf")
+mnsf = make_method("mnsf", preset("online"))
 loaded = {name for name in sys.modules if name.startswith("torch._")}
 xyz = np.random.default_rng(0).uniform(-20, 20, (200, 3)).astype(np.float32)
 sweeps = [Sweep(xyz, number * 100_000_000) for number in range(3)]
-make_method("mnsf", preset("online")).estimate(SweepTriplet(*sweeps))
+mnsf.estimate(SweepTriplet(*sweeps))
 print(sorted({name for name in sys.modules if name.startswith("torch._")} - loaded))
 """
 

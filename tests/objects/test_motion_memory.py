@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What one estimate keeps for the next."""
+"""Memory from one estimate to the next."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import pytest
 from box_street import BoxStreet, pose
 from small_scenes import rows
 
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
 
 STREET = BoxStreet()
 SETTINGS = Settings()
@@ -31,11 +30,13 @@ class Seen:
         self.memory = MotionMemory(settings)
         self._sweeps = PreparedSweeps(settings)
 
+        self._stretch = Stretch()
+
     def ready(self, index):
-        """A sweep made ready, whose world the memory has entered."""
-        ready = self._sweeps.ready(sweep(index))
-        self.memory.enter(ready.world)
-        return ready.last[-1]
+        """A sweep made ready, whose stretch the memory has entered."""
+        pair = SweepTriplet(None, sweep(index), sweep(index + 0.01), stretch=self._stretch)
+        self.memory.enter(self._stretch)
+        return self._sweeps.ready(pair).of_triplet[0]
 
 
 def object_at(*centers):
@@ -54,29 +55,21 @@ def followed(memory, current, objects, motions, interval_s):
 
 
 class TestStart:
-    def start_after(self, triplet_index, frame_id="lidar", *, settings=SETTINGS, interval_s=0.1):
-        """The start of a triplet after objects were seen to move at sweep 5."""
+    def start_after_motion(self, *, settings=SETTINGS, interval_s=0.1, **stretch):
+        """The start of the next triplet after objects were seen to move."""
         seen = Seen(settings)
         followed(seen.memory, seen.ready(5), object_at((5, 0, 0)), rows((1, 0, 0)), interval_s)
-        sweeps = (sweep(triplet_index + step, frame_id=frame_id) for step in (-1, 0, 1))
-        return seen.memory.start(SweepTriplet(*sweeps))
+        return seen.memory.enter(stretch.get("next", seen._stretch))
 
-    def test_first(self):
-        triplet = SweepTriplet(sweep(0), sweep(1), sweep(2))
-        assert MotionMemory(SETTINGS).start(triplet) is Start.COLD_FIRST
+    def test_is_warm_in_the_same_stretch_only(self):
+        assert MotionMemory(SETTINGS).enter(Stretch()) is Start.COLD_FIRST
+        assert self.start_after_motion() is Start.WARM
+        assert self.start_after_motion(next=Stretch(Start.COLD_GAP)) is Start.COLD_GAP
 
-    def test_reasons(self):
-        gap = round(10 * SETTINGS.warm_start.max_gap_s)
-        assert self.start_after(6) is Start.WARM
-        assert self.start_after(5 + gap) is Start.WARM
-        assert self.start_after(6 + gap) is Start.COLD_GAP
-        assert self.start_after(4) is Start.COLD_TIME_JUMP
-        assert self.start_after(6, frame_id="other") is Start.COLD_FRAME
-        assert self.start_after(6, interval_s=0.0) is Start.COLD_FIRST
-
-    def test_off(self):
+    def test_is_cold_where_nothing_is_known(self):
+        assert self.start_after_motion(interval_s=0.0) is Start.COLD_FIRST
         off = SETTINGS.changed({"warm_start.enabled": False})
-        assert self.start_after(6, settings=off) is Start.COLD_BY_SETTING
+        assert self.start_after_motion(settings=off) is Start.COLD_BY_SETTING
 
 
 class TestExpected:
@@ -121,11 +114,10 @@ class TestExpected:
         later = seen.ready(6)
         assert not seen.memory.expected(later, object_at((5, 1, 0)), 0.1).is_known.any()
 
-    def test_nothing_is_expected_in_another_world(self):
+    def test_nothing_is_expected_in_another_stretch(self):
         seen = Seen()
         followed(seen.memory, seen.ready(5), object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
         later = seen.ready(6)
         assert seen.memory.expected(later, object_at((6, 1, 0)), 0.1).is_known.any()
-        seen.memory.enter(99)
-        assert seen.memory.is_blank
+        seen.memory.enter(Stretch())
         assert not seen.memory.expected(later, object_at((6, 1, 0)), 0.1).is_known.any()

@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from box_street import BoxStreet, pose, stamp_ns, triplets_of, unrelated_sweep
 
-from mnsf_ros.core.flow_estimate import Start
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
 
 STREET = BoxStreet()
 # The boxes have fewer points than real objects.
@@ -119,10 +119,13 @@ def test_without_stamps_the_intervals_are_taken_for_equal():
     assert result.start is Start.COLD_FIRST
 
 
-def test_start_is_cold_after_a_gap_that_ends_the_world():
+def test_another_stretch_starts_from_scratch():
     estimator = ObjectFlowEstimator(SETTINGS)
     estimator.estimate(triplet(0, 1, 2))
-    assert estimator.estimate(triplet(30, 31, 32)).start is Start.COLD_GAP
+    later = replace(triplet(30, 31, 32), stretch=Stretch(Start.COLD_GAP))
+    result = estimator.estimate(later)
+    assert result.start is Start.COLD_GAP
+    np.testing.assert_array_equal(result.flow, estimate(later).flow)
 
 
 def test_after_a_failed_registration_the_sweep_before_it_is_no_witness():
@@ -299,7 +302,7 @@ class TestChangedSettings:
         off = estimator.with_settings(SETTINGS.changed({"warm_start.enabled": False}))
         assert off.estimate(triplet(1, 2, 3)).start is Start.COLD_BY_SETTING
         short = estimator.with_settings(SETTINGS.changed({"warm_start.max_gap_s": 0.05}))
-        assert short.estimate(triplet(4, 5, 6)).start is Start.COLD_GAP
+        assert short.traits.max_gap_s == 0.05
 
     def test_without_warm_start_nothing_is_known(self):
         estimator = ObjectFlowEstimator(SETTINGS.changed({"warm_start.enabled": False}))

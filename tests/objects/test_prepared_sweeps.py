@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-import re
+import itertools
 
 import pytest
 from box_street import BoxStreet, pose, stamp_ns, unrelated_sweep
 
+from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import SweepError
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import Stretch, Sweep, SweepTriplet
 
 STREET = BoxStreet()
 SETTINGS = Settings()
@@ -21,11 +22,15 @@ def sweep(index, **how):
     return STREET.sweep(pose(0.5 * index, yaw_deg=2 * index), index, points_per_box=100, **how)
 
 
+def pairs_of(sweeps, stretch):
+    return [SweepTriplet(None, *pair, stretch=stretch) for pair in itertools.pairwise(sweeps)]
+
+
 def past_after(*indices, interval_s=0.1):
     """The last one of these sweeps made ready, and those that it looks back at."""
     prepared = PreparedSweeps(SETTINGS)
-    for index in indices:
-        ready = prepared.ready(sweep(index))
+    for pair in pairs_of([sweep(index) for index in indices], Stretch()):
+        ready = prepared.ready(pair)
     return ready.last[-1], ready.past(ready.last[-1], interval_s)
 
 
@@ -41,7 +46,6 @@ class TestPast:
             ((2, 5), [3]),
             ((4, 5), []),
             ((0, 8), []),
-            ((5,), []),
         ],
     )
     def test_is_the_sweeps_nearest_to_three_and_six_tenths_of_a_second_ago(self, indices, expected):
@@ -64,44 +68,49 @@ class TestPast:
 
     def test_reaches_no_farther_than_where_registration_failed(self):
         """Where the sensor was before that, beside where it is now, nobody knows."""
-        prepared = PreparedSweeps(SETTINGS)
-        prepared.ready(*(sweep(index) for index in (0, 1, 2)))
-        prepared.ready(unrelated_sweep(3))
+        prepared, stretch = PreparedSweeps(SETTINGS), Stretch()
+        sweeps = [unrelated_sweep(3) if index == 3 else sweep(index) for index in range(8)]
+        found = {}
+        for pair in pairs_of(sweeps, stretch):
+            ready = prepared.ready(pair)
+            past = ready.past(ready.last[-1], interval_s=0.1)
+            found[pair.next.stamp_ns] = [item.sweep.sweep.stamp_ns for item in past]
         for index, expected in ((4, []), (5, []), (6, [4]), (7, [4])):
-            ready = prepared.ready(sweep(index))
-            found = ready.past(ready.last[-1], interval_s=0.1)
-            assert [item.sweep.sweep.stamp_ns for item in found] == list(map(stamp_ns, expected))
+            assert found[stamp_ns(index)] == list(map(stamp_ns, expected))
 
-    def test_reaches_no_farther_than_the_world(self):
+    def test_reaches_no_farther_than_the_stretch(self):
         prepared = PreparedSweeps(SETTINGS)
-        worlds = [prepared.ready(sweep(index)).world for index in (0, 1, 2)]
-        ready = prepared.ready(sweep(3, frame_id="other"))
-        assert ready.past(ready.last[-1], 0.1) == []
-        assert [*worlds, ready.world] == [1, 1, 1, 2]
+        first, second = (
+            SweepTriplet(*map(sweep, ii), stretch=Stretch()) for ii in ((0, 1, 2), (3, 4, 5))
+        )
+        prepared.ready(first)
+        ready = prepared.ready(second)
+        assert [each.sweep for each in ready.last] == list(second.sweeps)
+        assert ready.last[0].pose.source is EgoSource.START
 
 
 class TestReady:
     def test_each_sweep_once(self):
         prepared = PreparedSweeps(SETTINGS)
         sweeps = [sweep(index) for index in range(4)]
-        first = prepared.ready(*sweeps[:3]).of_triplet
-        assert prepared.ready(*sweeps[1:]).of_triplet[:2] == first[1:]
+        first = prepared.ready(SweepTriplet(*sweeps[:3])).of_triplet
+        assert prepared.ready(SweepTriplet(*sweeps[1:])).of_triplet[:2] == first[1:]
 
-    def test_what_was_handed_out_does_not_change(self):
+    def test_results_do_not_change(self):
         """Another thread estimates with it while later sweeps are made ready."""
-        prepared = PreparedSweeps(SETTINGS)
-        ready = prepared.ready(sweep(0), sweep(1), sweep(2))
+        prepared, stretch = PreparedSweeps(SETTINGS), Stretch()
+        ready = prepared.ready(SweepTriplet(sweep(0), sweep(1), sweep(2), stretch=stretch))
         before = ready.last
-        prepared.ready(sweep(3))
-        prepared.ready(*(sweep(index, frame_id="other") for index in (4, 5, 6)))
+        prepared.ready(SweepTriplet(None, sweep(3), sweep(4), stretch=stretch))
+        prepared.ready(SweepTriplet(None, sweep(5), sweep(6), stretch=Stretch()))
         assert ready.last is before
         assert ready.of_triplet == before
         assert len(before) == 3
 
     def test_only_the_last_ones_are_kept(self):
         prepared = PreparedSweeps(SETTINGS)
-        for index in range(15):
-            last = prepared.ready(sweep(index)).last
+        for pair in pairs_of([sweep(index) for index in range(15)], Stretch()):
+            last = prepared.ready(pair).last
         assert [each.sweep.stamp_ns for each in last] == [stamp_ns(index) for index in range(3, 15)]
 
     def test_memory_is_bounded_where_every_triplet_is_refused(self):
@@ -113,16 +122,5 @@ class TestReady:
         ]
         for first in range(len(sweeps) - 2):
             with pytest.raises(SweepError, match="points are left"):
-                prepared.ready(*sweeps[first : first + 3])
+                prepared.ready(SweepTriplet(*sweeps[first : first + 3]))
         assert len(prepared._sweeps) <= 12
-
-    @pytest.mark.parametrize(
-        "odd", [{"index": 30}, {"index": 0.5}, {"index": 2, "frame_id": "other"}]
-    )
-    def test_sweeps_of_two_worlds_are_refused(self, odd):
-        prepared = PreparedSweeps(SETTINGS)
-        text = "the sweeps of the triplet do not follow each other"
-        with pytest.raises(SweepError, match=f"^{re.escape(text)}"):
-            prepared.ready(sweep(0), sweep(1), sweep(**odd))
-        following = [sweep(index) for index in (40, 41, 42)]
-        assert len(prepared.ready(*following).of_triplet) == 3

@@ -8,7 +8,6 @@ import time
 import numpy as np
 import pytest
 
-from mnsf_ros.methods import load_method
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 
@@ -36,12 +35,6 @@ def _surfaces(num_points):
         unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
         parts.append(unit * size + (x, y, size[2] / 2))
     return np.concatenate(parts).astype(np.float32)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def loaded_networks():
-    """A change to a network holds at once in all tests but those of loading."""
-    load_method("mnsf")
 
 
 @pytest.fixture(scope="session")

@@ -7,12 +7,10 @@ import time
 
 import numpy as np
 import pytest
-import torch
 
-from mnsf_ros.core import memory_demand
-from mnsf_ros.core.flow_estimate import Start
-from mnsf_ros.errors import SettingsError, SweepError
+from mnsf_ros.errors import SweepError
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
+from mnsf_ros.sweeps.sweep import Start
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 PATIENCE_S = 300.0
@@ -127,12 +125,6 @@ def test_flow_of_the_middle_sweep(pipeline, add, recorder, make_sweep, motion):
     assert 0 < snapshot.latency_ms(50) < (time.monotonic_ns() - arrived_ns) / 1e6
 
 
-def test_nothing_before_the_third_sweep(pipeline, add, recorder, make_sweep):
-    add(make_sweep(0), make_sweep(1))
-    assert counts_of(pipeline) == {"sweeps_received": 2}
-    assert recorder.handed_out == []
-
-
 def test_each_further_sweep_gives_one_more_flow_from_a_warm_start(add, recorder, make_sweep):
     sweeps = [make_sweep(index) for index in range(6)]
     for sweep in sweeps:
@@ -188,13 +180,13 @@ def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
         {"optimization.max_iterations": 100_000, "field.hidden_width": 128}
     )
     pipeline, indices = make_pipeline(endless), itertools.count()
-    estimate, has_begun = pipeline._estimator.estimate, threading.Event()
+    estimate, has_begun = pipeline._stream._estimator.estimate, threading.Event()
 
     def begin(*arguments):
         has_begun.set()
         return estimate(*arguments)
 
-    pipeline._estimator.estimate = begin
+    pipeline._stream._estimator.estimate = begin
 
     def is_one_waiting():
         if pipeline._preparing.load > 0:
@@ -247,80 +239,6 @@ class TestSettings:
             wait_until(lambda: pipeline.load == 0)
         assert "triplets_abandoned" not in counts_of(pipeline)
         assert len(recorder.handed_out) == 4
-
-    @pytest.fixture
-    def starts_after(self, make_pipeline, recorder, make_sweep, wait_until):
-        """The starts of the first triplets, each with other settings than the one before."""
-
-        def starts(first, *changes):
-            pipeline = make_pipeline(first)
-            for index in range(3):
-                pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-            for index, change in enumerate(changes, start=3):
-                wait_until(lambda: pipeline.load == 0)
-                pipeline.change_settings(first.changed(change))
-                pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-            wait_until(lambda: pipeline.load == 0)
-            return [estimate.start for _, estimate in recorder.handed_out]
-
-        return starts
-
-    def test_keep_the_warm_start_where_the_networks_stay_the_same(
-        self, starts_after, network_settings
-    ):
-        changes = {"crop.max_range_m": 60.0}, {"field.hidden_width": 24}
-        starts = starts_after(network_settings, *changes)
-        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
-
-    def test_keep_what_is_known_of_objects_where_they_stay_the_same(
-        self, starts_after, quick_settings
-    ):
-        changes = {"buffer.max_interval_s": 0.4}, {"objects.cell_size_m": 0.4}
-        starts = starts_after(quick_settings, *changes)
-        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
-
-    def test_of_the_buffer_hold_at_once(self, pipeline, add, make_sweep, quick_settings):
-        add(make_sweep(0))
-        pipeline.change_settings(quick_settings.changed({"buffer.max_interval_s": 0.05}))
-        assert pipeline.add_sweep(make_sweep(1), time.monotonic_ns()) is Arrival.GAP
-
-    @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
-    def test_that_ask_for_a_missing_device_change_nothing(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
-    ):
-        pipeline = make_pipeline(network_settings)
-        refused = network_settings.changed(
-            {"compute.device": "cuda", "optimization.max_iterations": 5}
-        )
-        with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
-            pipeline.change_settings(refused)
-        for index in range(3):
-            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        wait_until(lambda: pipeline.load == 0)
-        ((_, estimate),) = recorder.handed_out
-        assert estimate.fits["forward"].iterations == 60
-
-    @pytest.mark.parametrize("name", ["field.hidden_width", "fusion.hidden_width"])
-    def test_that_need_more_memory_than_there_is_change_nothing(
-        self, make_pipeline, quick_settings, monkeypatch, name
-    ):
-        pipeline = make_pipeline(quick_settings)
-        monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 10**8)
-        huge = quick_settings.changed({name: 4096, "compute.device": "cpu"})
-        for refused in (huge, huge.changed({"method.name": "mnsf"})):
-            with pytest.raises(SettingsError, match=r"need \d\.\d GB .* has 0\.1 GB: reduce field"):
-                pipeline.change_settings(refused)
-            with pytest.raises(SettingsError, match=r"need \d\.\d GB"):
-                make_pipeline(refused)
-        pipeline.change_settings(quick_settings)
-
-    @pytest.mark.parametrize("method", ["online", "mnsf"])
-    @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
-    def test_that_ask_for_a_missing_device_are_refused_at_the_start(
-        self, make_pipeline, quick_settings, method
-    ):
-        with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
-            make_pipeline(quick_settings.changed({"compute.device": "cuda", "method.name": method}))
 
 
 class TestReset:
@@ -381,54 +299,27 @@ class TestFailure:
         assert_balanced(pipeline)
 
 
-class TestArrivals:
-    @pytest.mark.parametrize(
-        ("late", "expected"),
-        [
-            (2, Arrival.DUPLICATE),
-            (1.5, Arrival.OUT_OF_ORDER),
-            (7.5, Arrival.GAP),
-            (-8, Arrival.TIME_WENT_BACK),
-        ],
-    )
-    def test_that_do_not_continue_the_stream_are_counted_by_kind(
-        self, pipeline, add, make_sweep, late, expected
-    ):
-        add(*(make_sweep(index) for index in range(3)))
-        odd = make_sweep(late)
-        assert pipeline.add_sweep(odd, time.monotonic_ns()) is expected
-        assert counts_of(pipeline)[f"sweeps_{expected.value}"] == 1
-        assert counts_of(pipeline)["triplets_formed"] == 1
+def test_sweeps_that_do_not_continue_are_counted_by_kind(pipeline, add, make_sweep):
+    add(*(make_sweep(index) for index in range(3)))
+    kinds = [pipeline.add_sweep(make_sweep(index), time.monotonic_ns()) for index in (2, 9)]
+    assert kinds == [Arrival.DUPLICATE, Arrival.GAP]
+    counts = counts_of(pipeline)
+    assert (counts["sweeps_duplicate"], counts["sweeps_gap"]) == (1, 1)
+    assert counts["triplets_formed"] == 1
 
-    def test_of_another_frame_start_anew(self, pipeline, add, recorder, make_sweep):
-        add(*(make_sweep(index) for index in range(3)))
-        add(*(make_sweep(index, frame_id="other") for index in range(3, 6)))
-        assert counts_of(pipeline)["sweeps_frame_changed"] == 1
-        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(4).stamp_ns]
-        assert recorder.handed_out[-1][1].start is Start.COLD_FRAME
 
-    @pytest.mark.parametrize("late", [2, 1.5])
-    def test_that_are_refused_leave_the_stream_as_it_was(
-        self, pipeline, add, recorder, make_sweep, late
-    ):
-        add(*(make_sweep(index) for index in range(3)))
-        add(make_sweep(late))
-        add(make_sweep(3))
-        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
-        assert_balanced(pipeline)
-
-    def test_after_a_bag_has_looped_give_flow_again(self, pipeline, add, recorder, make_sweep):
-        for _ in range(3):
-            for index in range(10, 14):
-                add(make_sweep(index))
-        assert counts_of(pipeline).get("sweeps_time_went_back", 0) == 0
-        assert counts_of(pipeline)["sweeps_out_of_order"] == 6
-        recorder.handed_out.clear()
-        for index in range(4):
+def test_after_a_bag_has_looped_there_is_flow_again(pipeline, add, recorder, make_sweep):
+    for _ in range(3):
+        for index in range(10, 14):
             add(make_sweep(index))
-        assert counts_of(pipeline)["sweeps_time_went_back"] == 1
-        assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
-        assert recorder.handed_out[0][1].start is Start.COLD_TIME_JUMP
+    assert counts_of(pipeline).get("sweeps_time_went_back", 0) == 0
+    assert counts_of(pipeline)["sweeps_out_of_order"] == 6
+    recorder.handed_out.clear()
+    for index in range(4):
+        add(make_sweep(index))
+    assert counts_of(pipeline)["sweeps_time_went_back"] == 1
+    assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
+    assert recorder.handed_out[0][1].start is Start.COLD_TIME_JUMP
 
 
 class TestClose:

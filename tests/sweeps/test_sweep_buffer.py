@@ -16,28 +16,24 @@ MS = 1_000_000
 class Lidar:
     """Pushes sweeps of given milliseconds into a buffer."""
 
-    def __init__(self, **settings):
-        self.buffer = SweepBuffer()
+    def __init__(self, *numbers, **settings):
+        self.buffer = SweepBuffer(*numbers)
+        self.triplet = None
         self._settings = Settings().changed(
             {f"buffer.{name}": value for name, value in settings.items()}
         )
 
     def send(self, *stamps_ms, frame_id="lidar"):
-        """What became of each of the sweeps."""
-        return [
-            self.buffer.push(
-                Sweep(np.zeros((1, 3), np.float32), round(stamp * MS), frame_id),
-                self._settings.buffer,
-            )
-            for stamp in stamps_ms
-        ]
+        """The arrival of each of the sweeps."""
+        arrivals = []
+        for stamp in stamps_ms:
+            sweep = Sweep(np.zeros((1, 3), np.float32), round(stamp * MS), frame_id)
+            arrival, self.triplet = self.buffer.push(sweep, self._settings.buffer)
+            arrivals.append(arrival)
+        return arrivals
 
     def triplet_ms(self):
-        triplet = self.buffer.triplet()
-        if triplet is None:
-            return None
-        sweeps = (triplet.previous, triplet.current, triplet.next)
-        return [sweep.stamp_ns / MS for sweep in sweeps]
+        return self.triplet and [sweep.stamp_ns / MS for sweep in self.triplet.sweeps]
 
 
 @pytest.fixture
@@ -48,7 +44,7 @@ def lidar():
 def test_triplet_is_complete_with_the_third_sweep(lidar):
     for stamp in (0, 100):
         lidar.send(stamp)
-        assert lidar.buffer.triplet() is None
+        assert lidar.triplet is None
     lidar.send(200)
     assert lidar.triplet_ms() == [0, 100, 200]
 
@@ -60,9 +56,9 @@ def test_triplet_moves_on_by_one_sweep(lidar):
 
 def test_sweeps_are_handed_on_not_copied(lidar):
     lidar.send(0, 100, 200)
-    first = lidar.buffer.triplet()
+    first = lidar.triplet
     lidar.send(300)
-    second = lidar.buffer.triplet()
+    second = lidar.triplet
     assert (first.current, first.next) == (second.previous, second.current)
 
 
@@ -75,21 +71,24 @@ def test_first_sweep_may_have_any_stamp(lidar):
 def test_duplicate_is_refused(lidar, again):
     lidar.send(0, 100, 200)
     assert lidar.send(again) == [Arrival.DUPLICATE]
-    assert lidar.triplet_ms() == [0, 100, 200]
+    assert lidar.triplet is None
+    lidar.send(300)
+    assert lidar.triplet_ms() == [100, 200, 300]
 
 
 @pytest.mark.parametrize("late", [199, 150, 0, -300])
 def test_late_sweep_is_refused(lidar, late):
     lidar.send(0, 100, 200)
     assert lidar.send(late) == [Arrival.OUT_OF_ORDER]
-    assert lidar.triplet_ms() == [0, 100, 200]
+    assert lidar.triplet is None
     assert lidar.send(300) == [Arrival.ACCEPTED]
+    assert lidar.triplet_ms() == [100, 200, 300]
 
 
 def test_time_goes_back_when_a_bag_loops(lidar):
     lidar.send(5000, 5100, 5200)
     assert lidar.send(0) == [Arrival.TIME_WENT_BACK]
-    assert lidar.buffer.triplet() is None
+    assert lidar.triplet is None
     assert lidar.send(100, 200) == [Arrival.ACCEPTED] * 2
     assert lidar.triplet_ms() == [0, 100, 200]
 
@@ -97,7 +96,7 @@ def test_time_goes_back_when_a_bag_loops(lidar):
 def test_gap_starts_anew(lidar):
     lidar.send(0, 100, 200)
     assert lidar.send(701) == [Arrival.GAP]
-    assert lidar.buffer.triplet() is None
+    assert lidar.triplet is None
     lidar.send(800, 900)
     assert lidar.triplet_ms() == [701, 800, 900]
 
@@ -105,7 +104,7 @@ def test_gap_starts_anew(lidar):
 def test_other_frame_starts_anew(lidar):
     lidar.send(0, 100, 200)
     assert lidar.send(300, frame_id="rear") == [Arrival.FRAME_CHANGED]
-    assert lidar.buffer.triplet() is None
+    assert lidar.triplet is None
     lidar.send(400, 500, frame_id="rear")
     assert lidar.triplet_ms() == [300, 400, 500]
 
@@ -125,29 +124,27 @@ def test_limits_may_change_from_sweep_to_sweep(lidar):
     lidar.send(0)
     long = Settings().changed({"buffer.max_interval_s": 5})
     late = Sweep(np.zeros((1, 3), np.float32), 3000 * MS, "lidar")
-    assert lidar.buffer.push(late, long.buffer) is Arrival.ACCEPTED
+    assert lidar.buffer.push(late, long.buffer) == (Arrival.ACCEPTED, None)
 
 
 def test_a_larger_buffer_has_earlier_sweeps_too():
-    buffer, settings = SweepBuffer(5), Settings().buffer
-    stamps_ms = (0, 100, 200, 300, 400, 500)
-    for number, stamp_ms in enumerate(stamps_ms, start=1):
-        buffer.push(Sweep(np.zeros((1, 3), np.float32), stamp_ms * MS), settings)
-        assert len(buffer) == min(number, 5)
-        assert (buffer.triplet(2) is None) == (number < 2)
-        assert (buffer.triplet() is None) == (number < 3)
-    triplet = buffer.triplet(5)
-    before = [sweep.stamp_ns / MS for sweep in triplet.before]
-    assert before == [300, 200, 100]
-    assert (triplet.current.stamp_ns / MS, triplet.next.stamp_ns / MS) == (400, 500)
-    buffer.clear()
-    assert len(buffer) == 0
-    assert buffer.triplet(2) is None
+    lidar = Lidar(5)
+    lidar.send(0, 100, 200)
+    assert lidar.triplet_ms() == [0, 100, 200]
+    lidar.send(300, 400, 500)
+    assert lidar.triplet_ms() == [100, 200, 300, 400, 500]
+    assert lidar.triplet.current.stamp_ns == 400 * MS
+    lidar.buffer.clear()
+    assert len(lidar.buffer) == 0
+    lidar.send(600, 700)
+    assert lidar.triplet is None
 
 
-def test_two_sweeps_are_a_triplet_without_a_previous_one():
-    buffer = SweepBuffer()
-    for stamp_ms in (0, 100):
-        buffer.push(Sweep(np.zeros((1, 3), np.float32), stamp_ms * MS), Settings().buffer)
-    assert buffer.triplet(2).previous is None
-    assert buffer.triplet(2).before == ()
+def test_two_sweeps_are_a_triplet_where_they_are_enough():
+    lidar = Lidar(3, 2)
+    lidar.send(0)
+    assert lidar.triplet is None
+    lidar.send(100)
+    assert lidar.triplet.before == ()
+    lidar.send(200)
+    assert lidar.triplet_ms() == [0, 100, 200]

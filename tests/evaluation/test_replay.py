@@ -1,14 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.real_time import played_in_real_time
+from mnsf_ros.evaluation.outcomes import replayed
+from mnsf_ros.evaluation.results import DROPPED
+from mnsf_ros.online.stream import Stream
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 EMPTY = np.empty((0, 3), np.float32)
@@ -22,31 +24,53 @@ def example(number, next_ms):
     return Example("drive", number, triplet)
 
 
-def played(arrivals_ms, times_ms, rate=1.0, prepare_ms=0.0):
-    """Number, whether it was dropped, and latency of each outcome, in their order."""
-    times = iter(times_ms)
+class Work:
+    """A clock, and a method that takes the given times by it."""
 
-    def prepare(example):
-        return f"prepared {example.number}", prepare_ms
+    def __init__(self, estimate_ms, prepare_ms):
+        self.now_s = 0.0
+        self.settings = Settings()
+        self.traits = MethodTraits(num_sweeps=3)
+        self._estimate_ms, self._prepare_ms = iter(estimate_ms), prepare_ms
 
-    def estimate(example, prepared):
-        assert prepared == f"prepared {example.number}"
-        return f"flow {example.number}", next(times)
+    def clock_s(self):
+        return self.now_s
 
-    examples = [example(number, next_ms) for number, next_ms in enumerate(arrivals_ms)]
-    outcomes = list(played_in_real_time(examples, rate, prepare, estimate))
-    for outcome in outcomes:
-        assert outcome.result in (None, f"flow {outcome.example.number}")
-    return [
-        (o.example.number, None if o.result is None else round(o.latency_ms, 3)) for o in outcomes
-    ]
+    def with_settings(self, settings):
+        raise AssertionError
+
+    def prepare(self, triplet):
+        self.now_s += self._prepare_ms / 1e3
+        return triplet.current.stamp_ns
+
+    def estimate(self, triplet, _cancelled=never, prepared=None):
+        assert prepared == triplet.current.stamp_ns
+        self.now_s += next(self._estimate_ms) / 1e3
+        return FlowEstimate(EMPTY, np.empty(0, bool))
 
 
-def test_fast_method_gets_everything_at_once():
+@pytest.fixture
+def played(monkeypatch):
+    """Number and latency of each outcome, in their order; None for those that were dropped."""
+
+    def play(arrivals_ms, times_ms, rate=1.0, prepare_ms=0.0):
+        work = Work(times_ms, prepare_ms)
+        monkeypatch.setattr("mnsf_ros.online.stream.make_method", lambda *_: work)
+        examples = [example(number, next_ms) for number, next_ms in enumerate(arrivals_ms)]
+        outcomes = list(replayed(Stream(Settings()), examples, rate, work.clock_s))
+        return [
+            (o.example.number, None if o.result is DROPPED else round(o.latency_ms, 3))
+            for o in outcomes
+        ]
+
+    return play
+
+
+def test_fast_method_gets_everything_at_once(played):
     assert played([1000, 1100, 1200], [60, 60, 60]) == [(0, 60), (1, 60), (2, 60)]
 
 
-def test_slow_method_gets_the_newest_when_it_is_done():
+def test_slow_method_gets_the_newest_when_it_is_done(played):
     # 0 runs 1000 to 1250. 1 waits at 1100, 2 takes its place at 1200 and runs 1250 to 1500.
     # 3 waits at 1300, 4 takes its place at 1400; it runs at 1500, just before 5 arrives,
     # to 1750; 5 waits, 6 and 7 take its place in turn; 7 runs 1750 to 2000.
@@ -63,17 +87,17 @@ def test_slow_method_gets_the_newest_when_it_is_done():
     ]
 
 
-def test_what_still_waits_at_the_end_is_estimated():
+def test_what_still_waits_at_the_end_is_estimated(played):
     assert played([1000, 1100], [150, 30]) == [(0, 150), (1, 80)]
 
 
-def test_times_decide_so_equal_times_give_equal_drops():
+def test_times_decide_so_equal_times_give_equal_drops(played):
     times = [130, 40, 250, 90, 20, 170, 110]
     arrivals = range(0, 1500, 100)
     assert played(arrivals, times * 3) == played(arrivals, times * 3)
 
 
-def test_rate_makes_sweeps_come_faster():
+def test_rate_makes_sweeps_come_faster(played):
     # At double speed sweeps come every 50 ms.
     assert played([1000, 1100, 1200, 1300], [60] * 4, rate=2.0) == [
         (0, 60),
@@ -85,7 +109,7 @@ def test_rate_makes_sweeps_come_faster():
     assert (1, None) in played([1000, 1100, 1200, 1300], [110] * 4, rate=2.0)
 
 
-def test_every_example_has_one_outcome():
+def test_every_example_has_one_outcome(played):
     random = np.random.default_rng(0)
     arrivals = np.cumsum(random.uniform(50, 150, 200))
     outcomes = played(arrivals, random.uniform(20, 400, 200))
@@ -94,31 +118,25 @@ def test_every_example_has_one_outcome():
     assert 0 < dropped < 200
 
 
-def test_never_more_than_one_waits():
+def test_never_more_than_one_waits(played):
     # With times far longer than the interval the age at the start is below one interval.
     outcomes = played(range(0, 10_000, 100), [730] * 100)
     waits = [latency - 730 for _, latency in outcomes if latency is not None]
     assert max(waits[:-1]) <= 100
 
 
-def test_a_recording_that_jumps_back_goes_on():
+def test_a_recording_that_jumps_back_goes_on(played):
     outcomes = played([1000, 1100, 100, 200], [10] * 4)
     assert [number for number, latency in outcomes if latency is not None] == [0, 1, 2, 3]
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, math.inf, math.nan])
-def test_rate_must_be_above_0(rate):
-    with pytest.raises(EvaluationError, match="expected a number above 0"):
-        played([1000], [10], rate=rate)
-
-
-def test_preparation_overlaps_with_the_estimate_before_it():
+def test_preparation_overlaps_with_the_estimate_before_it(played):
     """Together they take longer than the interval, each for itself does not."""
     outcomes = played(range(0, 1000, 100), [90] * 10, prepare_ms=80)
     assert outcomes == [(number, 170) for number in range(10)]
 
 
-def test_slow_preparation_lets_two_wait_in_order_and_then_the_newest():
+def test_slow_preparation_lets_two_wait_in_order_and_then_the_newest(played):
     # 0 is prepared until 250 while 1 and 2 wait; then 1 until 500 while 2 and 3 wait. 4 comes on
     # top and is replaced by 5, 6 and 7 in turn; these are prepared after 2 and 3, at 1000.
     outcomes = played(range(0, 800, 100), [10] * 8, prepare_ms=250)
