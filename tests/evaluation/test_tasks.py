@@ -191,14 +191,14 @@ def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estima
         estimator = make_method(name, settings)
         estimate = estimator.estimate
 
-        def counting(triplet):
+        def counting(triplet, cancelled):
             calls.append(triplet.current.stamp_ns)
-            return estimate(triplet)
+            return estimate(triplet, cancelled)
 
         estimator.estimate = counting
         return estimator
 
-    monkeypatch.setattr(task_module, "make_method", counted)
+    monkeypatch.setattr("mnsf_ros.online.stream.make_method", counted)
     monkeypatch.setattr(task_module, "warm_up", lambda method, settings: None)
     task = small.task_at(path, method)
     rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
