@@ -27,8 +27,7 @@ from frame import TARGET_HEADER, Table, Target, make_parser, publish
 from live_node import FLOW_TOPIC, LiveNode, live_node, serialized
 
 from mnsf_ros.methods import make_method
-from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.process_memory import RETURN_PERIOD_S, keep_memory
+from mnsf_ros.node.environment import RETURN_PERIOD_S, keep_memory, prepare_environment
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep
 

@@ -130,7 +130,7 @@ def _transitions(node: LifecycleNode) -> list[Action]:
 def _points(topic: str) -> str:
     if topic:
         return topic
-    from mnsf_ros.node.cloud_topics import only_cloud_topic
+    from mnsf_ros.node.raw_topics import only_cloud_topic
 
     return only_cloud_topic()
 

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import math
 import os
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -23,7 +20,6 @@ from mnsf_ros.demo.console_progress import counting_progress, simulate_with_prog
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.demo.replay import DIAGNOSTICS_TOPIC, FLOW_TOPIC, ReplayLog, replay
 from mnsf_ros.drawing.example_pictures import ExamplePainter
-from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import end_point_errors
@@ -46,8 +42,7 @@ from msg_utils.point_cloud2 import decode_points
 
 _GROUND, _OTHERS = "ground", "without ground"
 _NUM_DOMAINS: Final = 101  # from 1 on; above, ports of Linux are used for something else
-_LOCK: Final = "demo.lock"
-_ENOUGH: Final = 0.95  # of the flows that there can be
+_ENOUGH: Final = 0.95  # share of the possible flows
 
 
 def run_demo(
@@ -62,49 +57,11 @@ def run_demo(
     `topic` is that of the clouds, None for the only one; everything is written into `folder`.
 
     Raises:
-        MnsfError: If the recording cannot be read, the node gives no flow, or another demo writes
-            into the folder; one line.
+        MnsfError: If the recording cannot be read, or the node gives no flow; one line.
     """
-    if isinstance(source, SimulationSettings):
-        with _locked(folder):
-            recording = _recording(_street(source, folder, console), topic)
-            _run_demo(recording, settings, folder, console)
-        return
-    # Before the folder is made: what cannot be read leaves none behind.
-    recording = _recording(source, topic)
-    with _locked(folder):
-        _run_demo(recording, settings, folder, console)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Keeps other demos out of the folder, as long as this process lives at most."""
+    path = _street(source, folder, console) if isinstance(source, SimulationSettings) else source
+    recording = choose_topics(inspect_recording(path), path.name, topic)
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / _LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise MnsfError(
-                f"{folder}: another demo is running there; wait for it, or name another --out"
-            ) from None
-        yield
-
-
-def _recording(path: Path, topic: str | None) -> EvaluatedRecording:
-    return choose_topics(inspect_recording(path), path.name, topic)
-
-
-def _street(settings: SimulationSettings, folder: Path, console: Console) -> Path:
-    """The simulated street of a folder; it is made if it is not there yet."""
-    street = folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
-    if not street.exists():
-        simulate_with_progress(settings, street, console)
-    return street
-
-
-def _run_demo(
-    recording: EvaluatedRecording, settings: Settings, folder: Path, console: Console
-) -> None:
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
     console.print(figures_table(log))
@@ -119,6 +76,15 @@ def _run_demo(
     console.print(verdict(log), markup=False, highlight=False, soft_wrap=True)
 
 
+def _street(settings: SimulationSettings, folder: Path, console: Console) -> Path:
+    """The simulated street of a folder; it is simulated once."""
+    folder.mkdir(parents=True, exist_ok=True)
+    street = folder / f"street_seed{settings.seed}_{settings.duration_s:g}s"
+    if not street.exists():
+        simulate_with_progress(settings, street, console)
+    return street
+
+
 def _replayed(
     recording: EvaluatedRecording,
     flow_bag: Path,
@@ -128,7 +94,7 @@ def _replayed(
 ) -> ReplayLog:
     prepare_environment()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    # Of its own: neither a robot nor another demo is to be heard, and none is to hear this.
+    # Separate from robots and from other demos.
     domain, namespace = 1 + secrets.randbelow(_NUM_DOMAINS), f"/mnsf_demo_{secrets.token_hex(4)}"
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     parameter_file = folder / "parameters.yaml"
@@ -216,7 +182,7 @@ def _errors_table(rows: list[ResultRow]) -> TextTable | None:
 
 
 def figures_table(log: ReplayLog) -> TextTable:
-    """Returns what became of the sweeps, and the latency of their flows."""
+    """Returns the numbers of sweeps and flows, and the latency."""
     latencies_ms = log.latencies_ms or [math.nan]
     rows = [
         ("sweeps in", str(len(log.published_s))),
@@ -231,7 +197,7 @@ def figures_table(log: ReplayLog) -> TextTable:
 
 
 def verdict(log: ReplayLog) -> str:
-    """Returns one line: how many flows came, how late they were, and whether that is enough."""
+    """Returns one line: number and latency of the flows, and whether the node keeps up."""
     flows = f"{len(log.arrived_s)} of {log.num_possible} flows"
     latencies_ms = log.latencies_ms
     late = f", p95 {np.percentile(latencies_ms, 95):.0f} ms" if latencies_ms else ""
@@ -245,7 +211,7 @@ def verdict(log: ReplayLog) -> str:
 
 
 def drop_hint(log: ReplayLog) -> str | None:
-    """Returns what to do about dropped sweeps; None if there are none."""
+    """Returns advice about dropped sweeps; None if there are none."""
     if not log.num_dropped:
         return None
     text = busy_text(len(log.arrived_s), log.num_possible, log.estimate_ms, log.interval_ms)

@@ -18,7 +18,7 @@ _LINES_SHOWN = 5
 
 
 class NodeProcessError(MnsfError):
-    """The node's process ended by itself or did not come up."""
+    """The node's process ended by itself or did not start."""
 
 
 class NodeProcess:
@@ -29,10 +29,10 @@ class NodeProcess:
         self._log = log
 
     def check(self) -> None:
-        """Sees whether the node still runs.
+        """Checks that the node still runs.
 
         Raises:
-            NodeProcessError: If it has ended; with the last lines that it said.
+            NodeProcessError: If it has ended; with the last lines of its log.
         """
         status = self._process.poll()
         if status is not None:
@@ -45,12 +45,12 @@ class NodeProcess:
 
     @property
     def memory_mb(self) -> float:
-        """Most memory that the process has had so far; NaN where the system does not tell."""
+        """Peak memory of the process; NaN where the system does not tell."""
         return self._status_mb("VmHWM")
 
     @property
     def resident_mb(self) -> float:
-        """Memory that the process has now; NaN where the system does not tell."""
+        """Memory of the process now; NaN where the system does not tell."""
         return self._status_mb("VmRSS")
 
     @property
@@ -70,7 +70,7 @@ class NodeProcess:
         return values[0] if values else float("nan")
 
     def failure(self, what: str) -> NodeProcessError:
-        """An error with the last lines that the node said."""
+        """An error with the last lines of the node's log."""
         lines = self._log.read_text(errors="replace").strip().splitlines()[-_LINES_SHOWN:]
         said = " | ".join(line.strip() for line in lines) or "nothing"
         return NodeProcessError(f"{what}; it said: {said} ({self._log})")
@@ -78,7 +78,7 @@ class NodeProcess:
 
 @contextmanager
 def node_process(arguments: Sequence[str], log: Path) -> Iterator[NodeProcess]:
-    """Starts the node with arguments after `--ros-args`, what it says in a file, and ends it."""
+    """Runs the node with arguments after `--ros-args`; its log goes into a file."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
             [sys.executable, "-m", "mnsf_ros.node", "--ros-args", *arguments],

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Plays a recording to whoever listens, as `ros2 bag play` does."""
+"""Publishes the messages of a recording, as `ros2 bag play` does."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import Final
 
-from mnsf_ros.demo.pace import Pace
+from mnsf_ros.demo.pace import Pace, in_time
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
-_CLOCK_PERIOD_S: Final = 0.025
 
 Publish = Callable[[bytes], None]
 
 
 @dataclass(frozen=True)
 class PlayOptions:
-    """How a recording is played.
+    """Selection and speed of the messages.
 
     Attributes:
         topics: Only these, which must be in the recording; all if empty.
@@ -49,7 +47,7 @@ def play(
 
     Args:
         reader: The recording, open.
-        options: How.
+        options: Selection and speed.
         on_message: Called with the number of messages published so far.
         on_left_out: Called once for each topic that cannot be published, with the reason.
 
@@ -59,13 +57,12 @@ def play(
     """
     with RawTopics("mnsf_play") as ros:
         publishers = _publishers(reader, ros, options.topics, on_left_out)
-        tell_time = ros.clock() if options.clock else _nothing
+        tell_time = ros.clock() if options.clock else None
         ros.spin_for(_SETTLE_S)
         number = 0
         for _ in itertools.count() if options.loop else range(1):
-            pace = Pace(options.rate)
-            for time_ns, topic, raw in _in_order(reader, list(publishers)):
-                _wait(ros, pace, time_ns, tell_time)
+            messages = _in_order(reader, list(publishers))
+            for _, topic, raw in in_time(messages, Pace(options.rate), ros.spin_for, tell_time):
                 publishers[topic](raw)
                 number += 1
                 on_message(number)
@@ -99,15 +96,3 @@ def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, s
         return ((time_ns, topic, raw) for time_ns, raw in reader.raw_messages(topic))
 
     return heapq.merge(*map(of, topics), key=itemgetter(0))
-
-
-def _wait(ros: RawTopics, pace: Pace, time_ns: int, tell_time: Callable[[int], None]) -> None:
-    while (left_s := pace.left_s(time_ns)) > _CLOCK_PERIOD_S:
-        tell_time(time_ns - round(left_s * pace.rate * NANOSECONDS))
-        ros.spin_for(min(left_s, _CLOCK_PERIOD_S))
-    ros.spin_for(left_s)
-    tell_time(time_ns)
-
-
-def _nothing(_time_ns: int) -> None:
-    """Nobody asked for the time."""

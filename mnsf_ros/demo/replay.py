@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
-from mnsf_ros.demo.pace import Pace
+from mnsf_ros.demo.pace import Pace, in_time
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
@@ -25,21 +25,21 @@ MARKERS_TOPIC = "/scene_flow/objects/markers"
 
 _START_TIMEOUT_S = 120.0
 _LAST_FLOW_TIMEOUT_S = 120.0
-# So many messages on /diagnostics without any change: whatever is missing will not come any more.
+# After so many messages on /diagnostics without any change nothing more is expected.
 _QUIET_STATUSES = 5
 
 
 @dataclass
 class ReplayLog:
-    """What happened during a replay.
+    """Sweeps and flows of a replay, and the node's own figures.
 
     Attributes:
-        published_s: Stamp of a sweep to `time.monotonic()` of its publication, in that order.
-        arrived_s: Stamp of a sweep to `time.monotonic()` of the arrival of its flow.
-        counts: Event to how often it happened, as the node counted on /diagnostics.
-        last_failure: Text of the last estimate that failed, as the node says.
-        estimate_ms: Median of what an estimate took, as the node says; NaN if it does not.
-        cores_used: CPU time of the node over the time that the sweeps took; NaN if unknown.
+        published_s: Stamp of a sweep -> `time.monotonic()` of its publication, in that order.
+        arrived_s: Stamp of a sweep -> `time.monotonic()` of the arrival of its flow.
+        counts: Event -> number, as counted on /diagnostics.
+        last_failure: Text of the last failed estimate on /diagnostics.
+        estimate_ms: Median time of an estimate on /diagnostics; NaN if unknown.
+        cores_used: CPU time of the node over the duration of the sweeps; NaN if unknown.
     """
 
     published_s: dict[int, float] = field(default_factory=dict)
@@ -51,12 +51,12 @@ class ReplayLog:
 
     @property
     def num_possible(self) -> int:
-        """Sweeps that have one before and one after them: so many flows there can be."""
+        """Number of sweeps with one before and one after them, which can have a flow."""
         return max(len(self.published_s) - 2, len(self.arrived_s))
 
     @property
     def interval_ms(self) -> float:
-        """Median of the time between two sweeps by their stamps; NaN if there are less than two."""
+        """Median interval of the stamps of sweeps; NaN for less than two."""
         intervals_ns = [after - before for before, after in pairwise(self.published_s)]
         return statistics.median(intervals_ns) / 1e6 if intervals_ns else math.nan
 
@@ -78,7 +78,7 @@ class ReplayLog:
 
     @property
     def losses(self) -> dict[str, int]:
-        """What else left a sweep without flow, to how often it did."""
+        """Other reasons for sweeps without flow, with their numbers."""
         counts = self.counts
         return {
             "failed estimates": counts.get("estimates_failed", 0),
@@ -88,7 +88,7 @@ class ReplayLog:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the node has counted every sweep, and every flow that it published is there."""
+        """Whether the node has counted every sweep, and all its flows have arrived."""
         counts = self.counts
         num_done = sum(counts.get(event, 0) for event in TRIPLET_ENDS)
         return (
@@ -111,13 +111,13 @@ def replay(
     progress: Callable[[int, int], None],
     namespace: str = "",
 ) -> ReplayLog:
-    """Publishes all sweeps of a topic, records what comes, waits for the last flow.
+    """Publishes all sweeps of a topic, records the node's messages, waits for the last flow.
 
     `progress` is called with the numbers of sweeps published and of flows received. All topics
     of the node are in the namespace, also /diagnostics; they are recorded without it.
 
     Raises:
-        RecordingError: If damage is met in the recording.
+        RecordingError: If the recording is damaged.
         NodeProcessError: If the node ends or does not come up.
     """
     log = ReplayLog()
@@ -146,8 +146,7 @@ def replay(
         wait_for_node(link, node)
         start_s, cpu_before_s = time.monotonic(), node.cpu_s
         pace = Pace(clock=time.monotonic)
-        for time_ns, raw in reader.raw_messages(topic):
-            link.spin_for(pace.left_s(time_ns))
+        for _, raw in in_time(reader.raw_messages(topic), pace, link.spin_for):
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s
@@ -162,7 +161,7 @@ def replay(
 
 
 def wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
-    """Waits until the node listens and will be heard.
+    """Waits until the node and this process see each other.
 
     Raises:
         NodeProcessError: If the node ends or does not come up.
@@ -178,8 +177,8 @@ def wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
 def _wait_for_last_flow(link: ReplayLink, node: NodeProcess, log: ReplayLog) -> None:
     """Waits until every sweep is accounted for, or nothing changes any more.
 
-    That the node says it is idle is not enough: the latest diagnostics may be from before the last
-    sweep, and a flow that is published may still be under way.
+    An idle node is not enough: the latest diagnostics may be from before the last sweep, and a
+    published flow may still be under way.
     """
     deadline_s = time.monotonic() + _LAST_FLOW_TIMEOUT_S
     last: tuple[Mapping[str, int], int] | None = None

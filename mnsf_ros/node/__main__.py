@@ -45,7 +45,7 @@ class _EndSignals:
             signal.signal(number, self._on_signal)
 
     def leave_to_rclpy(self) -> None:
-        """Does nothing on signals from now on."""
+        """Ignores signals from now on."""
         self._are_left = True
 
     def _on_signal(self, _number: int, _frame: object) -> None:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages of ROS for parts of sweeps, and for encoded clouds."""
+"""Clouds as messages: encoded ones, and parts of sweeps."""
 
 from __future__ import annotations
 

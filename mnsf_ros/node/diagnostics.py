@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the node tells about itself on /diagnostics."""
+"""The node's statuses on /diagnostics: input, flow, ego motion."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from mnsf_ros.settings import Settings
 
 @dataclass(frozen=True)
 class InputState:
-    """How the subscription stands."""
+    """State of the subscriptions to the lidars."""
 
     topic: str
     reliability: str
     num_publishers: int
-    times: str = ""  # what the time of each point is read from
-    pause: str = ""  # why clouds are ignored; empty if they are not
+    times: str = ""  # origin of the time of each point
+    pause: str = ""  # reason for ignoring clouds; empty if they are not ignored
     missing: tuple[str, ...] = ()  # topics of lidars that are not in the last merged sweep
 
 
 class Diagnostics:
-    """Makes the statuses `input`, `flow` and `ego motion`; remembers what it said last time."""
+    """Makes the statuses `input`, `flow` and `ego motion`; remembers the last counts."""
 
     def __init__(self, node_name: str) -> None:
-        """`node_name` with its namespace, so that two nodes differ."""
+        """`node_name` is the full name, with the namespace."""
         self._node_name = node_name
         self._last_counts: Mapping[str, int] = {}
         self._flow_watch = FlowWatch()

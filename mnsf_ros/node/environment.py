@@ -1,46 +1,40 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the node needs around it: ROS, a transport for large clouds, quiet threads."""
+"""The node's process: ROS, environment variables, memory, and an end in time."""
 
 from __future__ import annotations
 
-import fcntl
+import ctypes
+import faulthandler
 import importlib.util
 import os
-import shutil
-import tempfile
-import time
-from collections.abc import Mapping, MutableMapping
-from contextlib import suppress
+import sys
+from collections.abc import Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from mnsf_ros.errors import MnsfError
 
 TRANSPORT_PROFILE: Final = Path(__file__).with_name("fastdds.xml")
-SEGMENT_BYTES: Final = 24 * 2**20  # of shared memory, as the profile says
-
-# Shared memory of Fast DDS: a segment, and a file that its process holds locked while it lives.
-_SEGMENT: Final = "fastrtps_" + 16 * "[0-9a-f]"
-_LOCK_SUFFIX: Final = "_el"
-# Younger ones may not be locked yet.
-_MIN_AGE_S: Final = 60
-
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-# Lets a profile say what readers and writers do, and not only the transport.
+# Makes the ROS layer read the profiles of readers and writers, too.
 _READS_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"
 
+# A participant of Fast DDS that is destroyed while it discovers another one may wait for ever: it
+# holds the lock that the discovery needs to end.
+END_TIMEOUT_S: Final = 20.0
 
-def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Sets what the user has not set, before ROS and torch are loaded.
-
-    The Fast DDS profile lets clouds of several megabytes through and gives their memory back; the
-    OpenMP policy keeps torch's threads from burning the core that the ROS executor needs.
-    """
-    if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
-        environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
-    if str(TRANSPORT_PROFILE) in map(environment.get, _PROFILE_VARIABLES):
-        environment.setdefault(_READS_PROFILE, "1")
-    environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# Of malloc.h of glibc.
+_M_TRIM_THRESHOLD: Final = -1
+_M_MMAP_THRESHOLD: Final = -3
+# Clouds and their intermediate arrays are below the first; with every sweep their pages would be
+# taken from the system and returned, which costs more than building and sending a cloud.
+_MMAP_BYTES: Final = 32 * 2**20
+_TRIM_BYTES: Final = 256 * 2**20
+_MALLOC_VARIABLES: Final = ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")
+# Returning takes some 10 ms. Without it the heap grows for hours, by the memory that the threads of
+# the node happen to need at the same time.
+RETURN_PERIOD_S: Final = 30.0
 
 
 class NoRosError(MnsfError):
@@ -60,54 +54,45 @@ def require_ros() -> None:
         )
 
 
-def transport_fault(
-    environment: Mapping[str, str] = os.environ, folder: Path = Path("/dev/shm")
-) -> str:
-    """Returns why clouds do not go through shared memory, and what follows; empty if they do.
+def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Sets the variables that the user has not set, before ROS and torch are loaded.
 
-    Only of this package's profile for Fast DDS: of other transports nothing is known.
+    The Fast DDS profile lets clouds of several megabytes through and gives their memory back; the
+    OpenMP policy keeps torch's threads from burning the core that the ROS executor needs.
     """
-    is_fast_dds = "fastrtps" in environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
-    profiles = {environment.get(variable) for variable in _PROFILE_VARIABLES}
-    if not is_fast_dds or str(TRANSPORT_PROFILE) not in profiles:
-        return ""
-    fault = _memory_fault(folder)
-    if not fault:
-        return ""
-    return (
-        f"no shared memory, {fault}: clouds go through UDP, which loses large ones of best-effort "
-        f"publishers. Publish reliable, or make {folder} writable with at least "
-        f"{2 * SEGMENT_BYTES >> 20} MiB"
-    )
+    if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
+        environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
+    if str(TRANSPORT_PROFILE) in map(environment.get, _PROFILE_VARIABLES):
+        environment.setdefault(_READS_PROFILE, "1")
+    environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
-def _memory_fault(folder: Path) -> str:
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            free_bytes = shutil.disk_usage(folder).free
-    except OSError as error:
-        return f"{folder}: {error.strerror}"
-    if free_bytes < SEGMENT_BYTES:
-        return f"{folder} has {free_bytes >> 20} MiB left, {SEGMENT_BYTES >> 20} are needed"
-    return ""
+def keep_memory(environment: Mapping[str, str] = os.environ) -> None:
+    """Raises glibc's thresholds for returning memory, unless the user has set any."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None or any(name in environment for name in _MALLOC_VARIABLES):
+        return
+    mallopt(_M_MMAP_THRESHOLD, _MMAP_BYTES)
+    mallopt(_M_TRIM_THRESHOLD, _TRIM_BYTES)
 
 
-def remove_dead_segments(folder: Path = Path("/dev/shm")) -> int:
-    """Removes shared memory whose process was killed, which nobody else does; returns the bytes.
+def return_memory() -> None:
+    """Returns all free memory of the process to the system, where glibc can."""
+    malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if malloc_trim is not None:
+        malloc_trim(0)
 
-    Each kill of a node would take some 25 MB of memory for good, and `/dev/shm` be full at last.
+
+@contextmanager
+def leaving_ros(timeout_s: float = END_TIMEOUT_S) -> Iterator[None]:
+    """Ends the process if Fast DDS hangs while a node is destroyed inside.
+
+    The exit status is then 1, and the stacks of all threads are on stderr. The watchdog needs no
+    lock of the interpreter, which a library may hold.
     """
-    num_bytes = 0
-    for lock in folder.glob(_SEGMENT + _LOCK_SUFFIX):
-        # Somebody else may remove it at the same time, or own it.
-        with suppress(OSError), lock.open("r+b") as file:
-            if time.time() - os.fstat(file.fileno()).st_mtime < _MIN_AGE_S:
-                continue
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            segment = lock.with_name(lock.name.removesuffix(_LOCK_SUFFIX))
-            with suppress(FileNotFoundError):
-                size = segment.stat().st_size
-                segment.unlink()
-                num_bytes += size
-            lock.unlink()
-    return num_bytes
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - stderr may be closed
+        faulthandler.dump_traceback_later(timeout_s, exit=True, file=sys.__stderr__ or nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the node publishes of an estimate, and how long it took."""
+"""The output topics of an estimate, and its times."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class FlowOutputs:
 
     @property
     def are_watched(self) -> bool:
-        """Whether anybody subscribes to any of it."""
+        """Whether any output has a subscriber."""
         outputs = (self._flow, self._moving, self._standing, self._ego_motion, self._source)
         objects = (output for output, _ in self._objects)
         return any(output.get_subscription_count() > 0 for output in (*outputs, *objects))
@@ -70,7 +70,7 @@ class FlowOutputs:
     def publish(
         self, triplet: SweepTriplet, estimate: FlowEstimate, layout: OutputSettings = _FULL
     ) -> None:
-        """Publishes the flow of the triplet's current sweep, as far as anybody subscribes to it."""
+        """Publishes the flow of the triplet's current sweep on all topics with subscribers."""
         sweep, interval_s, known = triplet.current, triplet.interval_s, estimate.over_ground
         if self._flow.get_subscription_count() > 0:
             self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
@@ -134,10 +134,10 @@ def _output(
 def ego_motion_message(
     header: Header, odom_frame: str, known: OverGround, interval_s: float
 ) -> Odometry:
-    """Returns where the sensor was at the sweep of a cloud's header, and how it moves.
+    """Returns the pose and the twist of the sensor at a sweep, with the header of its cloud.
 
-    The pose is in `odom_frame`, which is the sensor frame of the first sweep; the twist in the
-    sensor's own frame, 0 and unknown where the seconds to the next sweep are not positive.
+    The pose is in `odom_frame`, the sensor frame of the first sweep; the twist in the sensor's own
+    frame, 0 and unknown unless the interval to the next sweep is positive.
     """
     message = Odometry(child_frame_id=header.frame_id)
     message.header.stamp = header.stamp
@@ -147,7 +147,7 @@ def ego_motion_message(
     turn.x, turn.y, turn.z, turn.w = pose_quaternion(known.world_from_sensor)
     pose_covariance, twist_covariance = known.pose_covariance, None
     if interval_s > 0:
-        # The sensor moves against what stands still.
+        # The static world moves the other way.
         current_from_next = np.linalg.inv(known.next_from_current)
         linear, angular = message.twist.twist.linear, message.twist.twist.angular
         linear.x, linear.y, linear.z = (current_from_next[:3, 3] / interval_s).tolist()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from mnsf_ros.geometry.transforms import mounted_at
+from mnsf_ros.node.subscriptions import Report
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.lidar_groups import ArrivedSweep, LidarGroup, LidarGroups
@@ -21,16 +22,16 @@ from mnsf_ros.sweeps_io.merged_cloud import merged_sweep
 
 @dataclass
 class LidarMerging:
-    """Groups sweeps by their time, and merges those whose lidar has a known place.
+    """Groups sweeps by their time, and merges those whose lidar has a known pose.
 
     Attributes:
-        topics: Of the lidars, in their order.
-        report: Takes an event that is counted, and a text that is logged now and then.
+        topics: Topics of the lidars, in their order.
+        report: Counts and logs lidars that are left out.
         missing: Topics of the lidars that are not in the last merged sweep.
     """
 
     topics: tuple[str, ...]
-    report: Callable[[str, str], None]
+    report: Report
     missing: tuple[str, ...] = ()
     _groups: LidarGroups = field(init=False)
 
@@ -40,7 +41,7 @@ class LidarMerging:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether time alone may complete a sweep."""
+        """Whether a sweep is incomplete but may become due."""
         return self._groups.is_waiting
 
     def clear(self) -> None:
@@ -52,7 +53,7 @@ class LidarMerging:
         self._groups.add(index, item, settings.lidars)
 
     def due(self, settings: Settings, transforms: Transforms | None) -> Iterator[ArrivedSweep]:
-        """Yields merged sweeps, which arrived when the sweep of the reference did."""
+        """Yields merged sweeps, with the arrival of the reference lidar's sweep."""
         for group in self._groups.due(time.monotonic(), settings.lidars):
             poses = self._poses(group, settings, transforms)
             self._tell_missing(group, poses)
@@ -67,7 +68,7 @@ class LidarMerging:
     def _poses(
         self, group: LidarGroup, settings: Settings, transforms: Transforms | None
     ) -> dict[int, NDArray[np.float64]]:
-        """Number of a lidar to its pose (4, 4) in the common frame, where that is known."""
+        """Number of a lidar -> its pose (4, 4) in the common frame, where that is known."""
         if transforms is None:
             mounts = (settings.lidar_1, settings.lidar_2, settings.lidar_3, settings.lidar_4)
             return {index: mounted_at(mounts[index]) for index in group.sweeps}

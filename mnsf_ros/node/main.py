@@ -13,14 +13,11 @@ from mnsf_ros import __version__
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.environment import (
     NoRosError,
+    keep_memory,
+    leaving_ros,
     prepare_environment,
-    remove_dead_segments,
     require_ros,
-    transport_fault,
 )
-from mnsf_ros.node.node_log import log_to_ros
-from mnsf_ros.node.process_end import END_TIMEOUT_S, exit_within
-from mnsf_ros.node.process_memory import keep_memory
 
 if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
@@ -65,12 +62,11 @@ def main(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> None:
     `leave_signals` is called when rclpy's handlers of signals are there, before there is anything
     to clean up. rclpy's, which go before those of Python, then end the spinning.
 
-    Ends the process: 0 after a signal, 2 if something that the user gave cannot be used, said in
-    one line.
+    Ends the process: 0 after a signal, 2 for invalid input of the user, which is said in one line,
+    1 if the middleware hangs at the end.
     """
     _refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
     prepare_environment()
-    remove_dead_segments()
     keep_memory()
     try:
         require_ros()
@@ -88,8 +84,8 @@ def main(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> None:
     os._exit(status)
 
 
-def _refuse_options(arguments: list[str], *, has_life_cycle: bool = False) -> None:
-    """Answers --help and --version, and refuses what is not between `--ros-args` and `--`.
+def _refuse_options(arguments: list[str], *, has_life_cycle: bool) -> None:
+    """Answers --help and --version; options outside of `--ros-args` ... `--` are refused.
 
     Raises:
         SystemExit: In all these cases, with status 2 after a mistake.
@@ -103,11 +99,6 @@ def _refuse_options(arguments: list[str], *, has_life_cycle: bool = False) -> No
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"mnsf_ros {__version__}")
-    parser.parse_args(_without_ros_arguments(arguments))
-
-
-def _without_ros_arguments(arguments: list[str]) -> list[str]:
-    """What is not between `--ros-args` and the next `--`, which ends them."""
     own, is_own = [], True
     for word in arguments:
         if word == "--ros-args":
@@ -116,7 +107,7 @@ def _without_ros_arguments(arguments: list[str]) -> list[str]:
             own.append(word)
         elif word == "--":
             is_own = True
-    return own
+    parser.parse_args(own)
 
 
 def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
@@ -125,35 +116,34 @@ def _run(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> int:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.logging import get_logger
 
-    status, node = 0, None
+    status, node, logger = 0, None, get_logger(_LOGGER_NAME)
     try:
         _init_ros()
-        log_to_ros(get_logger(_LOGGER_NAME))
-        fault = transport_fault()
-        if fault:
-            get_logger(_LOGGER_NAME).warning(fault)
         # It loads all libraries, which takes a while: after mistakes in the ROS arguments.
+        from mnsf_ros.node.node_log import log_to_ros
         from mnsf_ros.node.scene_flow_node import SceneFlowLifecycleNode, SceneFlowNode
 
+        log_to_ros(logger)
         # An executor that a signal keeps from being made complains when it is deleted.
         executor = SingleThreadedExecutor()
         leave_signals()
         node = SceneFlowLifecycleNode() if has_life_cycle else SceneFlowNode()
+        node.start()
         executor.add_node(node)
         spin(executor, node)
     except (SettingsError, ParameterException) as error:
-        get_logger(_LOGGER_NAME).fatal(str(error))
+        logger.fatal(str(error))
         status = _EXIT_USAGE
     except Exception:
         # A signal takes the context away at any time, and what is under way then fails.
         if rclpy.ok():
             raise
     finally:
-        exit_within(END_TIMEOUT_S, status)
-        if node is not None:
-            node.close(_CLOSE_TIMEOUT_S)
-            node.destroy_node()
-        rclpy.try_shutdown()
+        with leaving_ros():
+            if node is not None:
+                node.close(_CLOSE_TIMEOUT_S)
+                node.destroy_node()
+            rclpy.try_shutdown()
     return status
 
 
@@ -169,10 +159,10 @@ def _init_ros() -> None:
 
 
 def spin(executor: SingleThreadedExecutor, node: SceneFlowNode | SceneFlowLifecycleNode) -> None:
-    """Runs the node's callbacks until a signal comes."""
+    """Runs the node's callbacks until a signal comes; their errors are logged and counted."""
     while executor.context.ok():
         try:
             executor.spin_once(timeout_sec=_SPIN_S)
-        except Exception as error:  # noqa: BLE001 - rclpy's parameter services raise what they like
+        except Exception as error:  # noqa: BLE001 - one failed callback must not end the node
             if executor.context.ok():
-                node.report_error("executor", error)
+                node.report_error(error)

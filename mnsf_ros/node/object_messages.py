@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tracked objects -> messages: a table, a picture, and those of Autoware and nav2 if installed."""
+"""Tracked objects as messages: cloud, markers, and those of Autoware and nav2 if installed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mnsf_ros.node.cloud_messages import encoded_message
 from msg_utils.point_cloud2 import encode_columns
 
 Objects: TypeAlias = Sequence[TrackedObject]
-# Of packages that a type checker cannot know: a module of messages, and one of them.
+# Of packages unknown to a type checker: a module of messages, and a message.
 Messages: TypeAlias = Any
 Message: TypeAlias = Any
 MessageMaker: TypeAlias = Callable[[Header, Objects], Message]
@@ -56,7 +56,7 @@ class ObjectMarkers:
         self._shown: frozenset[int] = frozenset()
 
     def message(self, header: Header, objects: Objects) -> MarkerArray:
-        """Returns the markers of the objects of a sweep, and the ends of those shown before."""
+        """Returns the markers of a sweep's objects, and deletions of those that are gone."""
         shown = frozenset(item.track_id for item in objects)
         markers = [
             Marker(header=header, ns=name, id=track_id, action=Marker.DELETE)
@@ -126,8 +126,8 @@ def autoware_objects(messages: Messages, run: UUID, header: Header, objects: Obj
 
     Args:
         messages: The module autoware_perception_msgs.msg.
-        run: Of this process: numbers of objects begin anew in the next one.
-        header: Of the cloud that the objects were seen in.
+        run: Identity of this process, in which numbers of objects are unique.
+        header: Header of the objects' cloud.
         objects: The objects.
     """
     message = messages.TrackedObjects(header=header)

@@ -19,7 +19,7 @@ from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import Setting
 from mnsf_ros.settings import Settings, declared_settings
 
-# Takes settings that are about to hold; raises SettingsError if they cannot.
+# Takes the next settings; raises SettingsError if they cannot be used.
 SettingsChange: TypeAlias = Callable[[Settings], None]
 
 
@@ -27,7 +27,7 @@ class NodeParameters:
     """The settings of a node as its parameters.
 
     Attributes:
-        settings: As they are now.
+        settings: The current settings.
     """
 
     def __init__(self, node: Node, *, has_life_cycle: bool = False) -> None:
@@ -44,11 +44,11 @@ class NodeParameters:
         node.add_on_set_parameters_callback(self._set)
 
     def follow(self, on_change: SettingsChange | None) -> None:
-        """Calls something before each change from now on, instead of what was called before."""
+        """Sets the callback before each change, which may refuse it; None while unconfigured."""
         self._on_change = on_change
 
     def _set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Turns `ros2 param set` into new settings, or into a refusal with its reason."""
+        """Changes the settings after `ros2 param set`, or refuses with the reason."""
         try:
             settings = _changed(self.settings, parameters)
             if self._on_change is not None:
@@ -94,25 +94,25 @@ def _declared(node: Node, *, has_life_cycle: bool) -> Settings:
 
 
 def undeclared_overrides(node: Node) -> list[str]:
-    """Parameters that the user gave but the node does not have: typos, mostly."""
+    """Names of given parameters that the node does not have: typos, mostly."""
     return sorted(name for name in _overrides(node) if not node.has_parameter(name))
 
 
 def _changed(settings: Settings, parameters: list[Parameter]) -> Settings:
-    """The settings after `ros2 param set`, without what is no setting."""
+    """The settings after `ros2 param set`; other parameters are skipped."""
     names = {setting.name for setting in declared_settings()}
     return settings.changed({item.name: item.value for item in parameters if item.name in names})
 
 
 def _overrides(node: Node) -> dict[str, Parameter]:
-    """What the user gave on the command line and in files."""
+    """Parameters of the command line and of files."""
     # rclpy drops unknown ones without a word and offers no public way to see them.
     overrides: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     return overrides
 
 
 def _in_declared_types(parameters: list[Parameter]) -> list[Parameter]:
-    """The parameters with 60 as 60.0 where a number of that type is declared, so that it stays."""
+    """The parameters in their declared types: 60 as 60.0 where a float is declared."""
     settings = {setting.name: setting for setting in declared_settings()}
     typed = []
     for item in parameters:
@@ -123,7 +123,7 @@ def _in_declared_types(parameters: list[Parameter]) -> list[Parameter]:
 
 
 def _in_type_of(setting: Setting, value: Any) -> Any:  # noqa: ANN401 - whatever the user gave
-    """The value in the type of the setting; as it is if it does not fit, which is said later."""
+    """The value in the type of the setting; unchanged if it does not fit, and refused later."""
     try:
         return setting.checked(value)
     except SettingsError:

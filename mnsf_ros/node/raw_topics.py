@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes, in and out of ROS."""
+"""Messages as bytes, in and out of ROS; and the topic of the lidar."""
 
 from __future__ import annotations
 
@@ -13,14 +13,21 @@ from typing import Any, Final, TypeVar
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from mnsf_ros.errors import MnsfError
-from mnsf_ros.node.process_end import leaving_ros
+from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.node.environment import leaving_ros
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
+
+_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+# Clouds that a scene flow node publishes.
+_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
+# Nodes need a while to find each other; one more cloud may turn up until then.
+_SEARCH_S: Final = 3.0
 
 Self = TypeVar("Self", bound="RawTopics")
 
@@ -51,7 +58,7 @@ class RawTopics:
     Use it as a context manager. A process that cannot leave the ROS graph ends with status 1.
 
     Attributes:
-        node: The node itself, to ask what there is in the ROS graph.
+        node: The node itself, to query the ROS graph.
     """
 
     def __init__(self, name: str) -> None:
@@ -94,11 +101,11 @@ class RawTopics:
         )
 
     def unsubscribe(self, subscription: Any) -> None:  # noqa: ANN401
-        """Ends what `subscribe` returned."""
+        """Ends a subscription."""
         self.node.destroy_subscription(subscription)
 
     def clock(self) -> Callable[[int], None]:
-        """Returns what publishes a time in nanoseconds on /clock."""
+        """Returns a function that publishes a time in nanoseconds on /clock."""
         publisher = self.node.create_publisher(Clock, "/clock", _DEPTH)
 
         def publish(time_ns: int) -> None:
@@ -109,11 +116,11 @@ class RawTopics:
         return publish
 
     def num_publishers(self, topic: str) -> int:
-        """How many nodes publish on a topic."""
+        """Number of publishers of a topic."""
         return int(self.node.count_publishers(topic))
 
     def spin_for(self, duration_s: float) -> None:
-        """Handles what arrives during some time."""
+        """Handles the messages that arrive within a duration."""
         deadline_s = time.monotonic() + duration_s
         while (left_s := deadline_s - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left_s)
@@ -122,3 +129,31 @@ class RawTopics:
 def _qos(is_latched: bool = False, depth: int = _DEPTH) -> QoSProfile:
     kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
+
+
+def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
+    """Returns the topic of the only publisher of clouds, beside those of this package.
+
+    Raises:
+        SettingsError: If there is none, or more than one; it names them.
+    """
+    with RawTopics("scene_flow_search") as ros:
+        ros.spin_for(search_s)
+        topics = cloud_topics(ros.node)
+    if len(topics) == 1:
+        return topics[0]
+    if topics:
+        raise SettingsError(f"several PointCloud2 topics: {', '.join(topics)}; give points:=TOPIC")
+    raise SettingsError(
+        f"no PointCloud2 topic is published, as seen in {search_s:g} s; start the lidar first, or "
+        "give points:=TOPIC"
+    )
+
+
+def cloud_topics(node: Node) -> list[str]:
+    """Returns the published topics of clouds that a node sees, beside those of this package."""
+    return sorted(
+        name
+        for name, types in node.get_topic_names_and_types()
+        if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
+    )

@@ -28,12 +28,12 @@ class ReceivedFlow:
 
 
 class ReplayLink(RawTopics):
-    """Publishes sweeps to the node and hears what it says of them.
+    """Publishes sweeps to the node and receives its messages.
 
     Attributes:
-        flow_values: Key to value of the node's latest `flow` status on /diagnostics.
-        counts: Event to how often it happened, in the node's latest message on /diagnostics.
-        num_statuses: Messages of the node on /diagnostics so far.
+        flow_values: Key -> value of the latest `flow` status on /diagnostics.
+        counts: Event -> number in the latest message on /diagnostics.
+        num_statuses: Number of messages on /diagnostics so far.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class ReplayLink(RawTopics):
         )
 
     def watch_markers(self, topic: str, on_markers: Callable[[int, bytes], None]) -> None:
-        """Calls `on_markers` with the stamp and the bytes of markers, if there are any."""
+        """Calls `on_markers` with stamp and bytes of each message that has markers."""
 
         def receive(raw: bytes) -> None:
             markers = deserialize_message(raw, MarkerArray).markers
@@ -73,14 +73,14 @@ class ReplayLink(RawTopics):
 
     @property
     def is_connected(self) -> bool:
-        """Whether the scene flow node listens and will be heard."""
+        """Whether the node and this process see each other."""
         is_seen = self.is_heard and self.num_publishers(self._flow_topic) > 0
-        # It works only for subscribers that it sees, too; its first diagnostics tell that it does.
+        # The node works only for subscribers that it sees; its diagnostics arrive once it does.
         return is_seen and self.num_statuses > 0
 
     @property
     def is_heard(self) -> bool:
-        """Whether the scene flow node listens."""
+        """Whether the node subscribes to the sweeps."""
         return bool(self._publisher.get_subscription_count() > 0)
 
     def publish(self, raw: bytes) -> int:
@@ -94,7 +94,7 @@ class ReplayLink(RawTopics):
         return stamp_ns
 
     def publish_bytes(self, raw: bytes) -> None:
-        """Publishes bytes as they are, also those that are no cloud."""
+        """Publishes any bytes, also those of no cloud."""
         self._publisher.publish(raw)
 
     def _receive_flow(self, raw: bytes) -> None:

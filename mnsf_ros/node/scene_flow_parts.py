@@ -1,12 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the node is made of, whatever kind of node it is: sweeps in, flow out."""
+"""The parts of either kind of node: sweeps in, flow out."""
 
 from __future__ import annotations
 
-import functools
 import os
 import traceback
-from collections.abc import Callable
 from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,12 +14,12 @@ from std_srvs.srv import Trigger
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.node.cloud_topics import cloud_topics
 from mnsf_ros.node.diagnostics import Diagnostics
+from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
 from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
-from mnsf_ros.node.process_memory import RETURN_PERIOD_S, return_memory
+from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
@@ -41,27 +39,25 @@ class SceneFlowParts:
     """
 
     def __init__(self, node: Node, parameters: NodeParameters, pause: str = "") -> None:
-        """Starts to listen on behalf of a node, paused if there is a reason to, see `pause`.
+        """Subscribes and advertises on behalf of a node; `pause` is a reason to start paused.
 
         Raises:
-            SettingsError: If the settings ask for what is not there.
+            SettingsError: If the settings ask for something unavailable.
         """
         self._node = node
         self._parameters = parameters
-        self._faults = FaultLog(node.get_logger())
-        self._has_told_renamed = False
-        self._has_told_namesake = False
+        self._logger = node.get_logger()
+        self._faults = FaultLog(self._logger.name)
+        try:
+            self._join_topics(pause)
+        except RuntimeError as error:
+            if not node.context.ok():
+                raise
+            raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
-        try:
-            self._join_topics(pause)
-        except Exception as error:
-            self.close(0.0)
-            if isinstance(error, RuntimeError) and node.context.ok():
-                raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
-            raise
-        self._silence = SilenceLog(node.get_logger(), lambda: cloud_topics(node))
+        self._silence = SilenceLog(self._faults, lambda: cloud_topics(node))
         self._diagnostics = Diagnostics(node.get_fully_qualified_name().lstrip("/"))
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_service(Trigger, "~/reset", self._on_reset)
@@ -70,13 +66,15 @@ class SceneFlowParts:
         self._greet()
 
     def pause(self, reason: str) -> None:
-        """Ignores clouds from now on and says the reason; all sweeps are forgotten."""
+        """Ignores clouds from now on, for a reason; all sweeps are forgotten."""
         self._input.pause = reason
         self.reset()
+        self._logger.info(reason)
 
     def resume(self) -> None:
         """Takes clouds again."""
         self._input.pause = ""
+        self._logger.info("clouds are taken")
 
     def reset(self) -> None:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
@@ -88,13 +86,13 @@ class SceneFlowParts:
         self._parameters.follow(None)
         return self._pipeline.close(timeout_s)
 
-    def report_error(self, where: str, error: Exception) -> None:
+    def report_error(self, error: Exception) -> None:
         """Logs and counts an unexpected error, unless ROS is shutting down."""
         if not self._node.context.ok():
             return
         self._pipeline.statistics.count(CALLBACK_ERRORS)
         details = "".join(traceback.format_exception(error))
-        self._faults.error(f"{where} {type(error).__name__}", details)
+        self._faults.error(f"callback {type(error).__name__}", details)
 
     @property
     def _settings(self) -> Settings:
@@ -109,7 +107,7 @@ class SceneFlowParts:
             if settings.tf.broadcast
             else None
         )
-        self._input = SweepInput(self._node, settings, self._report, self._guarded, self._on_sweep)
+        self._input = SweepInput(self._node, settings, self._report, self._on_sweep)
         self._input.pause = pause
 
     def _start_timers(self) -> None:
@@ -120,18 +118,16 @@ class SceneFlowParts:
             (self._settings.node.diagnostics_period_s, self._publish_diagnostics),
             (RETURN_PERIOD_S, return_memory),
         ):
-            self._node.create_timer(period_s, self._guarded(callback), clock=clock)
+            self._node.create_timer(period_s, callback, clock=clock)
 
     def _greet(self) -> None:
         reliability = f"qos_overrides.{self._input.state.topic}.subscription.reliability"
         replaced = REPLACED | {reliability: "set node.input_reliability"}
         for name in undeclared_overrides(self._node):
             instead = f"; {replaced[name]}" if name in replaced else ""
-            self._node.get_logger().warning(f"unknown parameter {name!r} is ignored{instead}")
-        self._node.get_logger().info(greeting(_with_node_threads(self._settings)))
-        self._node.get_logger().info(
-            f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}"
-        )
+            self._logger.warning(f"unknown parameter {name!r} is ignored{instead}")
+        self._logger.info(greeting(_with_node_threads(self._settings)))
+        self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
 
     def _report(self, event: str, text: str, how_many: int = 1) -> None:
         self._pipeline.statistics.count(event, how_many)
@@ -162,15 +158,11 @@ class SceneFlowParts:
                 self._frame.publish(header, estimate.over_ground, self._input.transforms)
             except TransformError as error:
                 self._report(TRANSFORMS_MISSING, f"{error}; the robot's pose is not broadcast")
-        if self._has_told_renamed:
-            return
         renamed = renamed_fields(job.triplet.current.source.message, output)
         if renamed:
-            self._has_told_renamed = True
             names = ", ".join(f"{old} as {new}" for old, new in renamed.items())
-            self._node.get_logger().warning(
-                f"the clouds have fields of the same names as the flow; published: {names}"
-            )
+            text = f"the clouds have fields of the same names as the flow; published: {names}"
+            self._logger.warning(text, once=True)
 
     def _on_failure(self, job: TripletJob, error: Exception) -> None:
         """Runs in the worker thread."""
@@ -188,9 +180,7 @@ class SceneFlowParts:
 
     def _refresh_input(self) -> None:
         for subscription in self._input.refresh():
-            self._node.get_logger().info(
-                f"subscribed {subscription.reliability} to {subscription.topic}"
-            )
+            self._logger.info(f"subscribed {subscription.reliability} to {subscription.topic}")
 
     def _publish_diagnostics(self) -> None:
         snapshot, state, settings = (
@@ -204,21 +194,6 @@ class SceneFlowParts:
         load = self._pipeline.load
         message.status = self._diagnostics.statuses(snapshot, state, load, settings)
         self._diagnostics_publisher.publish(message)
-        if not self._has_told_namesake:
-            self._look_for_namesake()
-
-    def _look_for_namesake(self) -> None:
-        """Warns once of another node of the same name, whose topics are the same."""
-        own = self._node.get_fully_qualified_name()
-        nodes = self._node.get_node_names_and_namespaces()
-        names = [f"{namespace.rstrip('/')}/{name}" for name, namespace in nodes]
-        if names.count(own) > 1:
-            self._has_told_namesake = True
-            self._node.get_logger().warning(
-                f"another node is called {own}, too (or one was killed a moment ago): its topics "
-                "and parameters are mixed with those of this one; give one of them another name "
-                "(name:=NAME in the launch file, -r __node:=NAME) or namespace"
-            )
 
     def _change_settings(self, settings: Settings) -> None:
         # Both may refuse.
@@ -229,22 +204,9 @@ class SceneFlowParts:
             self._pipeline.change_settings(_with_node_threads(self._settings))
             raise
 
-    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Returns a callback that logs and counts errors, which would end the node."""
-
-        # With the signature of the callback: rclpy looks at it.
-        @functools.wraps(callback)
-        def guarded(*arguments: object) -> None:
-            try:
-                callback(*arguments)
-            except Exception as error:  # noqa: BLE001 - see above
-                self.report_error(callback.__name__, error)
-
-        return guarded
-
 
 def _with_node_threads(settings: Settings) -> Settings:
-    """Leaves one core to the executor, where the user does not say how many threads to use."""
+    """The settings with all cores but one as threads, which is for the executor, where unset."""
     if settings.compute.num_threads:
         return settings
     num_threads = max(1, (os.cpu_count() or 1) - 1)

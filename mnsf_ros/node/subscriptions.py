@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The subscriptions to the lidar and, where the settings want it, to the robot's odometry."""
+"""The subscriptions to the lidars and, where the settings ask for it, to the robot's odometry."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, Protocol
 
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -18,9 +18,10 @@ from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.node.transforms import Transforms
-from mnsf_ros.online.watches import CLOUDS_MISSED, MissedClouds
-from mnsf_ros.settings import EgoMotionSettings
+from mnsf_ros.online.watches import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, MissedClouds
+from mnsf_ros.settings import EgoMotionSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
+from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp
 
@@ -41,7 +42,12 @@ _MISSED = (
     "queue because the computer is too busy",
 )
 
-Guard: TypeAlias = Callable[[Callable[..., None]], Callable[..., None]]
+
+class Report(Protocol):
+    """Counts an event, and logs its text now and then."""
+
+    def __call__(self, event: str, text: str, how_many: int = 1) -> None:
+        """The event has happened `how_many` times."""
 
 
 class InputSubscription:
@@ -58,21 +64,15 @@ class InputSubscription:
         topic: str,
         reliability: str,
         on_cloud: Callable[[PointCloud2], None],
-        report: Callable[[str, str, int], None],
-        guarded: Guard,
+        report: Report,
     ) -> None:
-        """Subscribes with reliability `auto`, `reliable` or `best_effort`.
-
-        `report` gets an event, what to say of it, and how often it has just happened; `guarded`
-        makes a callback one that raises nothing.
-        """
+        """Subscribes with reliability `auto`, `reliable` or `best_effort`."""
         self._node = node
         self._topic = topic
         self._wanted = reliability
         self._on_cloud = on_cloud
         self._report = report
         self._missed = MissedClouds()
-        self._callback = guarded(self._receive)
         self._is_reliable = reliability == "reliable"
         self._subscription = self._subscribe()
 
@@ -88,11 +88,11 @@ class InputSubscription:
 
     @property
     def num_publishers(self) -> int:
-        """Publishers of the topic that can be seen now."""
+        """Publishers of the topic that are visible now."""
         return int(self._node.count_publishers(self.topic))
 
     def refresh(self) -> bool:
-        """Subscribes anew if the publishers offer something else; True if it did."""
+        """Subscribes anew if the publishers offer another reliability; True if it did."""
         if self._wanted != "auto":
             return False
         offered = self._node.get_publishers_info_by_topic(self.topic)
@@ -112,7 +112,7 @@ class InputSubscription:
         return self._node.create_subscription(
             PointCloud2,
             self._topic,
-            self._callback,
+            self._receive,
             QoSProfile(depth=_DEPTH, reliability=policy),
             event_callbacks=SubscriptionEventCallbacks(
                 message_lost=lambda event: self._report(*_LOST, int(event.total_count_change))
@@ -130,40 +130,66 @@ class InputSubscription:
         self._on_cloud(message)
 
 
+class CloudDecoder:
+    """Sweeps of clouds; invalid clouds are reported and skipped.
+
+    Attributes:
+        times_source: Origin of the times of points in the last cloud.
+    """
+
+    def __init__(self, node: Node, report: Report) -> None:
+        self.times_source = ""
+        self._node, self._report = node, report
+        self._logged_sources: set[str] = set()
+
+    def sweep(self, message: PointCloud2, settings: TimeSettings) -> Sweep | None:
+        """Returns the sweep of a cloud; None if it cannot be decoded or has no points."""
+        try:
+            now_ns = self._node.get_clock().now().nanoseconds
+            sweep = sweep_from_message(message, settings, now_ns)
+        except MessageError as error:
+            self._report(CLOUDS_UNDECODABLE, f"a cloud cannot be decoded: {error}")
+            return None
+        if not sweep.source.is_stamped:
+            text = "a cloud has no stamp; its time of arrival is used"
+            self._report("clouds_without_stamp", text)
+        if len(sweep) == 0:
+            self._report(CLOUDS_EMPTY, "a cloud without a finite point is skipped")
+            return None
+        times = sweep.source.times
+        if times.fault:
+            text = f"the times of points are not used: {times.fault}"
+            self._report("clouds_without_usable_times", text)
+        self.times_source = times.source
+        if times.source not in self._logged_sources:
+            self._logged_sources.add(times.source)
+            self._node.get_logger().info(f"time of each point: {times.source}")
+        return sweep
+
+
 class OdometrySubscription:
-    """Remembers odometry, and tells each sweep where the sensor was."""
+    """Remembers odometry, and adds the pose of the sensor to sweeps."""
 
-    def __init__(
-        self,
-        node: Node,
-        topic: str,
-        report: Callable[[str, str], None],
-        guarded: Guard,
-    ) -> None:
-        """Does nothing until it gets its settings.
-
-        `report` gets the name of the fault of a message that is left out, and what to say of it;
-        `guarded` makes a callback one that raises nothing.
-        """
+    def __init__(self, node: Node, topic: str, report: Report) -> None:
+        """Subscribes once the settings ask for it, see `change_settings`."""
         self._node = node
         self._topic = topic
         self._report = report
-        self._callback = guarded(self._on_message)
         self._subscription: Any = None
         self._transforms: Transforms | None = None
         self._track = PoseTrack()
 
     def change_settings(self, settings: EgoMotionSettings, transforms: Transforms | None) -> None:
-        """Lets other settings hold, subscribes or not; what was heard before is forgotten.
+        """Applies other settings, subscribes or unsubscribes; earlier poses are forgotten.
 
-        `transforms` tell where the sensor is on the robot, if the settings want that.
+        `transforms` have the pose of the sensor on the robot, if the settings ask for them.
         """
         self._transforms = transforms if settings.sensor_pose == "tf" else None
         self._track = PoseTrack(mount=None if self._transforms else sensor_mount(settings))
         is_wanted = settings.source == "odometry"
         if is_wanted and self._subscription is None:
             self._subscription = self._node.create_subscription(
-                Odometry, self._topic, self._callback, qos_profile_sensor_data
+                Odometry, self._topic, self._on_message, qos_profile_sensor_data
             )
         elif not is_wanted and self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
@@ -173,7 +199,7 @@ class OdometrySubscription:
         """Returns the sweep with the sensor's pose by odometry, if that is known.
 
         Raises:
-            TransformError: If it is not known where the sensor is on the robot.
+            TransformError: If the pose of the sensor on the robot is unknown.
         """
         pose = self._track.pose_at(sweep.stamp_ns)
         if pose is None:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What is in front of the buffer: from topics to sweeps that know where the sensor was."""
+"""Input of the pipeline: from topics to sweeps with the pose of the sensor."""
 
 from __future__ import annotations
 
@@ -8,42 +8,42 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Final
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from mnsf_ros.node.cloud_intake import CloudIntake
 from mnsf_ros.node.diagnostics import InputState
 from mnsf_ros.node.lidar_merging import LidarMerging
-from mnsf_ros.node.subscriptions import Guard, InputSubscription, OdometrySubscription
-from mnsf_ros.node.transforms import ListenedTransforms, TransformError
+from mnsf_ros.node.subscriptions import (
+    CloudDecoder,
+    InputSubscription,
+    OdometrySubscription,
+    Report,
+)
+from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.lidar_groups import ArrivedSweep
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
 
-# Takes an event that is counted, a text that is logged now and then, and how often it happened.
-Report: TypeAlias = Callable[..., None]
-
 _POLL_PERIOD_S: Final = 0.02
-# More than any lidar sends within the longest wait.
+# More sweeps than any lidar sends within the longest wait.
 _MAX_WAITING: Final = 50
-# A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
+# A stamp this much older than the last one means that the clock jumped, as when a bag loops.
 _JUMP_NS: Final = NANOSECONDS
 
 
 class SweepInput:
-    """Subscribes to the lidars and to what tells where they were; hands out sweeps in their order.
+    """Subscribes to lidars, odometry and transforms; hands out sweeps in their order.
 
-    A sweep whose transform is not there yet waits for it, and those after it wait behind it; never
-    longer than `tf.timeout_s`.
+    A sweep waits for its transform, and later sweeps behind it, at most for `tf.timeout_s`.
 
     Attributes:
-        pause: Why clouds are ignored; empty if they are not.
-        transforms: What is heard of frames; None while nobody asks.
+        pause: Reason for ignoring clouds; empty if they are not ignored.
+        transforms: Transforms between frames; None while the settings need none.
     """
 
     def __init__(
@@ -51,29 +51,25 @@ class SweepInput:
         node: Node,
         settings: Settings,
         report: Report,
-        guarded: Guard,
         on_sweep: Callable[[Sweep, int], None],
     ) -> None:
-        """Subscribes; `on_sweep` gets each sweep and when it arrived, `time.monotonic_ns()`.
+        """Subscribes; `on_sweep` gets each sweep and its `time.monotonic_ns()` of arrival.
 
         Raises:
-            SettingsError: If the settings ask for transforms, and there is no tf2_ros.
+            SettingsError: If the settings need transforms, and tf2_ros is missing.
         """
         self.pause = ""
-        self.transforms: ListenedTransforms | None = None
+        self.transforms: Transforms | None = None
         self._node, self._report, self._on_sweep = node, report, on_sweep
-        self._intake = CloudIntake(
-            node.get_logger(), report, lambda: node.get_clock().now().nanoseconds
-        )
-        self._odometry = OdometrySubscription(node, "~/odometry", report, guarded)
+        self._decoder = CloudDecoder(node, report)
+        self._odometry = OdometrySubscription(node, "~/odometry", report)
         self._waiting: deque[ArrivedSweep] = deque()
         self._last_ns = 0
-        self._guarded = guarded
-        # Without anything that asks for odometry or transforms.
+        # They need neither odometry nor transforms.
         self._settings = Settings()
         self.change_settings(settings)
         self._timer = node.create_timer(
-            _POLL_PERIOD_S, guarded(self._release), clock=Clock(clock_type=ClockType.STEADY_TIME)
+            _POLL_PERIOD_S, self._release, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._timer.cancel()
         count = settings.lidars.count
@@ -83,29 +79,29 @@ class SweepInput:
 
     @property
     def state(self) -> InputState:
-        """How things stand, for diagnostics."""
+        """Input state for diagnostics."""
         return InputState(
             ", ".join(subscription.topic for subscription in self._subscriptions),
             self._subscriptions[0].reliability,
             sum(subscription.num_publishers for subscription in self._subscriptions),
-            self._intake.times_source,
+            self._decoder.times_source,
             self.pause,
             () if self._merging is None else self._merging.missing,
         )
 
     def refresh(self) -> list[InputSubscription]:
-        """Subscribes anew where the publishers offer something else, and returns those."""
+        """Subscribes anew where the publishers' reliability has changed, and returns those."""
         return [subscription for subscription in self._subscriptions if subscription.refresh()]
 
     def change_settings(self, settings: Settings) -> None:
-        """Lets other settings hold from the next sweep on.
+        """Applies other settings from the next sweep on.
 
         Raises:
-            SettingsError: If they ask for transforms, and there is no tf2_ros; nothing changes.
+            SettingsError: If they need transforms, and tf2_ros is missing; nothing changes.
         """
         purpose = _purpose_of_transforms(settings)
         if purpose and self.transforms is None:
-            self.transforms = ListenedTransforms(self._node, purpose)
+            self.transforms = Transforms(self._node, purpose)
         elif not purpose and self.transforms is not None:
             self.transforms.close()
             self.transforms = None
@@ -115,7 +111,7 @@ class SweepInput:
             self._odometry.change_settings(settings.ego_motion, self.transforms)
 
     def reset(self) -> None:
-        """Forgets all sweeps that wait, and what was heard of poses before."""
+        """Forgets all waiting sweeps and earlier poses."""
         self._waiting.clear()
         if self._merging is not None:
             self._merging.clear()
@@ -128,14 +124,13 @@ class SweepInput:
             self._settings.node.input_reliability,
             partial(self._on_cloud, index),
             self._report,
-            self._guarded,
         )
 
     def _on_cloud(self, index: int, message: PointCloud2) -> None:
         if self.pause:
             return
         arrived_ns = time.monotonic_ns()
-        sweep = self._intake.sweep(message, self._settings.time)
+        sweep = self._decoder.sweep(message, self._settings.time)
         if sweep is None:
             return
         item = ArrivedSweep(sweep, arrived_ns)
@@ -153,7 +148,7 @@ class SweepInput:
         self._waiting.append(item)
 
     def _release(self) -> None:
-        """Hands out what need not wait any more, and comes back as long as something waits."""
+        """Hands out the sweeps that are ready; the timer repeats it while any wait."""
         if self._merging is not None:
             transforms = self.transforms if self._settings.lidars.poses == "tf" else None
             for item in self._merging.due(self._settings, transforms):
@@ -180,27 +175,23 @@ class SweepInput:
         return len(self._waiting) > _MAX_WAITING
 
     def _located(self, sweep: Sweep, *, may_wait: bool) -> Sweep | None:
-        """The sweep with the sensor's pose, if that is known; None if it may become known."""
-        source, transforms = self._settings.ego_motion.source, self.transforms
-        if source == "tf" and transforms is not None:
-            fixed_frame = self._settings.tf.fixed_frame
-            try:
-                pose = transforms.find(fixed_frame, sweep.frame_id, sweep.stamp_ns)
-            except TransformError as error:
-                if may_wait:
-                    return None
-                self._report(TRANSFORMS_MISSING, f"{error}; registration is used instead")
-                return sweep
-            return replace(sweep, odometry=pose)
+        """The sweep with the sensor's pose, if that is known; None if it may still arrive."""
+        by_tf = self._settings.ego_motion.source == "tf"
         try:
+            if by_tf and self.transforms is not None:
+                fixed_frame = self._settings.tf.fixed_frame
+                pose = self.transforms.find(fixed_frame, sweep.frame_id, sweep.stamp_ns)
+                return replace(sweep, odometry=pose)
             return self._odometry.located(sweep)
         except TransformError as error:
+            if by_tf and may_wait:
+                return None
             self._report(TRANSFORMS_MISSING, f"{error}; registration is used instead")
             return sweep
 
 
 def _purpose_of_transforms(settings: Settings) -> str:
-    """The setting that asks for transforms; empty if none does."""
+    """The setting that needs transforms; empty if none does."""
     ego_motion, tf = settings.ego_motion, settings.tf
     if ego_motion.source == "tf":
         return "ego_motion.source: tf"

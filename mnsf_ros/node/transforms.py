@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, Final, Protocol
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
@@ -16,43 +16,28 @@ from std_msgs.msg import Header
 from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.geometry.pose_messages import pose_quaternion, transform_matrix
-from mnsf_ros.sweeps.sweep import NANOSECONDS
 from msg_utils.errors import MessageError
-
-# Stamps farther from the newest transform than this are not late: they are of another clock.
-_CLOCK_GAP_S: Final = 10.0
 
 
 class TransformError(MnsfError):
     """There is no transform between two frames, or not at that time."""
 
 
-class Transforms(Protocol):
-    """Where frames are in each other."""
-
-    def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
-        """Returns (4, 4) target_from_source at a stamp; the newest one without a stamp.
-
-        Raises:
-            TransformError: If there is none.
-        """
-
-
-class ListenedTransforms:
-    """What is heard on /tf and /tf_static. May be asked from any thread."""
+class Transforms:
+    """The transforms on /tf and /tf_static. May be used from any thread."""
 
     def __init__(self, node: Node, purpose: str) -> None:
-        """Starts to listen.
+        """Subscribes.
 
         Raises:
-            SettingsError: If there is no tf2_ros; it names the purpose, and says what to do.
+            SettingsError: If tf2_ros is missing; it names the purpose, and how to install it.
         """
         self._tf2 = _tf2_ros(purpose)
         self._buffer = self._tf2.Buffer()
         self._listener = self._tf2.TransformListener(self._buffer, node)
 
     def close(self) -> None:
-        """Listens no more."""
+        """Unsubscribes."""
         self._listener.unregister()
 
     def forget(self) -> None:
@@ -60,7 +45,11 @@ class ListenedTransforms:
         self._buffer.clear()
 
     def find(self, target: str, source: str, stamp_ns: int | None = None) -> NDArray[np.float64]:
-        """Returns (4, 4) target_from_source, see `Transforms`."""
+        """Returns (4, 4) target_from_source at a stamp; the newest one without a stamp.
+
+        Raises:
+            TransformError: If there is none.
+        """
         # Frames of ROS 1 had a slash; tf2 refuses them.
         frames = target.lstrip("/"), source.lstrip("/")
         time = Time(nanoseconds=stamp_ns or 0)
@@ -68,31 +57,19 @@ class ListenedTransforms:
             found = self._buffer.lookup_transform(*frames, time)
             return transform_matrix(found.transform)
         except (self._tf2.TransformException, MessageError) as error:
-            hint = "" if stamp_ns is None else self._clock_hint(*frames, stamp_ns)
             raise TransformError(
-                f"no transform from {frames[1]!r} to {frames[0]!r}: {error}{hint}"
+                f"no transform from {frames[1]!r} to {frames[0]!r}: {error}"
             ) from None
-
-    def _clock_hint(self, target: str, source: str, stamp_ns: int) -> str:
-        """What to say if the transforms are of quite another time than the stamp."""
-        try:
-            newest = self._buffer.get_latest_common_time(target, source)
-        except self._tf2.TransformException:
-            return ""
-        gap_s = (stamp_ns - newest.nanoseconds) / NANOSECONDS
-        if newest.nanoseconds == 0 or abs(gap_s) < _CLOCK_GAP_S:
-            return ""
-        return f"; the stamp is {gap_s:.0f} s after the newest transform: are the clocks the same?"
 
 
 class OdometryFrame:
-    """Broadcasts where the robot is in the frame of `~/ego_motion`. May be used from any thread."""
+    """Broadcasts the robot's pose in the frame of `~/ego_motion`. May be used from any thread."""
 
     def __init__(self, node: Node, odom_frame: str, base_frame: str) -> None:
-        """Advertises /tf for the pose of a frame of the robot; an empty one is that of the clouds.
+        """Advertises /tf for a frame of the robot; an empty one means the frame of the clouds.
 
         Raises:
-            SettingsError: If there is no tf2_ros.
+            SettingsError: If tf2_ros is missing.
         """
         tf2 = _tf2_ros("tf.broadcast")
         self._broadcaster = tf2.TransformBroadcaster(node)
@@ -102,7 +79,7 @@ class OdometryFrame:
         """Broadcasts the pose at the sweep of a cloud's header.
 
         Raises:
-            TransformError: If it is not known where the lidar is on the robot.
+            TransformError: If the pose of the lidar on the robot is unknown.
         """
         pose, child = known.world_from_sensor, self._base_frame or header.frame_id
         if transforms is not None and child != header.frame_id:

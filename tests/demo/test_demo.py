@@ -1,7 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The demo with a small simulated street: the real node over real DDS."""
 
-import fcntl
 import os
 import re
 import subprocess
@@ -12,6 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.simulation.recording import write_recording
@@ -43,10 +43,6 @@ def end_of(demo: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(demo.args, demo.returncode, stdout, stderr)
 
 
-def run_demo(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return end_of(start_demo(folder, *arguments))
-
-
 def flows_and_more(folder: Path) -> dict[str, int]:
     with BagReader(folder / "demo" / "flow") as reader:
         return {topic: summary.count for topic, summary in reader.topics.items()}
@@ -60,7 +56,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_demo_shows_records_and_draws_the_flow(street: Path, tmp_path: Path) -> None:
-    done = run_demo(tmp_path, "--bag", str(street))
+    done = end_of(start_demo(tmp_path, "--bag", str(street)))
     assert done.returncode == 0, done.stderr
     for words in ("sweeps in", "flows out", "dropped", "latency p95", "EPE (m)"):
         assert words in done.stdout
@@ -76,6 +72,7 @@ def test_demo_shows_records_and_draws_the_flow(street: Path, tmp_path: Path) -> 
         assert reader.topics["/diagnostics"].count > 0
 
 
+@pytest.mark.slow
 def test_two_demos_at_once_do_not_mix(street: Path, tmp_path: Path) -> None:
     """Of the same sweeps, at the same time: each has only the flows of its own node."""
     folders = [tmp_path / "a", tmp_path / "b"]
@@ -110,20 +107,9 @@ def _stamps_are_of_the_recording(street: Path, tmp_path: Path) -> None:
         assert (cloud["x"] == sweeps[stamp]["x"]).all()
 
 
-def test_a_folder_is_for_one_demo_at_a_time(street: Path, tmp_path: Path) -> None:
-    (tmp_path / "demo").mkdir()
-    with (tmp_path / "demo" / "demo.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        done = run_demo(tmp_path, "--duration", "0.5")
-    assert done.returncode == 2
-    assert "another demo is running there; wait for it, or name another --out" in done.stderr
-    assert [path.name for path in (tmp_path / "demo").iterdir()] == ["demo.lock"]
-
-
-def test_a_node_that_cannot_run_is_one_line(street: Path, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_one_line(street: Path, tmp_path: Path, capsys) -> None:
     blocked = tmp_path / "blocked"
     blocked.write_text("a file where the demo wants its folder")
-    done = run_demo(tmp_path, "--bag", str(street), "--out", str(blocked))
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "blocked" in done.stderr
+    assert run(["demo", "--bag", str(street), "--out", str(blocked)]) == EXIT_USAGE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "blocked" in line

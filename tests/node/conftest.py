@@ -70,85 +70,65 @@ def other_domain(monkeypatch):
     lock.close()
 
 
-@contextlib.contextmanager
-def _node_starter(tmp_path_factory):
-    """A function that starts nodes as a user does; at the end it ends those that still run."""
-    from scene_flow_process import SceneFlowProcess
-
-    processes = []
-
-    def start(parameters, *ros_arguments, **options):
-        log = tmp_path_factory.mktemp("node") / "log"
-        processes.append(SceneFlowProcess(log, parameters, ros_arguments, **options))
-        return processes[-1]
-
-    try:
-        yield start
-    finally:
-        for process in processes:
-            process.end()
-
-
-@contextlib.contextmanager
-def _peer_maker():
-    """A function that makes the other end of a node; at the end it closes all of them."""
-    from scene_flow_peer import SceneFlowPeer
-
-    peers = []
-
-    def make(process, **options):
-        peers.append(SceneFlowPeer(process, **options))
-        return peers[-1]
-
-    try:
-        yield make
-    finally:
-        for peer in peers:
-            peer.close()
-
-
 @pytest.fixture(scope="module")
 def start_node(tmp_path_factory):
-    """Starts nodes that end with the module."""
-    with _node_starter(tmp_path_factory) as start:
+    """Starts nodes of which a test expects an end of their own; it ends those that still run."""
+    from scene_flow_process import SceneFlowProcess
+
+    with contextlib.ExitStack() as stack:
+
+        def start(parameters, *ros_arguments, **options):
+            log = tmp_path_factory.mktemp("node") / "log"
+            process = SceneFlowProcess(log, parameters, ros_arguments, **options)
+            stack.callback(process.end)
+            return process
+
         yield start
 
 
-@pytest.fixture(scope="module")
-def make_peer(ros):
-    """Makes peers that end with the module."""
-    with _peer_maker() as make:
-        yield make
-
-
 @contextlib.contextmanager
-def _healthy_node(tmp_path_factory, name, parameters):
-    """A node that must be well at the end."""
-    with _node_starter(tmp_path_factory) as start:
-        process = start(parameters, "-r", f"__node:={name}")
-        yield process
-        assert process.stop() == 0, process.log
-        assert process.log.count("Traceback") == process.num_expected_tracebacks, process.log
+def _running_nodes(tmp_path_factory):
+    """A function that starts a node and returns its peer; at the end all nodes must be well."""
+    from scene_flow_peer import SceneFlowPeer
+    from scene_flow_process import SceneFlowProcess
+
+    with contextlib.ExitStack() as stack:
+        processes = []
+
+        def run(parameters, *ros_arguments, name, has_life_cycle=False, **peer_options):
+            log = tmp_path_factory.mktemp("node") / "log"
+            names = ("-r", f"__node:={name.rpartition('/')[2]}", *ros_arguments)
+            process = SceneFlowProcess(log, parameters, names, has_life_cycle=has_life_cycle)
+            processes.append(process)
+            stack.callback(process.end)
+            peer = SceneFlowPeer(process, name, **peer_options)
+            stack.callback(peer.close)
+            return peer
+
+        yield run
+        for process in processes:
+            assert process.stop() == 0, process.log
+            assert process.log.count("Traceback") == process.num_expected_tracebacks, process.log
+
+
+@pytest.fixture(scope="module")
+def run_node(ros, tmp_path_factory):
+    """Starts nodes that must be well when the module ends; each call returns a node's peer."""
+    with _running_nodes(tmp_path_factory) as run:
+        yield run
 
 
 @pytest.fixture(scope="session")
-def quick_node(tmp_path_factory):
-    """One node for all tests that leave it as it was."""
+def _peer_of_quick_node(ros, tmp_path_factory):
     from scene_flow_process import QUICK
 
-    with _healthy_node(tmp_path_factory, "quick", QUICK) as process:
-        yield process
-
-
-@pytest.fixture(scope="session")
-def _peer_of_quick_node(ros, quick_node):
-    with _peer_maker() as make:
-        yield make(quick_node, node_name="/quick")
+    with _running_nodes(tmp_path_factory) as run:
+        yield run(QUICK, name="/quick")
 
 
 @pytest.fixture
 def peer(_peer_of_quick_node):
-    """The other end of `quick_node`, connected."""
+    """The other end of a node for all tests that leave it as it was."""
     _peer_of_quick_node.wait_for_node()
     return _peer_of_quick_node
 
@@ -157,16 +137,13 @@ def peer(_peer_of_quick_node):
 def _peer_of_resting_node(ros, tmp_path_factory):
     from scene_flow_process import RESTING
 
-    with (
-        _healthy_node(tmp_path_factory, "resting", RESTING) as process,
-        _peer_maker() as make,
-    ):
-        yield make(process, node_name="/resting", watches=False)
+    with _running_nodes(tmp_path_factory) as run:
+        yield run(RESTING, name="/resting", watches=False)
 
 
 @pytest.fixture
 def resting_peer(_peer_of_resting_node):
-    """The other end of a node that works only if somebody watches, which this peer does not."""
+    """The other end of a node that works only for subscribers, which this peer is not."""
     _peer_of_resting_node.advertise(reliable=True)
     _peer_of_resting_node.wait_for_node()
     _peer_of_resting_node.wait_until_settled()

@@ -19,8 +19,8 @@ from rcl_interfaces.srv import (
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
-from waiting import PATIENCE_S
 
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 
@@ -35,14 +35,13 @@ class SceneFlowPeer:
     """Publishes clouds, receives flow and diagnostics, sets parameters; spins while it waits.
 
     Attributes:
+        process: The node.
         flows: Received clouds with flow by their stamp, nanoseconds.
         diagnostics: Received diagnostics of the node, oldest first: `input` and `flow` to status.
     """
 
-    def __init__(
-        self, process, *, node_name="/scene_flow", watches=True, reliable=True, points=None
-    ):
-        self._process = process
+    def __init__(self, process, node_name, *, watches=True, reliable=True, points=None):
+        self.process = process
         self._node_name = node_name
         self.points_topic = points or f"{node_name}/points"
         self.flow_topic = f"{node_name}/flow"
@@ -167,36 +166,32 @@ class SceneFlowPeer:
     def set(self, changes):
         """Sets parameters one by one; the results in their order."""
         request = SetParameters.Request(parameters=_parameter_messages(changes))
-        return self._call(SetParameters, "set_parameters", request).results
+        return self.call(SetParameters, "set_parameters", request).results
 
     def set_atomically(self, changes):
         """Sets parameters all at once or not at all; the result."""
         request = SetParametersAtomically.Request(parameters=_parameter_messages(changes))
-        return self._call(SetParametersAtomically, "set_parameters_atomically", request).result
+        return self.call(SetParametersAtomically, "set_parameters_atomically", request).result
 
     def set_without_waiting(self, changes):
-        """Sends a request that the node may never answer."""
-        client = self._client(SetParameters, "set_parameters")
-        client.call_async(SetParameters.Request(parameters=_parameter_messages(changes)))
+        """Sets parameters by a request that the node may never answer."""
+        request = SetParameters.Request(parameters=_parameter_messages(changes))
+        self.call_without_waiting(SetParameters, "set_parameters", request)
 
     def get(self, name):
         """Value of a parameter."""
-        response = self._call(GetParameters, "get_parameters", GetParameters.Request(names=[name]))
+        response = self.call(GetParameters, "get_parameters", GetParameters.Request(names=[name]))
         message = ParameterMessage(name=name, value=response.values[0])
         return Parameter.from_parameter_msg(message).value
 
     def describe(self, name):
         """Descriptor of a parameter."""
         request = DescribeParameters.Request(names=[name])
-        return self._call(DescribeParameters, "describe_parameters", request).descriptors[0]
-
-    def call(self, service, name, request):
-        """Calls another service of the node; the response."""
-        return self._call(service, name, request)
+        return self.call(DescribeParameters, "describe_parameters", request).descriptors[0]
 
     def parameter_names(self):
         """Names of all parameters of the node."""
-        response = self._call(ListParameters, "list_parameters", ListParameters.Request())
+        response = self.call(ListParameters, "list_parameters", ListParameters.Request())
         return set(response.result.names)
 
     # Waiting
@@ -215,7 +210,7 @@ class SceneFlowPeer:
         """Handles what comes until the condition is true; returns what it returned."""
         give_up = time.monotonic() + PATIENCE_S
         while not (result := condition()):
-            assert self._process.is_running, f"{what}: the node has ended\n{self._process.log}"
+            assert self.process.is_running, f"{what}: the node has ended\n{self.process.log}"
             assert time.monotonic() < give_up, (
                 f"{what}: not within {PATIENCE_S} s; {self.values('input')}, {self.values('flow')}"
             )
@@ -258,13 +253,18 @@ class SceneFlowPeer:
         wanted = len(self.diagnostics) + 3
         self.spin_until(lambda: len(self.diagnostics) >= wanted, "further diagnostics")
 
+    def call_without_waiting(self, service, name, request):
+        """Calls a service of the node that may never answer."""
+        self._client(service, name).call_async(request)
+
     def _client(self, service, name):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service, f"{self._node_name}/{name}")
         self.spin_until(self._clients[name].service_is_ready, f"the service {name}")
         return self._clients[name]
 
-    def _call(self, service, name, request):
+    def call(self, service, name, request):
+        """Calls a service of the node; the response."""
         future = self._client(service, name).call_async(request)
         self.spin_until(future.done, f"an answer of {name}")
         return future.result()

@@ -1,7 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Invalid, empty and damaged clouds are counted and skipped; the stream goes on."""
+
 from __future__ import annotations
 
-import array
 import itertools
 
 import numpy as np
@@ -10,127 +11,64 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import MOTION, cloud_message, flow_columns, surfaces, xyz_message
 
-
-def without_z(message):
-    message.fields = [item for item in message.fields if item.name != "z"]
-
-
-def with_short_data(message):
-    message.data = message.data[:-1]
-
-
-def without_data(message):
-    message.data = array.array("B")
-
-
-def with_point_step_zero(message):
-    message.point_step = 0
-
-
-def with_absurd_size(message):
-    message.width = message.height = 2**32 - 1
+# Makes a cloud one that cannot be decoded.
+SPOILERS = {
+    "no z": lambda cloud: setattr(cloud, "fields", [f for f in cloud.fields if f.name != "z"]),
+    "short data": lambda cloud: setattr(cloud, "data", cloud.data[:-1]),
+    "point step 0": lambda cloud: setattr(cloud, "point_step", 0),
+    "absurd width": lambda cloud: setattr(cloud, "width", 2**32 - 1),
+    "absurd step": lambda cloud: setattr(cloud, "point_step", 2**32 - 1),
+    "short rows": lambda cloud: setattr(cloud, "row_step", 1),
+    "field outside": lambda cloud: setattr(cloud.fields[2], "offset", cloud.point_step),
+    "absurd count": lambda cloud: setattr(cloud.fields[0], "count", 2**32 - 1),
+    "unknown datatype": lambda cloud: setattr(cloud.fields[0], "datatype", 200),
+    "whole numbers": lambda cloud: setattr(cloud.fields[0], "datatype", PointField.INT32),
+    "negative time": lambda cloud: setattr(cloud.header.stamp, "sec", -1),
+}
 
 
-def with_absurd_steps(message):
-    message.point_step = message.row_step = 2**32 - 1
+def spoiled(cloud, name="no z"):
+    SPOILERS[name](cloud)
+    return cloud
 
 
-def with_field_beyond_the_point(message):
-    message.fields[2].offset = message.point_step
-
-
-def with_absurd_count(message):
-    message.fields[0].count = 2**32 - 1
-
-
-def with_unknown_datatype(message):
-    message.fields[0].datatype = 200
-
-
-def with_whole_numbers(message):
-    message.fields[0].datatype = PointField.INT32
-
-
-def with_too_short_rows(message):
-    message.row_step = 1
-
-
-def with_time_before_the_epoch(message):
-    message.header.stamp.sec = -1
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        without_z,
-        with_short_data,
-        without_data,
-        with_point_step_zero,
-        with_absurd_size,
-        with_absurd_steps,
-        with_field_beyond_the_point,
-        with_absurd_count,
-        with_unknown_datatype,
-        with_whole_numbers,
-        with_too_short_rows,
-        with_time_before_the_epoch,
-    ],
-)
-def test_a_cloud_that_cannot_be_decoded_is_counted_and_left_out(peer, drive, quick_node, spoil):
+def test_an_undecodable_cloud_is_counted_and_skipped(peer, drive):
     before = peer.count("clouds_undecodable")
-    bad = drive.sweep(0)
-    spoil(bad)
-    peer.send(bad)
-    assert peer.count("clouds_undecodable") == before + 1
-    assert quick_node.log.count("a cloud cannot be decoded") == 1
-
-
-def test_a_cloud_that_cannot_be_decoded_does_not_interrupt_the_stream(peer, drive):
-    sweeps, bad = drive.sweeps(0, 1, 2), drive.sweep(1.5)
-    without_z(bad)
-    peer.send(*sweeps[:2], bad, sweeps[2])
+    sweeps = drive.sweeps(0, 1, 2)
+    peer.send(*sweeps[:2])
+    for number, name in enumerate(SPOILERS, start=1):
+        peer.send(spoiled(drive.sweep(1.5), name))
+        assert peer.count("clouds_undecodable") == before + number, name
+    peer.send(sweeps[2])
     peer.flow_of(sweeps[1])
-
-
-def test_undecodable_clouds_are_a_warning(peer, drive):
-    bad = drive.sweep(0)
-    without_z(bad)
-    # The diagnostics after one of them say so; not each of them is received.
+    assert peer.process.log.count("a cloud cannot be decoded") == 1
+    # The diagnostics after one of them warn; not each of them is received.
     peer.send_until(
-        itertools.repeat(bad), lambda: peer.status("input").level == b"\x01", "a warning"
+        itertools.repeat(spoiled(drive.sweep(3))),
+        lambda: peer.status("input").level == b"\x01",
+        "a warning",
     )
     assert peer.status("input").message == "clouds that cannot be decoded"
 
 
-@pytest.mark.parametrize(
-    "xyz",
-    [
-        np.zeros((0, 3), np.float32),
-        np.full((1, 3), np.nan, np.float32),
-        np.full((1000, 3), np.nan, np.float32),
-        np.full((20, 3), np.inf, np.float32),
-    ],
-    ids=["no point", "one NaN", "all NaN", "all infinite"],
-)
-def test_a_cloud_without_a_finite_point_is_counted_and_left_out(peer, drive, xyz):
+def test_a_cloud_without_a_finite_point_is_counted_and_skipped(peer, drive):
     before = peer.count("clouds_empty")
-    sweeps = drive.sweeps(0, 1, 2)
-    bad = xyz_message(xyz, stamp_ns=drive.stamp_ns(1.5))
-    peer.send(*sweeps[:2], bad, sweeps[2])
+    sweeps, stamp_ns = drive.sweeps(0, 1, 2), drive.stamp_ns(1.5)
+    empty = [
+        xyz_message(np.zeros((0, 3), np.float32), stamp_ns=stamp_ns),
+        xyz_message(np.full((1000, 3), np.nan, np.float32), stamp_ns=stamp_ns),
+        xyz_message(np.full((20, 3), np.inf, np.float32), stamp_ns=stamp_ns),
+        PointCloud2(),
+    ]
+    peer.send(*sweeps[:2], *empty, sweeps[2])
     peer.flow_of(sweeps[1])
-    assert peer.count("clouds_empty") == before + 1
-
-
-def test_an_empty_message_is_counted_and_left_out(peer):
-    before = peer.count("clouds_empty")
-    peer.send(PointCloud2())
-    assert peer.count("clouds_empty") == before + 1
+    assert peer.count("clouds_empty") == before + len(empty)
 
 
 @pytest.mark.parametrize(
     "xyz",
-    [np.ones((1, 3), np.float32), np.full((50, 3), 1e7, np.float32), np.zeros((50, 3), np.float32)],
-    ids=["one point", "all far away", "all at the sensor"],
+    [np.ones((1, 3), np.float32), np.full((50, 3), 1e7, np.float32)],
+    ids=["one point", "all far away"],
 )
 def test_a_sweep_with_too_few_points_fails_three_triplets_and_the_next_is_fine(peer, drive, xyz):
     peer.wait_until_settled()
@@ -147,36 +85,21 @@ def test_a_sweep_with_too_few_points_fails_three_triplets_and_the_next_is_fine(p
     assert peer.status("flow").message == "estimating"
 
 
-@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e7, -3e38])
+@pytest.mark.parametrize("value", [np.nan, 1e7, -3e38, 1e300])
 def test_stray_values_among_good_points_do_no_harm(peer, drive, value):
     messages = []
     for index in range(3):
-        xyz = surfaces(index)
+        xyz = surfaces(index).astype(np.float64)
         xyz[::100, index % 3] = value
-        messages.append(xyz_message(xyz, stamp_ns=drive.stamp_ns(index)))
-    peer.send(*messages)
-    flow = flow_columns(peer.flow_of(messages[1]))
-    assert np.isfinite(flow).all(axis=1).sum() == (1200 if np.isfinite(value) else 1188)
-    good = np.delete(flow, slice(None, None, 100), axis=0)
-    assert np.median(np.linalg.norm(good - MOTION, axis=1)) < 0.1
-
-
-def test_coordinates_beyond_single_precision_count_as_infinite(peer, drive):
-    messages = []
-    for index in range(3):
-        columns = dict(zip("xyz", surfaces(index).astype(np.float64).T.copy(), strict=True))
-        columns["y"][7] = 1e300
+        columns = dict(zip("xyz", xyz.T.copy(), strict=True))
         messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
     peer.send(*messages)
     flow = flow_columns(peer.flow_of(messages[1]))
-    assert np.flatnonzero(~np.isfinite(flow).all(axis=1)).tolist() == [7]
-
-
-def test_sweeps_without_any_motion_have_no_flow(peer, drive):
-    messages = [xyz_message(surfaces(0), stamp_ns=drive.stamp_ns(index)) for index in range(3)]
-    peer.send(*messages)
-    flow = flow_columns(peer.flow_of(messages[1]))
-    assert np.median(np.linalg.norm(flow, axis=1)) < 0.05
+    # Beyond single precision a coordinate counts as infinite.
+    is_finite = abs(value) < 1e39
+    assert np.isfinite(flow).all(axis=1).sum() == (1200 if is_finite else 1188)
+    good = np.delete(flow, slice(None, None, 100), axis=0)
+    assert np.median(np.linalg.norm(good - MOTION, axis=1)) < 0.1
 
 
 def test_all_points_at_one_place(peer, drive):
@@ -198,15 +121,10 @@ def test_bytes_that_are_no_message_do_no_harm(peer, drive, size):
     peer.flow_of(sweeps[1])
 
 
-def test_a_frame_id_that_is_no_text_does_no_harm(peer, drive, quick_node):
-    sweep = serialize_message(drive.sweep(0))
-    peer.send(sweep.replace(b"lidar\x00", b"\xff\xfe\xc3\x28\xc3\x00"))
-    assert quick_node.is_running
-
-
-def test_random_damage_does_not_end_the_node(peer, drive, quick_node):
+def test_random_damage_does_not_end_the_node(peer, drive):
     random = np.random.default_rng(0)
     whole = serialize_message(drive.sweep(0, num_points=60))
+    peer.send(whole.replace(b"lidar\x00", b"\xff\xfe\xc3\x28\xc3\x00"))
     for index in range(100):
         damaged = np.frombuffer(whole, np.uint8).copy()
         damaged[4:12] = np.frombuffer(
@@ -220,6 +138,5 @@ def test_random_damage_does_not_end_the_node(peer, drive, quick_node):
     sweeps = drive.sweeps(100, 101, 102)
     peer.send(*sweeps)
     peer.flow_of(sweeps[1])
-    assert quick_node.is_running
     peer.wait_until_settled()
     assert peer.num_open_triplets == 0

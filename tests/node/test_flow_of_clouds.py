@@ -1,9 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The flow cloud: fields, points and values of its input cloud, and the flow of each point."""
+
 from __future__ import annotations
 
 import array
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from scene_flow_peer import stamp_of
 from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import (
     ADDED_FIELDS,
-    INTERVAL_NS,
     MOTION,
     cloud_message,
     column,
@@ -22,7 +22,6 @@ from synthetic_clouds import (
     xyz_columns,
     xyz_message,
 )
-from waiting import PATIENCE_S
 
 from msg_utils.point_cloud2 import decode_points
 
@@ -35,7 +34,8 @@ def assert_shows_the_motion(flow):
 
 
 def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive):
-    sweeps = drive.sweeps(0, 1, 2)
+    stamps_ns = [drive.stamp_ns(index) + 123_456_789 + index for index in range(3)]
+    sweeps = [drive.sweep(index, stamp_ns=stamp_ns) for index, stamp_ns in enumerate(stamps_ns)]
     peer.send(*sweeps)
     sent, received = sweeps[1], peer.flow_of(sweeps[1])
     assert received.header == sent.header
@@ -45,6 +45,9 @@ def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive
     assert added == [(name, datatype, 1) for name, datatype in ADDED_FIELDS.items()]
     assert received.is_dense is True
     assert received.is_bigendian is False
+    (info,) = peer.node.get_publishers_info_by_topic(peer.flow_topic)
+    assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
     points, expected = decode_points(received), decode_points(sent)
     for name in ("x", "y", "z", "intensity"):
         np.testing.assert_array_equal(points[name], expected[name])
@@ -105,17 +108,6 @@ def test_points_beyond_the_crop_get_a_flow_too(peer, drive):
     assert np.isfinite(flow_columns(received)).all()
 
 
-def test_an_organized_cloud_stays_one(peer, drive):
-    messages = [drive.sweep(index, height=8) for index in range(3)]
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
-    assert (received.height, received.width) == (8, 150)
-    assert received.row_step == 150 * received.point_step
-    intensity = decode_points(received)["intensity"]
-    np.testing.assert_array_equal(intensity, np.arange(1200).reshape(8, 150))
-    assert_shows_the_motion(flow_columns(received))
-
-
 def unaligned_message(index, drive, *, order, row_padding=0):
     """A cloud as some drivers send it: doubles at odd offsets, padded rows, any byte order."""
     layout = np.dtype(
@@ -155,7 +147,7 @@ def unaligned_message(index, drive, *, order, row_padding=0):
     return message
 
 
-@pytest.mark.parametrize(("order", "row_padding"), [("<", 0), ("<", 13), (">", 0), (">", 5)])
+@pytest.mark.parametrize(("order", "row_padding"), [("<", 13), (">", 0)])
 def test_any_layout_and_byte_order(peer, drive, order, row_padding):
     messages = [
         unaligned_message(index, drive, order=order, row_padding=row_padding) for index in range(3)
@@ -170,20 +162,7 @@ def test_any_layout_and_byte_order(peer, drive, order, row_padding):
     assert_shows_the_motion(flow_columns(received))
 
 
-def test_coordinates_of_double_precision(peer, drive):
-    messages = []
-    for index in range(3):
-        columns = dict(zip("xyz", surfaces(index).astype(np.float64).T.copy(), strict=True))
-        messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
-    assert [item.datatype for item in received.fields[:3]] == 3 * [PointField.FLOAT64]
-    assert_shows_the_motion(flow_columns(received))
-
-
-def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(
-    peer, drive, quick_node
-):
+def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(peer, drive):
     messages = []
     for index in range(3):
         columns = dict(zip("xyz", surfaces(index, 6000).T.copy(), strict=True))
@@ -196,10 +175,7 @@ def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(
     for name in ADDED_FIELDS:
         assert (column(received, f"sensor_{name}") == 99.0).all()
     # The line may reach the log after the flow has reached us.
-    deadline = time.monotonic() + PATIENCE_S
-    while "vx as sensor_vx" not in quick_node.log and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert quick_node.log.count("vx as sensor_vx") == 1
+    peer.spin_until(lambda: "vx as sensor_vx" in peer.process.log, "a line in the log")
     assert_shows_the_motion(flow_columns(received))
     # The world moves past the sensor: over ground nothing does.
     assert not column(received, "dynamic").any()
@@ -213,21 +189,6 @@ def test_unequal_intervals(peer, drive):
     received = peer.flow_of(messages[1])
     errors_m = np.linalg.norm(flow_columns(received) - 2 * MOTION, axis=1)
     assert np.median(errors_m) < 0.1
-
-
-def test_the_flow_is_offered_to_every_kind_of_subscriber(peer):
-    (info,) = peer.node.get_publishers_info_by_topic(peer.flow_topic)
-    assert info.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    assert info.qos_profile.durability == DurabilityPolicy.VOLATILE
-
-
-def test_nanoseconds_of_the_stamp_survive(peer, drive):
-    messages = [
-        drive.sweep(index, stamp_ns=drive.stamp_ns(0) + index * INTERVAL_NS + 123_456_789 + index)
-        for index in range(3)
-    ]
-    peer.send(*messages)
-    assert peer.flow_of(messages[1]).header == messages[1].header
 
 
 def test_the_compact_layout_can_be_asked_for_while_the_node_runs(peer, drive):

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tracked_objects import tracked
-from waiting import PATIENCE_S
 
 from mnsf_ros.node.object_messages import objects_message
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Signals in the middle of work: the node ends in order, whatever it is doing."""
+"""Signals at any time: the node ends in order, whatever it is doing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,10 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from scene_flow_process import ENDLESS, LONG_CALLS, QUICK
+from scene_flow_process import ENDLESS, LONG_CALLS, PATIENCE_S, QUICK
 from synthetic_clouds import Drive, surfaces, xyz_message
-from waiting import PATIENCE_S
 
 from mnsf_ros.node.main import spin
-
-_POINTS = "/points_of_all"
 
 # Settings, signals, and the seconds between them.
 _ENDS = {
@@ -29,51 +26,34 @@ _ENDS = {
 }
 
 
-@pytest.fixture(scope="module")
-def busy_nodes(start_node, make_peer):
-    """A node for each test, started all together, their peers, and what sends all a sweep."""
-    remapping = ("-r", f"~/points:={_POINTS}")
-    processes = {
-        name: start_node(settings, *remapping, "-r", f"__node:={name}")
-        for name, (settings, _, _) in _ENDS.items()
-    }
-    peers = {
-        name: make_peer(process, node_name=f"/{name}", points=_POINTS, reliable=None)
-        for name, process in processes.items()
-    }
-    lidar = next(iter(peers.values()))
-    lidar.advertise(reliable=True)
-    for peer in peers.values():
-        peer.spin_until(
-            lambda peer=peer: peer.values("input").get("reliability") == "reliable", "all nodes"
-        )
-    sweeps = map(Drive().sweep, itertools.count())
-    return processes, peers, lambda: lidar.publish(next(sweeps))
-
-
-@pytest.mark.parametrize("name", _ENDS)
-def test_a_signal_in_the_middle_of_an_estimate(busy_nodes, name):
-    processes, peers, send_sweep = busy_nodes
-    process, peer = processes[name], peers[name]
-    _, numbers, pause_s = _ENDS[name]
-
-    def is_busy():
-        send_sweep()
-        return peer.values("flow")["busy"] == "True"
-
-    peer.spin_until(is_busy, "an estimate")
-    for number in numbers:
-        process.send_signal(number)
-        time.sleep(pause_s)
+def assert_ended_in_order(process):
     assert process.wait() == 0
     assert "Traceback" not in process.log
     assert "ERROR" not in process.log
 
 
-def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
+@pytest.mark.slow
+@pytest.mark.parametrize("name", _ENDS)
+def test_a_signal_in_the_middle_of_an_estimate(run_node, name):
+    settings, numbers, pause_s = _ENDS[name]
+    peer = run_node(settings, name=f"/{name}")
+    peer.wait_for_node()
+    sweeps = map(Drive().sweep, itertools.count())
+
+    def is_busy():
+        peer.publish(next(sweeps))
+        return peer.values("flow")["busy"] == "True"
+
+    peer.spin_until(is_busy, "an estimate")
+    for number in numbers:
+        peer.process.send_signal(number)
+        time.sleep(pause_s)
+    assert_ended_in_order(peer.process)
+
+
+def test_a_signal_while_flow_after_flow_is_published(run_node):
     """ROS goes away under the worker thread, at any point of its work."""
-    process = start_node(QUICK)
-    peer = make_peer(process)
+    peer = run_node(QUICK, name="/publishing")
     peer.wait_for_node()
     drive, indices = Drive(), itertools.count()
 
@@ -85,13 +65,23 @@ def test_a_signal_while_flow_after_flow_is_published(start_node, make_peer):
         return len(peer.flows) > 20
 
     peer.spin_until(has_gone_on, "flow after flow")
-    process.send_signal(signal.SIGTERM)
+    peer.process.send_signal(signal.SIGTERM)
     for _ in range(100):
         has_gone_on()
         time.sleep(0.002)
-    assert process.wait() == 0
-    assert "Traceback" not in process.log
-    assert "ERROR" not in process.log
+    assert_ended_in_order(peer.process)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("library", ["_multiarray_umath", "libfastrtps"])
+def test_a_signal_while_libraries_are_loaded(start_node, number, library):
+    process = start_node({})
+    give_up = time.monotonic() + PATIENCE_S
+    while not process.has_loaded(library):
+        assert time.monotonic() < give_up
+    process.send_signal(number)
+    assert_ended_in_order(process)
 
 
 def test_a_node_without_timers_ends_when_nothing_wakes_it():

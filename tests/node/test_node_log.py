@@ -1,168 +1,78 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Faults that go on are logged at once, then at a low rate with their count; so is silence."""
+"""Faults that go on are logged at a low rate; so is silence."""
 
 from __future__ import annotations
 
-import re
-import time
-
 import pytest
-import rclpy
-from rclpy.context import Context
-from scene_flow_process import QUICK
-from sensor_msgs.msg import PointCloud2
-from waiting import PATIENCE_S
 
 from mnsf_ros.node.diagnostics import InputState
-from mnsf_ros.node.node_log import PERIOD_S, FaultLog, SilenceLog
+from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
+from mnsf_ros.presets import preset
+from mnsf_ros.settings import Settings
 
 
-class Lines:
-    """A logger that remembers."""
-
-    def __init__(self):
-        self.lines = []
-
-    def info(self, text):
-        self.lines.append(f"info: {text}")
-
-    def warning(self, text):
-        self.lines.append(f"warning: {text}")
-
-    def error(self, text):
-        self.lines.append(f"error: {text}")
+def test_each_kind_of_fault_is_logged_once_at_first(ros, capfd):
+    faults = FaultLog("of_a_test")
+    for number in range(100):
+        faults.warn("undecodable", f"cloud {number}")
+        faults.warn("empty", "no point")
+        faults.error("failed", "unexpected")
+    suffix = "(at most every 10 min, counted in /diagnostics)"
+    lines = [line.split("[of_a_test]: ") for line in capfd.readouterr().err.splitlines()]
+    assert [text for _, text in lines] == [
+        f"{text} {suffix}" for text in ("cloud 0", "no point", "unexpected")
+    ]
+    assert [start[1:6].strip("] ") for start, _ in lines] == ["WARN", "WARN", "ERROR"]
 
 
-def test_a_fault_of_an_hour_is_logged_again_with_its_count():
-    logger, now_s = Lines(), [0.0]
-    faults = FaultLog(logger, clock=lambda: now_s[0])
-    for number in range(36_001):
-        now_s[0] = number * 0.1
-        faults.warn("undecodable", "a cloud cannot be decoded")
-    assert len(logger.lines) == 1 + 3600 / PERIOD_S
-    assert all(line.startswith("warning: a cloud cannot be decoded (") for line in logger.lines)
-    counts = [re.search(r"\(([\d,]+) times since \d{4}-", line) for line in logger.lines[1:]]
-    assert counts[0].group(1) == "6,001"
-    assert counts[-1].group(1) == "36,001"
-
-
-def test_kinds_are_counted_by_themselves():
-    logger, now_s = Lines(), [0.0]
-    faults = FaultLog(logger, clock=lambda: now_s[0])
-    faults.warn("empty", "no point")
-    faults.error("lost", "lost")
-    assert [line.split(" (")[0] for line in logger.lines] == ["warning: no point", "error: lost"]
-    now_s[0] = PERIOD_S
-    faults.error("lost", "lost")
-    assert logger.lines[2].startswith("error: lost (2 times since")
-
-
-def test_a_fault_that_is_over_is_not_logged():
-    logger, now_s = Lines(), [0.0]
-    faults = FaultLog(logger, clock=lambda: now_s[0])
-    faults.warn("empty", "no point")
-    now_s[0] = 10 * PERIOD_S
-    assert len(logger.lines) == 1
-
-
-class Story(Lines):
-    """What happens to a node, and what it logs about it."""
+class Story:
+    """The input of a node, and the warnings of silence."""
 
     def __init__(self, *topics):
-        super().__init__()
-        self.now_s, self._arrivals_s, self.topics = 100.0, [], topics
-        self._log = SilenceLog(self, lambda: self.topics, clock=lambda: self.now_s)
+        self.warnings, self.topics = {}, topics
+        self._now_s, self._arrivals_s = 100.0, []
+        self._log = SilenceLog(self, lambda: self.topics, clock=lambda: self._now_s)
+
+    def warn(self, kind, text):
+        self.warnings.setdefault(kind, text)
 
     def go_on(self, seconds, *, with_sweeps=False, pause=""):
-        for _ in range(round(seconds)):
-            self.now_s += 1.0
+        for _ in range(seconds):
+            self._now_s += 1.0
             if with_sweeps:
-                self._arrivals_s.append(self.now_s)
+                self._arrivals_s.append(self._now_s)
             self._log.look(self._arrivals_s, InputState("/points", "reliable", 1, pause=pause), 2.0)
+        return list(self.warnings.values())
 
 
-WARNING = (
-    "warning: no sweep on /points for 3 s; PointCloud2 topics that are published: /front, /rear "
-    "(at most every 10 min)"
-)
-
-
-def test_a_topic_without_sweeps_is_one_warning_with_the_topics_that_there_are():
-    story = Story("/front", "/rear")
-    story.go_on(2)
-    assert story.lines == []
-    story.go_on(PERIOD_S)
-    assert story.lines == [WARNING]
-    story.go_on(2)
-    assert len(story.lines) == 2
-    story.go_on(60, with_sweeps=True)
-    assert story.lines[2:] == ["info: sweeps come on /points"]
-
-
-def test_without_any_topic_it_says_so():
+def test_silence_is_a_warning_with_the_topics_that_are_published():
     story = Story()
-    story.go_on(3)
-    assert "; no PointCloud2 topic is published, see ROS_DOMAIN_ID" in story.lines[0]
-
-
-def test_a_topic_that_appears_later_is_named_at_once():
-    story = Story()
-    story.go_on(10)
-    story.topics = ("/front",)
+    assert story.go_on(2) == []
     story.go_on(10)
     story.topics = ("/front", "/rear")
-    story.go_on(10)
-    story.topics = ("/rear",)
-    story.go_on(10)
-    assert [line.split("; ")[1].split(" (")[0] for line in story.lines] == [
-        "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be",
-        "PointCloud2 topics that are published: /front",
-        "PointCloud2 topics that are published: /front, /rear",
+    assert story.go_on(10) == [
+        "no sweep on /points for 3 s; no PointCloud2 topic is published, see ROS_DOMAIN_ID if one "
+        "should be",
+        "no sweep on /points for 13 s; PointCloud2 topics that are published: /front, /rear",
     ]
 
 
-def test_topics_that_come_and_go_do_not_fill_the_log():
-    story = Story()
-    for number in range(500):
-        story.topics = (f"/cloud_{number}",)
-        story.go_on(1)
-    assert len(story.lines) == 20
-
-
-def test_a_lidar_that_comes_and_goes_does_not_fill_the_log():
+@pytest.mark.parametrize("how", [{"with_sweeps": True}, {"pause": "disabled"}])
+def test_sweeps_and_a_pause_are_no_silence(how):
     story = Story("/points")
-    for _ in range(50):
-        story.go_on(5, with_sweeps=True)
-        story.go_on(5)
-    assert [line.split(":")[0] for line in story.lines] == ["info", "warning", "info"]
+    story.go_on(60, **how)
+    assert story.go_on(2) == []
 
 
-def test_a_pause_is_no_silence():
-    story = Story("/points")
-    story.go_on(60, pause="disabled")
-    story.go_on(2)
-    story.go_on(60, with_sweeps=True)
-    story.go_on(60, pause="disabled")
-    story.go_on(2)
-    assert story.lines == ["info: sweeps come on /points"]
-
-
-@pytest.fixture
-def lidar(ros, other_domain):
-    """A publisher of clouds, seen by nodes that start now."""
-    context = Context()
-    rclpy.init(args=[], context=context)
-    node = rclpy.create_node("lidar", context=context)
-    yield node.create_publisher(PointCloud2, "/lidar/points", 1)
-    node.destroy_node()
-    context.try_shutdown()
-
-
-def test_the_node_names_the_topic_of_the_lidar(lidar, start_node):
-    process = start_node(QUICK | {"node.stale_after_s": 2.0}, "-r", "~/points:=/nothing")
-    give_up_s = time.monotonic() + PATIENCE_S
-    named = "topics that are published: /lidar/points (at most"
-    while named not in process.log and time.monotonic() < give_up_s:
-        time.sleep(0.1)
-    assert named in process.log
-    assert process.stop() == 0
+def test_greeting_names_the_changes_to_a_preset():
+    start = "preset online, method online, device auto, 2 threads, ego motion from "
+    settings = Settings().changed({"compute.num_threads": 2})
+    assert greeting(settings) == f"{start}registration"
+    changed = settings.changed({"ego_motion.source": "odometry", "crop.max_range_m": 60})
+    assert greeting(changed).startswith("preset online but for crop.max_range_m, ego_motion.source")
+    paper = preset("paper").changed({"compute.num_threads": 1})
+    assert greeting(paper).startswith("preset paper, method mnsf, device auto, 1 thread, ")
+    names = ("min_range_m", "max_range_m", "min_height_m", "max_height_m")
+    many = {f"crop.{name}": 1.5 * index for index, name in enumerate(names, start=1)}
+    many |= {"ground.window_m": 9, "ground.cell_size_m": 0.6, "objects.max_points": 5000}
+    assert "preset online with 7 changes, " in greeting(Settings().changed(many))

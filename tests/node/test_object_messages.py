@@ -6,7 +6,6 @@ from __future__ import annotations
 import dataclasses
 import sys
 import types
-from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -29,8 +28,6 @@ from visualization_msgs.msg import Marker
 from mnsf_ros.core.object_columns import OBJECT_COLUMNS
 from mnsf_ros.node.object_messages import (
     ObjectMarkers,
-    autoware_objects,
-    nav2_obstacles,
     objects_message,
     planner_messages,
 )
@@ -125,20 +122,20 @@ def message_type(name, **fields):
 def autoware():
     """The definitions of autoware_perception_msgs 1.12, of classes made here."""
     messages = types.ModuleType("autoware_perception_msgs.msg")
-    for name, fields in {
-        "ObjectClassification": {"label": int, "probability": float},
-        "Shape": {"type": int, "footprint": Polygon, "dimensions": Vector3},
-        "TrackedObjectKinematics": {
-            "pose_with_covariance": PoseWithCovariance,
-            "twist_with_covariance": TwistWithCovariance,
-            "acceleration_with_covariance": AccelWithCovariance,
-            "orientation_availability": int,
-            "is_stationary": bool,
-        },
-    }.items():
-        setattr(messages, name, message_type(name, **fields))
+    messages.ObjectClassification = message_type(
+        "ObjectClassification", label=int, probability=float
+    )
     messages.ObjectClassification.UNKNOWN = 0
+    messages.Shape = message_type("Shape", type=int, footprint=Polygon, dimensions=Vector3)
     messages.Shape.BOUNDING_BOX = 0
+    messages.TrackedObjectKinematics = message_type(
+        "TrackedObjectKinematics",
+        pose_with_covariance=PoseWithCovariance,
+        twist_with_covariance=TwistWithCovariance,
+        acceleration_with_covariance=AccelWithCovariance,
+        orientation_availability=int,
+        is_stationary=bool,
+    )
     messages.TrackedObjectKinematics.AVAILABLE = 2
     messages.TrackedObject = message_type(
         "TrackedObject",
@@ -169,16 +166,29 @@ def nav2(release):
     return messages
 
 
-def check_autoware(messages):
-    run = uuid4()
+@pytest.fixture
+def planner_message(monkeypatch):
+    """Function: the message of objects on the topic of a package, which is installed for it."""
+
+    def make(package, messages, objects):
+        for name in ("autoware_perception_msgs", "nav2_dynamic_msgs"):
+            monkeypatch.setitem(sys.modules, f"{name}.msg", None)
+        assert list(planner_messages()) == []
+        monkeypatch.setitem(sys.modules, f"{package}.msg", messages)
+        ((topic, _, maker),) = planner_messages()
+        return topic, maker(HEADER, objects)
+
+    return make
+
+
+def test_message_of_autoware(planner_message):
     objects = [tracked(1), tracked(2, yaw=np.pi)]
-    message = autoware_objects(messages, run, HEADER, objects)
-    again = autoware_objects(messages, run, HEADER, objects[:1])
+    topic, message = planner_message("autoware_perception_msgs", autoware(), objects)
+    assert topic == "~/objects/autoware"
     assert message.header == HEADER
     first, second = message.objects
-    assert first.object_id == again.objects[0].object_id != second.object_id
-    assert first.classification[0].label == messages.ObjectClassification.UNKNOWN
-    assert first.shape.type == messages.Shape.BOUNDING_BOX
+    assert first.object_id != second.object_id
+    assert first.classification[0].label == 0
     assert first.shape.dimensions == Vector3(x=4.0, y=1.8, z=1.5)
     state = first.kinematics
     assert state.pose_with_covariance.pose.position == Point(x=10.0, y=-2.0, z=0.5)
@@ -196,47 +206,23 @@ def check_autoware(messages):
         np.testing.assert_allclose(np.diag(covariance)[:3], variances, atol=1e-12)
 
 
-def check_nav2(messages):
-    run, objects = uuid4(), [tracked(1), tracked(2, yaw=np.pi / 4)]
-    message = nav2_obstacles(messages, run, HEADER, objects)
+@pytest.mark.parametrize("release", NAV2_RELEASES)
+def test_message_of_nav2(planner_message, release):
+    objects = [tracked(1), tracked(2, yaw=np.pi / 4)]
+    topic, message = planner_message("nav2_dynamic_msgs", nav2(release), objects)
+    assert topic == "~/objects/nav2"
     assert message.header == HEADER
     first, second = message.obstacles
     assert first.uuid != second.uuid
     assert first.position == Point(x=10.0, y=-2.0, z=0.5)
     assert first.velocity == Vector3(x=0.0, y=5.0, z=0.0)
-    if hasattr(first, "orientation"):
+    if release == "with orientation":
         assert first.size == Vector3(x=4.0, y=1.8, z=1.5)
         assert first.orientation.z == pytest.approx(np.sin(np.pi / 4))
         return
     # Along the axes of the sensor.
     assert (first.size.x, first.size.y, first.size.z) == pytest.approx((1.8, 4.0, 1.5))
     assert second.size.x == pytest.approx((4.0 + 1.8) / np.sqrt(2))
-    if hasattr(first, "velocity_covariance"):
+    if release == "with covariance":
         assert np.reshape(first.position_covariance, (3, 3))[1, 1] == 0.02
         assert np.reshape(first.velocity_covariance, (3, 3))[1, 1] == 0.2
-
-
-class TestPlanners:
-    def test_message_of_autoware(self):
-        check_autoware(autoware())
-
-    def test_installed_message_of_autoware(self):
-        check_autoware(pytest.importorskip("autoware_perception_msgs.msg"))
-
-    @pytest.mark.parametrize("release", NAV2_RELEASES)
-    def test_message_of_nav2(self, release):
-        check_nav2(nav2(release))
-
-    def test_installed_message_of_nav2(self):
-        check_nav2(pytest.importorskip("nav2_dynamic_msgs.msg"))
-
-    def test_only_installed_packages_are_there(self, monkeypatch):
-        for name in ("autoware_perception_msgs", "nav2_dynamic_msgs"):
-            monkeypatch.setitem(sys.modules, name, None)
-            monkeypatch.setitem(sys.modules, f"{name}.msg", None)
-        assert list(planner_messages()) == []
-        messages = nav2("first")
-        monkeypatch.setitem(sys.modules, "nav2_dynamic_msgs.msg", messages)
-        ((topic, kind, make),) = planner_messages()
-        assert (topic, kind) == ("~/objects/nav2", messages.ObstacleArray)
-        assert len(make(HEADER, [tracked(), tracked(2)]).obstacles) == 2

@@ -3,14 +3,8 @@
 
 from __future__ import annotations
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from std_srvs.srv import SetBool, Trigger
-
-
-def set_enabled(peer, value):
-    response = peer.call(SetBool, "set_enabled", SetBool.Request(data=value))
-    assert response.success
 
 
 def test_reset_forgets_the_sweeps(peer, drive):
@@ -28,27 +22,19 @@ def test_reset_forgets_the_sweeps(peer, drive):
     assert peer.values("flow")["start"] == "cold: first triplet"
 
 
-class TestDisabled:
-    @pytest.fixture(autouse=True)
-    def disabled(self, peer):
-        set_enabled(peer, False)
-        peer.spin_until(lambda: "disabled" in peer.status("flow").message, "diagnostics to say so")
-        yield
-        set_enabled(peer, True)
-
-    def test_takes_no_cloud_and_says_so(self, peer, drive):
-        before = peer.num_clouds
-        for sweep in drive.sweeps(*range(5)):
-            peer.publish(sweep)
-        peer.wait_for_diagnostics()
-        assert peer.num_clouds == before
-        for part in ("input", "flow", "ego motion"):
-            assert peer.status(part).level == DiagnosticStatus.OK
-            assert "set_enabled" in peer.status(part).message
-
-    def test_goes_on_once_enabled(self, peer, drive):
-        set_enabled(peer, True)
-        peer.spin_until(lambda: "disabled" not in peer.status("flow").message, "diagnostics")
-        sweeps = drive.sweeps(*range(3))
-        peer.send(*sweeps)
-        peer.flow_of(sweeps[1])
+def test_a_disabled_node_takes_no_cloud_and_says_so(peer, drive):
+    assert peer.call(SetBool, "set_enabled", SetBool.Request(data=False)).success
+    peer.spin_until(lambda: "disabled" in peer.status("flow").message, "diagnostics to say so")
+    before = peer.num_clouds
+    for sweep in drive.sweeps(*range(5)):
+        peer.publish(sweep)
+    peer.wait_for_diagnostics()
+    assert peer.num_clouds == before
+    for part in ("input", "flow", "ego motion"):
+        assert peer.status(part).level == DiagnosticStatus.OK
+        assert "set_enabled" in peer.status(part).message
+    assert peer.call(SetBool, "set_enabled", SetBool.Request(data=True)).success
+    peer.spin_until(lambda: "disabled" not in peer.status("flow").message, "diagnostics")
+    sweeps = drive.sweeps(*range(3))
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])

@@ -25,7 +25,7 @@ STEP_M = 0.5
 
 
 @pytest.fixture(scope="module")
-def process(start_node):
+def two(run_node):
     parameters = QUICK | {"ground.remove": "true", "lidars.count": 2, "lidars.poses": "parameters"}
     # It would subscribe anew once it sees the publishers, and miss clouds until then.
     parameters["node.input_reliability"] = "reliable"
@@ -33,15 +33,7 @@ def process(start_node):
     parameters["lidars.max_wait_s"] = 1.0
     for number, mount in enumerate(MOUNTS, start=1):
         parameters |= {f"lidar_{number}.{name}": value for name, value in vars(mount).items()}
-    process = start_node(parameters, "-r", "__node:=two")
-    yield process
-    assert process.stop() == 0
-    assert "Traceback" not in process.log
-
-
-@pytest.fixture(scope="module")
-def two(process, make_peer):
-    peer = make_peer(process, node_name="/two")
+    peer = run_node(parameters, name="/two")
     peer.rear = peer.node.create_publisher(PointCloud2, "/two/points_2", 50)
     peer.spin_until(
         lambda: peer.num_subscribers and peer.rear.get_subscription_count(), "both subscriptions"

@@ -13,21 +13,21 @@ def timed(drive, index, times, name="t"):
     return cloud_message(columns, stamp_ns=drive.stamp_ns(index))
 
 
-def test_the_field_is_told_once_and_in_the_diagnostics(peer, drive, quick_node):
+def test_the_field_is_told_once_and_in_the_diagnostics(peer, drive):
     offsets = np.linspace(0, 99e6, 1200).astype(np.uint32)
     sweeps = [timed(drive, index, offsets) for index in range(3)]
     peer.send(*sweeps)
     peer.flow_of(sweeps[1])
     source = "field 't' (uint32, ns, relative to the stamp)"
     assert peer.values("input")["time of each point"] == source
-    assert quick_node.log.count(f"time of each point: {source}") == 1
+    assert peer.process.log.count(f"time of each point: {source}") == 1
 
 
-def test_times_that_cannot_be_are_counted_and_cost_no_flow(peer, drive, quick_node):
+def test_invalid_times_are_counted_and_cost_no_flow(peer, drive):
     before = peer.count("clouds_without_usable_times")
     sweeps = [timed(drive, index, np.full(1200, 7.0), "timestamp") for index in range(3)]
     peer.send(*sweeps)
     peer.flow_of(sweeps[1])
     assert peer.count("clouds_without_usable_times") == before + 3
     assert peer.values("input")["time of each point"] == "none"
-    assert quick_node.log.count("the times of points are not used") == 1
+    assert peer.process.log.count("the times of points are not used") == 1

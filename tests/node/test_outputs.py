@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The clouds with flow: built for those that subscribe to them, and for nobody else."""
+"""The output topics: parts of the flow, layouts, objects; each is built for subscribers only."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import column, surfaces, xyz_columns, xyz_message
-from waiting import PATIENCE_S
+from tracked_objects import tracked
+from visualization_msgs.msg import Marker, MarkerArray
 
+from mnsf_ros.core import flow_columns
+from mnsf_ros.core.flow_columns import FLOW_COLUMNS, FlowColumn
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
@@ -23,7 +27,9 @@ from mnsf_ros.sweeps_io.flow_cloud import renamed_fields, sweep_from_message
 from msg_utils.point_cloud2 import decode_points
 
 NUM_POINTS = 600
+NUM_DYNAMIC = 60
 FULL, MOVING, STANDING = "/clouds/flow", "/clouds/flow/moving", "/clouds/flow/standing"
+OBJECTS, MARKERS = "/clouds/objects", "/clouds/objects/markers"
 FULL_LAYOUT, COMPACT, COLORLESS = (
     OutputSettings(),
     OutputSettings("compact"),
@@ -46,22 +52,24 @@ class Outputs:
     def close(self):
         self._executor.shutdown()
 
-    def hear(self, topic):
-        self.heard[topic] = []
-        self._subscriptions[topic] = self._node.create_subscription(
-            PointCloud2, topic, self.heard[topic].append, 10
-        )
-        self._spin_until(lambda: self._node.count_subscribers(topic) == 1)
+    def hear(self, *topics):
+        for topic in topics:
+            self.heard[topic] = []
+            kind = MarkerArray if topic == MARKERS else PointCloud2
+            self._subscriptions[topic] = self._node.create_subscription(
+                kind, topic, self.heard[topic].append, 10
+            )
+            self._spin_until(lambda topic=topic: self._node.count_subscribers(topic) == 1)
         self._spin_until(lambda: self.outputs.are_watched)
 
     def leave(self, topic):
         self._node.destroy_subscription(self._subscriptions.pop(topic))
         self._spin_until(lambda: self._node.count_subscribers(topic) == 0)
 
-    def publish(self, *topics, **how):
+    def publish(self, *topics, estimate=None, **how):
         """Publishes an estimate; the messages that came on these topics."""
         before = {topic: len(self.heard[topic]) for topic in topics}
-        self.outputs.publish(triplet(), estimate(), **how)
+        self.outputs.publish(triplet(), estimate or made_estimate(), **how)
         self._spin_until(lambda: all(len(self.heard[key]) > before[key] for key in topics))
         return [self.heard[topic][-1] for topic in topics]
 
@@ -83,7 +91,7 @@ def clouds(ros):
 
 @pytest.fixture
 def built(monkeypatch):
-    """How many points each cloud had that was built."""
+    """Number of points of each cloud that was built."""
     numbers, build = [], flow_outputs.flow_cloud
 
     def counting(sweep, *arguments, **how):
@@ -104,7 +112,7 @@ def triplet():
     return SweepTriplet(*(sweep_from_message(message, Settings().time, 0) for message in messages))
 
 
-def estimate():
+def made_estimate(*objects, has_tracks=False):
     number = NUM_POINTS - 1
     over_ground = OverGround(
         motion=np.arange(3 * number, dtype=np.float32).reshape(-1, 3),
@@ -113,6 +121,8 @@ def estimate():
         world_from_sensor=np.eye(4),
         next_from_current=np.eye(4),
         source="registration",
+        objects=objects,
+        track_ids=np.zeros(number, np.int32) if has_tracks else None,
     )
     flow = np.arange(3 * number, dtype=np.float32).reshape(-1, 3) / 7
     return FlowEstimate(flow, np.ones(number, bool), over_ground=over_ground)
@@ -130,24 +140,18 @@ def assert_is_part(part, whole, is_dynamic):
 
 
 @pytest.mark.parametrize("layout", [FULL_LAYOUT, COMPACT, COLORLESS], ids=str)
-def test_parts_are_what_the_whole_cloud_has(clouds, layout):
-    for topic in (FULL, MOVING, STANDING):
-        clouds.hear(topic)
+def test_parts_have_the_points_of_the_whole_cloud(clouds, layout):
+    clouds.hear(FULL, MOVING, STANDING)
     full, moving, standing = clouds.publish(FULL, MOVING, STANDING, layout=layout)
     assert not full.is_dense
     assert_is_part(moving, full, 1)
     assert_is_part(standing, full, 0)
 
 
-def test_nobody_pays_for_a_cloud_that_nobody_hears(clouds, built):
+def test_only_clouds_with_subscribers_are_built(clouds, built):
+    assert not clouds.outputs.are_watched
     clouds.publish()
     assert built == []
-    clouds.hear(MOVING)
-    clouds.publish(MOVING)
-    assert built == [np.count_nonzero(estimate().over_ground.dynamic)]
-
-
-def test_subscribers_come_and_go(clouds, built):
     clouds.hear(FULL)
     clouds.publish(FULL)
     clouds.hear(MOVING)
@@ -156,15 +160,14 @@ def test_subscribers_come_and_go(clouds, built):
     clouds.publish(MOVING)
     clouds.leave(MOVING)
     clouds.publish()
-    clouds.hear(FULL)
-    clouds.publish(FULL)
-    whole, part = NUM_POINTS - 1, np.count_nonzero(estimate().over_ground.dynamic)
-    assert built == [whole, whole, part, part, whole]
+    whole = NUM_POINTS - 1
+    assert built == [whole, whole, NUM_DYNAMIC, NUM_DYNAMIC]
 
 
-def test_the_compact_layout(clouds):
+def test_layouts(clouds):
     clouds.hear(FULL)
     (compact,) = clouds.publish(FULL, layout=COMPACT)
+    (colorless,) = clouds.publish(FULL, layout=COLORLESS)
     (full,) = clouds.publish(FULL)
     assert [field.name for field in compact.fields] == COMPACT_NAMES
     assert compact.point_step == 25
@@ -173,29 +176,59 @@ def test_the_compact_layout(clouds):
     for name in COMPACT_NAMES:
         np.testing.assert_array_equal(column(compact, name), column(full, name))
     assert np.isnan(xyz_columns(compact)[4]).all()
-
-
-def test_colours_can_be_left_out(clouds):
-    clouds.hear(FULL)
-    (full,) = clouds.publish(FULL)
-    (colorless,) = clouds.publish(FULL, layout=COLORLESS)
     assert [field.name for field in full.fields][:-1] == [f.name for f in colorless.fields]
-    (rgb,) = (field for field in full.fields if field.name == "rgb")
-    assert rgb.datatype == PointField.FLOAT32
+    assert (full.fields[-1].name, full.fields[-1].datatype) == ("rgb", PointField.FLOAT32)
 
 
-def test_flow_without_anything_over_ground(clouds):
-    """As of methods that do not know the ego motion."""
+def test_flow_of_a_method_without_ego_motion(clouds):
     clouds.hear(FULL)
-    clouds.outputs.publish(triplet(), replace(estimate(), over_ground=None), layout=COMPACT)
-    clouds._spin_until(lambda: clouds.heard[FULL])
-    assert not column(clouds.heard[FULL][0], "dynamic").any()
-    assert np.isfinite(column(clouds.heard[FULL][0], "flow_x")).sum() == NUM_POINTS - 1
+    estimate = replace(made_estimate(), over_ground=None)
+    (cloud,) = clouds.publish(FULL, estimate=estimate, layout=COMPACT)
+    assert not column(cloud, "dynamic").any()
+    assert np.isfinite(column(cloud, "flow_x")).sum() == NUM_POINTS - 1
 
 
 def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
-    (cloud,) = (triplet().current.source.message,)
+    cloud = triplet().current.source.message
     cloud.fields[-1].name = "rgb"
     assert renamed_fields(cloud, FULL_LAYOUT) == {"rgb": "sensor_rgb"}
-    assert renamed_fields(cloud, COLORLESS) == {}
-    assert renamed_fields(cloud, COMPACT) == {}
+    assert renamed_fields(cloud, COLORLESS) == renamed_fields(cloud, COMPACT) == {}
+
+
+def test_a_row_of_the_table_of_columns_is_a_field_of_the_cloud(clouds, monkeypatch):
+    length = FlowColumn(
+        "flow_length",
+        np.float32,
+        np.nan,
+        "m",
+        "length of the flow",
+        lambda estimate, _interval_s: np.linalg.norm(estimate.flow, axis=1),
+    )
+    monkeypatch.setattr(flow_columns, "FLOW_COLUMNS", (*FLOW_COLUMNS, length))
+    clouds.hear(FULL)
+    (cloud,) = clouds.publish(FULL)
+    assert [field.name for field in cloud.fields[-2:]] == ["rgb", "flow_length"]
+    expected = np.linalg.norm(made_estimate().flow, axis=1)
+    np.testing.assert_allclose(np.delete(column(cloud, "flow_length"), 4), expected, rtol=1e-6)
+
+
+def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):
+    clouds.hear(OBJECTS, MARKERS)
+    cloud, markers = clouds.publish(
+        OBJECTS, MARKERS, estimate=made_estimate(tracked(5), has_tracks=True)
+    )
+    header = triplet().current.source.message.header
+    assert cloud.header == header
+    assert column(cloud, "id").tolist() == [5]
+    assert all(marker.header == header for marker in markers.markers)
+    cloud, markers = clouds.publish(OBJECTS, MARKERS, estimate=made_estimate(has_tracks=True))
+    assert cloud.width == 0
+    assert {(marker.id, marker.action) for marker in markers.markers} == {(5, Marker.DELETE)}
+
+
+def test_a_method_without_tracks_publishes_no_objects(clouds):
+    clouds.hear(OBJECTS)
+    clouds.publish()
+    clouds.publish(OBJECTS, estimate=made_estimate(tracked(6), has_tracks=True))
+    (cloud,) = clouds.heard[OBJECTS]
+    assert column(cloud, "id").tolist() == [6]

@@ -1,0 +1,168 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The node's process: transport of large clouds, memory, and an end where a library hangs."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
+
+from mnsf_ros.node.environment import TRANSPORT_PROFILE, prepare_environment
+
+_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
+# A cloud that has not come by then is lost.
+_LOST_S = 5.0
+_NEEDS_PROC = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
+
+
+@pytest.mark.parametrize("given", [{"HOME": "/root"}, {_PROFILE: "", _NEWER_PROFILE: ""}])
+def test_variables_that_are_not_set_are_set(given):
+    environment = dict(given)
+    prepare_environment(environment)
+    assert environment == given | {
+        _PROFILE: str(TRANSPORT_PROFILE),
+        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
+        "OMP_WAIT_POLICY": "PASSIVE",
+    }
+
+
+@pytest.mark.parametrize("variable", [_PROFILE, _NEWER_PROFILE])
+def test_variables_of_the_user_are_left_alone(variable):
+    environment = {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
+    prepare_environment(environment)
+    assert environment == {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
+
+
+def large_sweep(index, drive):
+    """2 MB: 120,000 points of 16 bytes, most of them ground far below the boxes."""
+    ground = np.random.default_rng(1).uniform(-60, 60, (118_800, 3))
+    ground[:, 2] = -50
+    xyz = np.vstack([surfaces(index), ground]).astype(np.float32)
+    return xyz_message(xyz, stamp_ns=drive.stamp_ns(index))
+
+
+class TestLargeClouds:
+    @pytest.fixture
+    def peer(self, resting_peer):
+        resting_peer.advertise(reliable=False)
+        resting_peer.wait_for_node()
+        return resting_peer
+
+    def test_of_a_best_effort_publisher_with_the_profile_arrive(self, peer, drive):
+        num_sent, before = 20, peer.count("sweeps_received")
+        for index in range(num_sent):
+            received = peer.count("sweeps_received")
+            peer.publish(large_sweep(index, drive))
+            # As fast as the node takes them, however slow the machine is.
+            give_up = time.monotonic() + _LOST_S
+            while peer.count("sweeps_received") == received and time.monotonic() < give_up:
+                peer.spin_for(0.02)
+        # The default transport loses most of them.
+        assert peer.count("sweeps_received") - before >= 0.7 * num_sent
+
+    def test_with_flow_arrive_at_a_best_effort_subscriber(self, peer, drive):
+        before = peer.count("flows_out")
+        peer.flows.clear()
+        peer.watch(reliable=False)
+        indices = itertools.count()
+
+        def have_come():
+            peer.publish(large_sweep(next(indices), drive))
+            peer.spin_for(0.2)
+            return len(peer.flows) >= 3
+
+        peer.spin_until(have_come, "three clouds with flow")
+        assert len(peer.flows) >= 0.5 * (peer.count("flows_out") - before)
+        assert {len(flow.data) for flow in peer.flows.values()} == {120_000 * (16 + ADDED_BYTES)}
+
+
+# Blocks below and above the size that malloc maps by itself, every other one freed last.
+_RETURNED = """
+import numpy as np
+from mnsf_ros.node.environment import keep_memory, return_memory
+
+def resident_mb():
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmRSS"))
+
+keep_memory({})
+before_mb = resident_mb()
+blocks = [np.ones(size, np.uint8) for size in (4_000_000, 40_000, 24_000_000) * 10]
+kept = blocks[1::3]
+del blocks
+left_mb = resident_mb()
+return_memory()
+print(left_mb - before_mb, resident_mb() - before_mb)
+"""
+
+# The same of what ROS keeps of a message.
+_RETURNED_BY_ROS = """
+from mnsf_ros.node.environment import prepare_environment, return_memory
+prepare_environment()
+import rclpy
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
+
+def resident_mb():
+    return_memory()
+    lines = open("/proc/self/status").read().splitlines()
+    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("RssAnon"))
+
+def publish(num_bytes):
+    publisher.publish(serialize_message(PointCloud2(data=bytes(num_bytes))))
+
+rclpy.init()
+node = rclpy.create_node("sends_a_large_cloud")
+publisher = node.create_publisher(PointCloud2, "~/large", 1)
+publish(1_000_000)
+before_mb = resident_mb()
+for num_bytes in (80_000_000, 1_000_000, 1_000_000):
+    publish(num_bytes)
+print(resident_mb() - before_mb)
+"""
+
+
+def printed_mb(script):
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    return list(map(float, result.stdout.split()))
+
+
+@_NEEDS_PROC
+def test_memory_is_kept_from_sweep_to_sweep_and_returned_now_and_then():
+    kept_mb, returned_mb = printed_mb(_RETURNED)
+    assert kept_mb > 100
+    assert returned_mb < 20
+
+
+@pytest.mark.slow
+@_NEEDS_PROC
+def test_a_publisher_does_not_keep_the_memory_of_its_largest_message():
+    (kept_mb,) = printed_mb(_RETURNED_BY_ROS)
+    assert kept_mb < 20
+
+
+# The regular expression computes for ever, and holds the interpreter's lock.
+_HANGS = """
+import re
+from mnsf_ros.node.environment import leaving_ros
+with leaving_ros(0.2):
+    pass
+with leaving_ros(0.2):
+    re.match("(a+)+$", "a" * 99 + "b")
+"""
+
+
+@pytest.mark.parametrize("preamble", ["", "import sys; sys.__stderr__ = None"])
+def test_leaving_ros_ends_the_process_where_it_hangs(preamble):
+    command = [sys.executable, "-c", preamble + _HANGS]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert ended.returncode == 1
+    assert ("most recent call first" in ended.stderr) == (not preamble)

@@ -1,0 +1,145 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The files for RViz, Foxglove and SROS 2 name the topics and services of the node."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from ruamel.yaml import YAML
+
+from mnsf_ros.settings import declared_setting
+
+ROOT = Path(__file__).parents[2]
+
+# Displays of RViz 14 (Jazzy): their message type, and those of their properties that are used;
+# RViz skips others without a word.
+RVIZ_DISPLAYS = {
+    "PointCloud2": (
+        "sensor_msgs/msg/PointCloud2",
+        {"Style", "Size (Pixels)", "Color Transformer", "Position Transformer"},
+    ),
+    "MarkerArray": ("visualization_msgs/msg/MarkerArray", {"Namespaces"}),
+    "Odometry": (
+        "nav_msgs/msg/Odometry",
+        {"Keep", "Position Tolerance", "Angle Tolerance", "Shape", "Covariance"},
+    ),
+}
+
+MOST_LIDARS = int(declared_setting("lidars.count").maximum)
+# With several lidars, use_sim_time, tf2_ros, the packages of other planners, odometry, and with a
+# life cycle.
+OPTIONAL = {
+    "subscribe": {
+        *("/clock", "/tf", "/tf_static", "~/odometry"),
+        *(f"~/points_{number}" for number in range(2, MOST_LIDARS + 1)),
+    },
+    "publish": {"~/objects/autoware", "~/objects/nav2", "~/transition_event", "/tf"},
+    "reply": {
+        *("~/change_state", "~/get_state", "~/get_available_states"),
+        *("~/get_available_transitions", "~/get_transition_graph"),
+    },
+}
+
+
+@pytest.fixture
+def types_of(peer):
+    """Topics of the node as the files name them, with their types."""
+
+    def found():
+        return dict(peer.names_and_types("get_publisher_names_and_types_by_node"))
+
+    # The publisher that the node makes last.
+    peer.spin_until(lambda: "/diagnostics" in found(), "the topics of the node")
+    return {name.replace("/quick/", "/scene_flow/"): types for name, types in found().items()}
+
+
+def test_displays_of_rviz(types_of):
+    content = (ROOT / "rviz" / "scene_flow.rviz").read_text()
+    displays = YAML(typ="safe").load(content)["Visualization Manager"]["Displays"]
+    shown = {display["Topic"]["Value"]: display for display in displays if "Topic" in display}
+    assert shown.keys() == {
+        f"/scene_flow/{name}" for name in ("flow", "flow/moving", "objects/markers", "ego_motion")
+    }
+    for topic, display in shown.items():
+        package, _, kind = display["Class"].partition("/")
+        assert package == "rviz_default_plugins"
+        message_type, properties = RVIZ_DISPLAYS[kind]
+        assert types_of[topic] == [message_type]
+        assert display.keys() <= properties | {"Class", "Name", "Enabled", "Topic"}, topic
+
+
+def panels_of_foxglove():
+    layout = json.loads((ROOT / "mnsf_ros" / "view" / "foxglove_layout.json").read_text())
+    panels = layout["configById"]
+    used = re.findall(r'"((?:3D|Plot|Diagnostic)[^"]*)"', json.dumps(layout["layout"]))
+    assert set(used) == set(panels)
+    return panels
+
+
+def test_panels_of_foxglove(types_of):
+    panels = panels_of_foxglove()
+    topics = panels["3D!scene_flow"]["topics"]
+    clouds = [name for name in topics if "/flow/" in f"{name}/"]
+    assert {str(types_of[name]) for name in clouds} == {"['sensor_msgs/msg/PointCloud2']"}
+    for name in clouds:
+        assert (topics[name]["colorMode"], topics[name]["colorField"]) == ("rgb", "rgb")
+    for path in panels["Plot!latency"]["paths"]:
+        assert types_of[re.sub(r"\.data$", "", path["value"])] == ["std_msgs/msg/Float64"]
+    status = panels["DiagnosticSummary!status"]["topicToRender"]
+    assert types_of[status] == ["diagnostic_msgs/msg/DiagnosticArray"]
+
+
+def check_known(config, kind, *others):
+    """All settings are fields of a class of Foxglove's SDK; Foxglove drops unknown ones."""
+    words = [field.name.split("_") for field in dataclasses.fields(kind)]
+    known = {first + "".join(word.title() for word in rest) for first, *rest in words}
+    assert config.keys() <= known | set(others)
+
+
+def test_settings_of_the_layout_are_known_to_foxglove():
+    foxglove = pytest.importorskip("foxglove.layouts")
+    panels = panels_of_foxglove()
+    scene, plot = panels["3D!scene_flow"], panels["Plot!latency"]
+    check_known(scene, foxglove.ThreeDeeConfig)
+    check_known(scene["cameraState"], foxglove.ThreeDeeCameraState)
+    check_known(scene["scene"], foxglove.BaseRendererSceneSettings)
+    check_known(scene["layers"]["grid"], foxglove.BaseRendererGridLayerSettings)
+    for topic in scene["topics"].values():
+        check_known(topic, foxglove.BaseRendererPointCloudTopicSettings)
+    check_known(plot, foxglove.PlotConfig, "foxglovePanelTitle")
+    for path in plot["paths"]:
+        check_known(path, foxglove.PlotSeries)
+    check_known(panels["DiagnosticSummary!status"], foxglove.DiagnosticsSummaryConfig)
+
+
+def allowed(rule):
+    """Names of topics or services that a rule of the security policy allows."""
+    policy = ElementTree.parse(ROOT / "config" / "security_policy.xml").getroot()
+    profile = policy.find("./enclaves/enclave/profiles/profile")
+    return {item.text for one in profile if one.get(rule) == "ALLOW" for item in one}
+
+
+@pytest.mark.parametrize(
+    ("rule", "names_of"),
+    [
+        ("subscribe", "get_subscriber_names_and_types_by_node"),
+        ("publish", "get_publisher_names_and_types_by_node"),
+        ("reply", "get_service_names_and_types_by_node"),
+        ("request", "get_client_names_and_types_by_node"),
+    ],
+)
+def test_the_security_policy_allows_the_names_of_the_node(peer, rule, names_of):
+    def found():
+        names = {name for name, _ in peer.names_and_types(names_of)}
+        return {name.replace("/quick/", "~/", 1) for name in names}
+
+    optional = OPTIONAL.get(rule, set())
+    peer.spin_until(lambda: allowed(rule) - optional <= found(), "all that is allowed")
+    assert found() <= allowed(rule)
+    assert optional <= allowed(rule)
+    assert not [name for name in allowed(rule) if "*" in name]

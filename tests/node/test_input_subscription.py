@@ -1,0 +1,132 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The subscription follows its publishers, and counts the clouds that it has missed."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from scene_flow_peer import SceneFlowPeer
+from scene_flow_process import PATIENCE_S
+from sensor_msgs.msg import PointCloud2
+from synthetic_clouds import surfaces, xyz_message
+
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.raw_topics import only_cloud_topic
+from mnsf_ros.node.subscriptions import InputSubscription
+
+
+def wait_until_gone(peer):
+    peer.stop_advertising()
+    peer.spin_until(lambda: peer.values("input")["publishers"] == "0", "the publisher to be gone")
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [(True, False), (False, True)], ids=["to best effort", "to reliable"]
+)
+def test_it_follows_a_publisher_that_comes_back(peer, drive, first, second):
+    # A warning of an incompatible subscription would be gone a moment later.
+    before = peer.process.log.count("incompatible QoS")
+    for reliable in (first, second):
+        wait_until_gone(peer)
+        peer.spin_until(
+            lambda: peer.values("input")["reliability"] == "best_effort", "the way back"
+        )
+        peer.advertise(reliable=reliable)
+        peer.wait_for_node("reliable" if reliable else "best_effort")
+    sweeps = drive.sweeps(0, 1, 2)
+    peer.send(*sweeps)
+    peer.flow_of(sweeps[1])
+    assert peer.process.log.count("incompatible QoS") == before
+
+
+def test_among_publishers_of_both_kinds_all_are_heard(peer, drive):
+    peer.advertise(reliable=True)
+    peer.wait_for_node()
+    other = SceneFlowPeer(peer.process, "/quick", reliable=False, watches=False)
+    expected = {"publishers": "2", "reliability": "best_effort"}
+    peer.spin_until(lambda: expected.items() <= peer.values("input").items(), f"{expected}")
+    sweeps = drive.sweeps(0, 1, 2)
+    other.spin_until(lambda: other.diagnostics, "diagnostics")
+    for sender, sweep in zip((peer, other, peer), sweeps, strict=True):
+        sender.wait_for_subscription("best_effort")
+        sender.send(sweep)
+        peer.wait_for_diagnostics()
+    peer.flow_of(sweeps[1])
+    other.close()
+    peer.wait_for_node()
+
+
+def test_clouds_that_a_busy_node_overwrites_are_counted(ros):
+    node = rclpy.create_node("busy")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    reliable = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+    publisher = node.create_publisher(PointCloud2, "~/points", reliable)
+    received, missed = [], []
+    subscription = InputSubscription(
+        node,
+        "~/points",
+        "reliable",
+        received.append,
+        lambda event, _text, how_many: missed.append((event, how_many)),
+    )
+
+    def publish(index):
+        publisher.publish(xyz_message(surfaces(index, 12), stamp_ns=10**9 + index * 10**8))
+
+    def spin_until(condition):
+        give_up = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up
+            executor.spin_once(timeout_sec=0.02)
+
+    spin_until(lambda: publisher.get_subscription_count() == subscription.num_publishers == 1)
+    publish(0)
+    spin_until(lambda: len(received) == 1)
+    for index in range(1, 41):
+        publish(index)
+    spin_until(lambda: received[-1].header.stamp.sec == 5)
+    executor.shutdown()
+    node.destroy_node()
+    assert {event for event, _ in missed} == {"clouds_missed"}
+    num_missed = sum(how_many for _, how_many in missed)
+    assert num_missed >= 20
+    assert len(received) + num_missed == 41
+
+
+class TestOnlyCloudTopic:
+    """The lidar's topic is found where there is only one."""
+
+    @pytest.fixture
+    def publish(self, ros, other_domain):
+        """Advertises topics in a graph of their own; one process sees them at once."""
+        context = Context()
+        rclpy.init(args=[], context=context)
+        node = rclpy.create_node("lidars", context=context)
+        yield lambda *topics: [node.create_publisher(PointCloud2, topic, 1) for topic in topics]
+        node.destroy_node()
+        context.try_shutdown()
+
+    def found(self, search_s):
+        try:
+            return only_cloud_topic(search_s)
+        except SettingsError as error:
+            return str(error)
+
+    @pytest.mark.parametrize(
+        ("topics", "answer"),
+        [
+            (["/lidar/points", "/scene_flow/flow", "/scene_flow/objects"], "/lidar/points"),
+            (["/rear/points", "/front/points"], "several PointCloud2 topics: /front/points, /rear"),
+            (["/scene_flow/flow/moving"], "no PointCloud2 topic is published"),
+        ],
+    )
+    def test_is_the_answer_or_named_in_it(self, publish, topics, answer):
+        publish(*topics)
+        # As long as this machine needs.
+        assert any(self.found(search_s).startswith(answer) for search_s in (0.3, 2.0, 8.0, 32.0))
