@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
-from mnsf_ros.geometry.thinning import thinned
+from mnsf_ros.geometry.point_sets import thinned
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Poses in messages, live and recorded, <-> (4, 4) matrices, with one tolerance."""
+"""Poses in messages to and from (4, 4) matrices, with one tolerance."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ PoseLike: TypeAlias = Any
 # ... and of geometry_msgs/Transform.
 TransformLike: TypeAlias = Any
 
-# Drivers send quaternions rounded to float32 or a few decimals: those are normalised. Outside of
-# this range the four numbers are something else, all zeros most of the time.
+# Drivers round quaternions to float32 or a few decimals: those are normalised. Outside of these
+# bounds the four numbers are something else, mostly all zeros.
 _MIN_NORM: Final = 0.5
 _MAX_NORM: Final = 1.5
 _FARTHEST_M: Final = 1e9  # the difference of two such positions is good to a micrometre
@@ -30,8 +30,8 @@ def pose_matrix(pose: PoseLike) -> NDArray[np.float64]:
     A quaternion of a norm from 0.5 to 1.5 is normalised.
 
     Raises:
-        MessageError: If a number is not finite, the position is 1e9 m or more from the origin, or
-            the quaternion has another norm.
+        MessageError: A number is not finite, the position is 1e9 m or more from the origin, or the
+            quaternion has another norm.
     """
     return _matrix(pose.position, pose.orientation)
 
@@ -68,7 +68,7 @@ def pose_quaternion(matrix: FloatArray) -> tuple[float, float, float, float]:
     """Returns x, y, z, w of the rotation of a (4, 4) pose, w at least 0.
 
     Raises:
-        MessageError: If the matrix is not a rotation and a translation.
+        MessageError: The matrix is not a rigid motion.
     """
     if not is_rigid(matrix):
         raise MessageError(f"pose is no rigid motion: {matrix.tolist()}")

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The poses of the last minutes, and the pose at the stamp of a sweep."""
+"""Recent poses, and the pose at the stamp of a sweep."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from mnsf_ros.geometry.transforms import interpolated_pose
 
 _MAX_POSES: Final = 2000
-# A robot that brakes with 4 m/s² is then .045 m from where the interpolation puts it.
+# For a robot that brakes with 4 m/s² the interpolation is then off by 0.045 m.
 _MAX_GAP_NS: Final = 300_000_000
-# A sweep may be decoded before the odometry of its time arrives: this far the motion is
-# extrapolated ...
+# A sweep may be decoded before the odometry of its time arrives: the motion is extrapolated this
+# far ...
 _MAX_AHEAD_NS: Final = 100_000_000
-# ... from poses this far apart: the noise of neighbouring poses would grow with the way ahead.
+# ... from poses this far apart: the noise of neighbouring poses would grow on the way.
 _MIN_BASE_NS: Final = 50_000_000
-# A stamp this much older than the one before it is of a clock that jumped, as when a bag loops.
+# A stamp this much older than the last one means that the clock jumped, as when a bag loops.
 _JUMP_NS: Final = 1_000_000_000
-# Poses from before such a jump that may still be unread after it.
+# Maximum number of unread poses from before such a jump.
 _MAX_LEFTOVERS: Final = 50
 
 
@@ -36,7 +36,7 @@ class StampedPose:
     Attributes:
         stamp_ns: Integer nanoseconds.
         world_from_frame: (4, 4) float64.
-        frame_id: The moving frame, as the message names it.
+        frame_id: Name of the moving frame in the message.
     """
 
     stamp_ns: int
@@ -48,10 +48,9 @@ _STAMP: Final = attrgetter("stamp_ns")
 
 
 class PoseTrack:
-    """Finds the pose of the sensor at a stamp. Not for use from several threads at once.
+    """The last 2000 poses, interpolated at any stamp. Not safe for several threads.
 
-    Poses come by `add`, as live, or are read from a recording as far ahead as a stamp needs them.
-    Memory is bounded: the last 2000 poses are kept.
+    Live poses come by `add`; those of a recording are read as far ahead as a stamp needs them.
     """
 
     def __init__(
@@ -63,8 +62,8 @@ class PoseTrack:
 
         Args:
             recorded: Poses to read on the way, in stamp order; None where some may be missing.
-            mount: (4, 4) frame_from_sensor, where the sensor is in the moving frame of the poses;
-                None if the poses are those of the sensor.
+            mount: (4, 4) frame_from_sensor in the moving frame of the poses; None if the poses are
+                those of the sensor.
         """
         self._recorded = iter(recorded)
         self._mount = None if mount is None or np.array_equal(mount, np.eye(4)) else mount
@@ -72,9 +71,9 @@ class PoseTrack:
         self._last_asked_ns: int | None = None
 
     def add(self, pose: StampedPose) -> bool:
-        """Takes a pose; returns False if it is not newer than the last one and is left out.
+        """Adds a pose; returns False and ignores it if it is not newer than the last one.
 
-        A pose more than a second older is of a clock that jumped: all before it is forgotten.
+        A pose more than a second older means that the clock jumped: all earlier poses are dropped.
         """
         if self._is_newest_after(pose.stamp_ns + _JUMP_NS):
             self._poses.clear()
@@ -84,7 +83,7 @@ class PoseTrack:
         return True
 
     def pose_at(self, stamp_ns: int) -> StampedPose | None:
-        """Returns the pose of the sensor at a stamp; None where no poses are near.
+        """Returns the pose of the sensor at a stamp; None without poses near it.
 
         Between poses up to 0.3 s apart it is interpolated, up to 0.1 s after a pose extrapolated.
         The pose of a mounted sensor has no frame_id.
@@ -98,8 +97,8 @@ class PoseTrack:
     def _read_to(self, stamp_ns: int) -> None:
         last_ns, self._last_asked_ns = self._last_asked_ns, stamp_ns
         if last_ns is not None and stamp_ns < last_ns - _JUMP_NS:
-            # Time jumped back. Not past all poses: a single sweep with a wrong stamp must not cost
-            # the others theirs.
+            # Time jumped back. Not past all poses: one sweep with a wrong stamp must not cost the
+            # others theirs.
             for _ in range(_MAX_LEFTOVERS):
                 if not self._is_newest_after(stamp_ns + _JUMP_NS) or not self._read_one():
                     break
@@ -110,10 +109,10 @@ class PoseTrack:
         return bool(self._poses) and self._poses[-1].stamp_ns > stamp_ns
 
     def _read_one(self) -> bool:
-        """Whether there was something to read."""
+        """Reads a recorded pose; returns False at the end."""
         for pose in self._recorded:
             if pose is None:
-                # Nobody knows how the sensor moved where poses are missing.
+                # The motion is unknown where poses are missing.
                 self._poses.clear()
             else:
                 self.add(pose)
@@ -133,13 +132,13 @@ class PoseTrack:
         return self._on_line(after - 1, after, stamp_ns)
 
     def _extrapolated(self, last: int, stamp_ns: int) -> StampedPose | None:
-        """The pose a moment after a pose, if there is one near before that, too."""
+        """Returns the pose shortly after the last one, if another one is near before that."""
         if last < 1:
             return None
         last_ns = self._poses[last].stamp_ns
         base = bisect_right(self._poses, last_ns - _MIN_BASE_NS, key=_STAMP) - 1
         if base < 0 or self._gap_ns(base, last) > _MAX_GAP_NS:
-            # The poses just before are preceded by a gap, or by nothing.
+            # There is a gap, or nothing, before the poses just before.
             base += 1
         base = min(base, last - 1)
         if stamp_ns - last_ns > _MAX_AHEAD_NS or self._gap_ns(base, last) > _MAX_GAP_NS:

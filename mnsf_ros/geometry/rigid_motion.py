@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The flow that one rigid motion gives, and the rigid motion that most of a flow follows."""
+"""Rigid flow, and the rigid motion of most of a flow."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from mnsf_ros.errors import SweepError
 
 Floating = TypeVar("Floating", np.float32, np.float64)
 
-# A motion has six unknowns: so many points, drawn at random, fix it far below their noise.
+# A motion has six unknowns: so many random points fix it far below their noise.
 _MAX_POINTS: Final = 20_000
 _MAX_ITERATIONS: Final = 60
 # Median distance over standard deviation per axis, for Gaussian noise in three dimensions.
 _MEDIAN_OF_NOISE: Final = 1.538
-# Points so many standard deviations off do not count at all; Gaussian noise stays below.
+# Weights are 0 from so many standard deviations on; Gaussian noise stays below.
 _TUKEY_REACH: Final = 6.0
-# Residuals below this are all alike: finer than the resolution of float32 at 100 m.
+# Smaller residuals are all alike: finer than the resolution of float32 at 100 m.
 _MIN_SCALE_M: Final = 1e-5
-# Points count as a line when their spread across it is this small beside that along it.
+# Points are on a line if their spread across it is this small beside that along it.
 _MIN_SPREAD_RATIO: Final = 1e-3
-# A point so many times farther out than half of them is astray; it would turn all others.
+# A point so many times farther out than half of them is an outlier that would turn all others.
 _MAX_REACH_RATIO: Final = 50.0
 
 
 def transformed(xyz: NDArray[np.float32], transform: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Applies a (4, 4) transform to (N, 3) points; the digits do not depend on threads."""
+    """Returns (N, 3) points transformed by a (4, 4) matrix; the digits do not depend on threads."""
     turn, shift = (part.astype(np.float32) for part in (transform[:3, :3], transform[:3, 3]))
     return _turned_and_shifted(np.ascontiguousarray(xyz), np.ascontiguousarray(turn), shift)
 
 
 def turned(vectors: NDArray[Floating], turn: NDArray[np.float64]) -> NDArray[Floating]:
-    """Applies a (3, 3) matrix to vectors (N, 3), in their own precision."""
+    """Returns vectors (N, 3) turned by a (3, 3) matrix, in their own precision."""
     own_turn = np.ascontiguousarray(turn, dtype=vectors.dtype)
     return _turned_and_shifted(np.ascontiguousarray(vectors), own_turn, np.zeros(3, vectors.dtype))
 
@@ -59,13 +59,13 @@ def _turned_and_shifted(
 
 
 def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Returns the flow of static points (N, 3), which the sensor's own motion alone makes.
+    """Returns the flow (N, 3) of static points by the ego motion.
 
-    It is float32, in metres per sweep interval, computed in float64. A row that is not finite gives
-    a row that is not finite.
+    It is float32, in metres per sweep interval, computed in float64. Rows that are not finite stay
+    so.
 
     Raises:
-        SweepError: If a shape is another one, or the transform is not finite.
+        SweepError: A shape does not fit, or the transform is not finite.
     """
     _check_columns("xyz", xyz)
     transform = np.asarray(next_from_current, dtype=np.float64)
@@ -81,12 +81,12 @@ def rigid_flow(xyz: NDArray[Any], next_from_current: NDArray[np.float64]) -> NDA
 def residual_flow(
     xyz: NDArray[Any], flow: NDArray[Any], next_from_current: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Returns the flow (N, 3) of the points less that of static ones: what moves by itself.
+    """Returns the flow (N, 3) without ego motion.
 
     It is float32, in metres per sweep interval, in the axes of the *next* sweep's sensor frame.
 
     Raises:
-        SweepError: If a shape does not fit, or the transform is not finite.
+        SweepError: A shape does not fit, or the transform is not finite.
     """
     _check_pair(xyz, flow)
     rigid = rigid_flow(xyz, next_from_current)
@@ -96,18 +96,18 @@ def residual_flow(
 
 
 def fit_rigid_motion(xyz: NDArray[Any], flow: NDArray[Any]) -> NDArray[np.float64]:
-    """Returns `next_from_current` (4, 4) that most points follow, for example the sensor's own.
+    """Returns `next_from_current` (4, 4) of most points, for example the ego motion.
 
-    Iteratively reweighted least squares (Kabsch): first with weights of the L1 norm, which
-    lets a clear majority win from any start, then with Tukey's, which leave movers out
-    altogether. Some 30 % of the points may move, even all in the same way.
+    Iteratively reweighted least squares (Kabsch): first with weights of the L1 norm, by which a
+    clear majority wins from any start, then with Tukey's, which exclude movers. Some 30 % of the
+    points may move, even all in the same way.
 
-    Rows that are not finite are left out, and so are points astray far beyond all others. Where
-    points do not fix a rotation (fewer than three, or all on one line) the result is a pure
-    translation; without any point it is the identity. Never is it a reflection.
+    Rows that are not finite and far outliers are left out. Where points do not fix a rotation
+    (fewer than three, or all on one line) the result is a pure translation, without points the
+    identity. It is never a reflection.
 
     Raises:
-        SweepError: If a shape is not (N, 3), or the two differ.
+        SweepError: A shape is not (N, 3), or the two differ.
     """
     _check_pair(xyz, flow)
     source, moved = _usable(xyz, flow)
@@ -133,7 +133,7 @@ def _refitted(
     weights_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     tolerance: float,
 ) -> NDArray[np.float64]:
-    """The motion fitted again and again, with weights of its residuals, until it stays."""
+    """Returns the motion refitted with weights of its residuals until it converges."""
     for _ in range(_MAX_ITERATIONS):
         residuals = np.linalg.norm(source @ motion[:3, :3].T + motion[:3, 3] - moved, axis=1)
         last, motion = motion, _kabsch(source, moved, weights_of(residuals))
@@ -157,7 +157,7 @@ def _tukey_weights(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
 def _kabsch(
     source: NDArray[np.float64], moved: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The (4, 4) rigid motion of least weighted squares from source to moved, both (N, 3)."""
+    """Returns the (4, 4) rigid motion of least weighted squares from source to moved (N, 3)."""
     weights = weights / weights.sum()
     source_center, moved_center = weights @ source, weights @ moved
     around, turned = source - source_center, moved - moved_center
@@ -175,7 +175,7 @@ def _kabsch(
 def _usable(
     xyz: NDArray[Any], flow: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Finite points before and after their flow, (M, 3) each, at most `_MAX_POINTS` of them."""
+    """Returns finite points before and after their flow, (M, 3) each, M at most `_MAX_POINTS`."""
     with np.errstate(over="ignore"):  # as float32: the square of any such number is a float64
         finite = np.isfinite(np.hstack([xyz, flow]).astype(np.float32)).all(axis=1)
     rows = np.flatnonzero(finite)

@@ -38,22 +38,19 @@ def tilt(pitch: float, roll: float) -> FloatArray:
 
 
 def sensor_mount(settings: EgoMotionSettings) -> NDArray[np.float64]:
-    """Returns the (4, 4) robot_from_sensor that the settings describe.
-
-    The robot is the moving frame of the odometry. Angles are yaw, then pitch, then roll.
-    """
+    """Returns robot_from_sensor (4, 4); the robot is the moving frame of the odometry."""
     angles_deg = (settings.sensor_yaw_deg, settings.sensor_pitch_deg, settings.sensor_roll_deg)
     return _mounted((settings.sensor_x_m, settings.sensor_y_m, settings.sensor_z_m), angles_deg)
 
 
 def mounted_at(settings: LidarSettings) -> NDArray[np.float64]:
-    """Returns the (4, 4) frame_from_lidar that the settings describe, see `sensor_mount`."""
+    """Returns frame_from_lidar (4, 4) of the settings."""
     angles_deg = (settings.yaw_deg, settings.pitch_deg, settings.roll_deg)
     return _mounted((settings.x_m, settings.y_m, settings.z_m), angles_deg)
 
 
 def _mounted(position_m: ArrayLike, angles_deg: ArrayLike) -> NDArray[np.float64]:
-    """(4, 4) pose at a position, turned by yaw, then pitch, then roll."""
+    """Returns the (4, 4) pose at a position, turned by yaw, then pitch, then roll."""
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("ZYX", angles_deg, degrees=True).as_matrix()
     pose[:3, 3] = position_m
@@ -74,9 +71,9 @@ def apply(pose: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> NDArray[np.float64]:
-    """Returns the pose at some share of the way between two, at constant velocity and turn rate.
+    """Returns the pose at a share of the way between two, at constant velocity and turn rate.
 
-    Below share 0, the first pose, and above 1, the second, the motion is extrapolated.
+    Shares below 0 (the first pose) and above 1 (the second) extrapolate the motion.
     """
     turn = Rotation.from_matrix(first[:3, :3].T @ second[:3, :3]).as_rotvec()
     pose = np.eye(4)
@@ -86,7 +83,7 @@ def interpolated_pose(first: FloatArray, second: FloatArray, share: float) -> ND
 
 
 def is_rigid(pose: FloatArray) -> bool:
-    """Whether a matrix is (4, 4), finite, and made of a rotation and a translation only."""
+    """Returns whether a matrix is (4, 4), finite, and a rotation and a translation only."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return False
     turn = pose[:3, :3].astype(np.float64)
@@ -102,7 +99,7 @@ def rigid_pose(numbers: ArrayLike) -> NDArray[np.float64]:
     """Returns 16 numbers, row by row, as a (4, 4) float64 pose.
 
     Raises:
-        ValueError: If the count differs, or they are not a rotation and a translation.
+        ValueError: The count differs, or they are not a rigid motion.
     """
     pose = np.asarray(numbers, dtype=np.float64).reshape(4, 4)
     if not is_rigid(pose):
@@ -116,7 +113,7 @@ def poses_from_quaternions(wxyz: ArrayLike, translations: ArrayLike) -> NDArray[
     The quaternions (..., 4) have the real part first and may have any length but 0.
 
     Raises:
-        ValueError: If a shape differs or a quaternion is 0.
+        ValueError: A shape differs or a quaternion is 0.
     """
     quaternions = np.asarray(wxyz, dtype=np.float64)
     positions = np.asarray(translations, dtype=np.float64)

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
-from mnsf_ros.geometry.bounds import bounds
-from mnsf_ros.geometry.chosen_points import chosen_points
-from mnsf_ros.geometry.thinning import thinned
+from mnsf_ros.geometry.point_sets import bounds, chosen_points, thinned
 from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation

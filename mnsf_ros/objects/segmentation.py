@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.geometry.bounds import bounds
+from mnsf_ros.geometry.point_sets import bounds
 
 # A sweep whose points reach farther than this many cells is segmented coarser.
 _MAX_CELLS_PER_AXIS: Final = 2048

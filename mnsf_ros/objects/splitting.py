@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.geometry.chosen_points import chosen_points
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.objects.object_sweep import ObjectSweep, sizes_of
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target

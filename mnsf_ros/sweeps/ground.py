@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.geometry.bounds import bounds
+from mnsf_ros.geometry.point_sets import bounds
 from mnsf_ros.settings import GroundSettings
 
 # A sweep whose points reach farther than this many cells in x or y is binned coarser.

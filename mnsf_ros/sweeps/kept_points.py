@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.geometry.chosen_points import chosen_points
+from mnsf_ros.geometry.point_sets import chosen_points
 from mnsf_ros.settings import CropSettings, Settings
 from mnsf_ros.sweeps.ground import ground_mask
 

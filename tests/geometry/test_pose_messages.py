@@ -22,8 +22,9 @@ def message(position=(1.0, 2.0, 3.0), quaternion=(0.0, 0.0, 0.0, 1.0)):
 
 @pytest.mark.parametrize("length", [0.51, 0.998, 1.0, 1.002, 1.49])
 def test_rounded_quaternion_is_normalised(length):
-    expected = pose(1, 2, 3, yaw_deg=30, pitch_deg=10)
+    expected = pose(1, 2, 3, yaw_deg=200, pitch_deg=10)
     quaternion = length * np.array(pose_quaternion(expected))
+    assert quaternion[3] >= 0
     np.testing.assert_allclose(pose_matrix(message(quaternion=quaternion)), expected, atol=1e-12)
 
 
@@ -37,15 +38,6 @@ def test_quaternion_of_another_length_is_refused_with_its_norm(length):
 def test_position_beyond_all_distances_is_refused(value):
     with pytest.raises(MessageError, match=r"position .* 1e"):
         pose_matrix(message(position=(0, value, 0)))
-
-
-def test_real_part_of_a_quaternion_is_not_negative():
-    rng = np.random.default_rng(0)
-    for angle_deg in rng.uniform(-180, 180, 50):
-        turned = pose(yaw_deg=angle_deg, pitch_deg=angle_deg / 3)
-        quaternion = pose_quaternion(turned)
-        assert quaternion[3] >= 0
-        np.testing.assert_allclose(pose_matrix(message((0, 0, 0), quaternion)), turned, atol=1e-12)
 
 
 def test_pose_that_is_no_rigid_motion_has_no_quaternion():

@@ -76,20 +76,12 @@ class TestBesideThePoses:
         track = track_of(0, 1000, 1010)
         np.testing.assert_allclose(pose_at(track, 1030), path(1030), atol=1e-9)
 
-    def test_nothing_goes_on_after_a_gap(self):
-        assert pose_at(track_of(0, 301), 310) is None
-
-    def test_before_the_first_pose_nothing_is_known(self):
-        assert pose_at(track_of(0, 100), -1) is None
-
     def test_one_pose_holds_at_its_own_stamp_only(self):
         track = track_of(0)
         np.testing.assert_array_equal(pose_at(track, 0), path(0))
         assert pose_at(track, 1) is None
-
-    def test_without_poses_nothing_is_known(self):
+        assert pose_at(track, -1) is None
         assert PoseTrack().pose_at(0) is None
-        assert recorded().pose_at(0) is None
 
 
 class TestOrder:
@@ -106,11 +98,6 @@ class TestOrder:
         assert pose_at(track, 5050) is None
         np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
 
-    def test_a_clock_that_jumps_ahead_leaves_a_gap(self):
-        track = track_of(0, 100, 9000, 9100)
-        assert pose_at(track, 4000) is None
-        np.testing.assert_allclose(pose_at(track, 9050), path(9050), atol=1e-9)
-
     def test_only_so_many_poses_are_kept(self):
         track = track_of(*range(0, 30_000, 10))
         assert pose_at(track, 5) is None
@@ -120,7 +107,7 @@ class TestOrder:
 class TestReading:
     TIMES_MS = (0, 90, 200, 500, 801, 900, 1850, 1950)
 
-    @pytest.mark.parametrize("time_ms", [-1, 0, 40, 90, 350, 599, 650, 705, 850, 960, 1900, 2040])
+    @pytest.mark.parametrize("time_ms", [-1, 0, 40, 350, 650, 850, 960, 2040])
     def test_recorded_and_live_poses_give_the_same(self, time_ms):
         """But for what is live not known yet, where a pose after the stamp is still to come."""
         live, offline = track_of(*self.TIMES_MS), recorded(*self.TIMES_MS)
@@ -132,28 +119,12 @@ class TestReading:
         np.testing.assert_allclose(pose_at(track, 250), path(250), atol=1e-9)
         assert next(poses).stamp_ns == START_NS + 400 * MS
 
-    def test_frame_of_the_poses_is_told(self):
-        track = recorded(0, 100)
-        assert [track.pose_at(START_NS + ns).frame_id for ns in (0, 5)] == ["base", "base"]
-
-    def test_pose_of_the_same_stamp_is_taken_as_it_is(self):
-        poses = [stamped(100 * number) for number in range(4)]
-        track = PoseTrack(poses)
-        for expected in poses:
-            assert track.pose_at(expected.stamp_ns) is expected
-
     def test_no_pose_where_damage_took_some(self):
         track = recorded(0, 100, None, 300, 400)
         np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
         assert pose_at(track, 200) is None
         np.testing.assert_array_equal(pose_at(track, 300), path(300))
         np.testing.assert_allclose(pose_at(track, 350), path(350), atol=1e-9)
-
-    def test_poses_of_the_second_round_of_a_loop(self):
-        times_ms = [10_000, 10_100, 10_200, 10_300, 10_400, 10_500, 1000, 1100, 1200]
-        track = recorded(*times_ms)
-        for time_ms in times_ms:
-            np.testing.assert_array_equal(pose_at(track, time_ms), path(time_ms))
 
     def test_second_round_of_a_loop_is_found_behind_poses_that_nobody_asked_for(self):
         track = recorded(*range(0, 5000, 100), None, *range(0, 300, 100))

@@ -12,6 +12,7 @@ from mnsf_ros.geometry.transforms import (
     interpolated_pose,
     invert,
     is_rigid,
+    poses_from_quaternions,
     rigid_pose,
     sensor_mount,
 )
@@ -72,3 +73,13 @@ def test_what_is_no_rigid_motion_is_refused(matrix):
 
 def test_rigid_motion_of_float32_is_one():
     assert is_rigid(pose(1e4, 2, 3, yaw_deg=40, pitch_deg=-10).astype(np.float32))
+
+
+def test_poses_from_quaternions():
+    half = np.sqrt(0.5)
+    found = poses_from_quaternions([half, 0, 0, half], [1, 2, 3])
+    np.testing.assert_allclose(found, pose(1, 2, 3, yaw_deg=90), atol=1e-12)
+    assert poses_from_quaternions(np.zeros((0, 4)), np.zeros((0, 3))).shape == (0, 4, 4)
+    for quaternion, position in (([0, 0, 0, 0], [0] * 3), ([1, 0, 0], [0] * 3), ([1] * 4, [0])):
+        with pytest.raises(ValueError, match=r"norm|quaternion"):
+            poses_from_quaternions(quaternion, position)

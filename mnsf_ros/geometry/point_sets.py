@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Fewer points: one for each cell that has any."""
+"""Selection, bounds and thinning of points, compiled."""
 
 from __future__ import annotations
 
@@ -10,18 +10,48 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Cells are numbered with 21 bits an axis; what is farther out is in the outermost ones.
+# Cell numbers have 21 bits an axis; points farther out are in the outermost cells.
 _HALF: Final = 2**20
 _ACROSS: Final = 73_856_093
 _ALONG: Final = 19_349_663
 _UP: Final = 83_492_791
 
 
+@compiled("float32[:, ::1](float32[:, ::1], boolean[::1])")
+def chosen_points(xyz: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Returns `xyz[mask]`, points (M, 3) of (N, 3); NumPy takes two to ten times as long."""
+    end, number = min(len(mask), len(xyz)), 0
+    for row in range(end):
+        number += mask[row]
+    chosen = np.empty((number, 3), np.float32)
+    place = 0
+    for row in range(end):
+        if mask[row]:
+            for axis in range(3):
+                chosen[place, axis] = xyz[row, axis]
+            place += 1
+    return chosen
+
+
+@compiled("UniTuple(float32, 4)(float32[:, ::1])")
+def bounds(xyz: NDArray[np.float32]) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Returns the lowest x and y, and the highest x and y, of points (N, 3) with N > 0."""
+    low_x = high_x = xyz[0, 0]
+    low_y = high_y = xyz[0, 1]
+    # Of a flat array the compiler knows the steps.
+    values = xyz.reshape(-1)
+    for row in range(len(xyz)):
+        x, y = values[3 * row], values[3 * row + 1]
+        low_x, high_x = min(low_x, x), max(high_x, x)
+        low_y, high_y = min(low_y, y), max(high_y, y)
+    return low_x, low_y, high_x, high_y
+
+
 def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
     """Returns the mean of the points (N, 3) in each cell, (M, 3).
 
-    They come by height, then from right to left and from back to front: each n-th of them is spread
-    over all places as evenly as all are.
+    Their order is by height, then from right to left and from back to front: each n-th of them is
+    spread as evenly as all are.
     """
     means, keys = _means_of_cells(np.require(xyz, requirements=("C", "W")), 1 / cell_m)
     # np.take is several times faster than means[...].
@@ -30,7 +60,7 @@ def thinned(xyz: NDArray[np.float32], cell_m: float) -> NDArray[np.float32]:
 
 @compiled("int64(float32, float64)")
 def _index(place_m: np.float32, cells_per_m: float) -> int:
-    """The number of a cell along an axis, from 0 on."""
+    """Returns the number of a cell along an axis, from 0 on."""
     return int(np.floor(min(max(place_m * cells_per_m, -_HALF), _HALF - 1))) + _HALF
 
 
@@ -38,7 +68,7 @@ def _index(place_m: np.float32, cells_per_m: float) -> int:
 def _means_of_cells(
     xyz: NDArray[np.float32], cells_per_m: float
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    # A table with open addressing: a third of its places stays free at least.
+    # A table with open addressing; at least a third of its places stays free.
     size = 16
     while 2 * size < 3 * len(xyz):
         size *= 2
