@@ -82,13 +82,6 @@ def test_finds_what_moves_in_a_world_that_stands(make_scene, name):
     assert errors[~scene.moving].mean() < 0.1
 
 
-@pytest.mark.parametrize("name", ["nsfp", "nsfp-linear", "fnsf-linear", "fnsf-time", "mnsf-cycle"])
-def test_runs_on_every_device(translated, device, name):
-    result = estimate(name, translated, SHORT.changed({"compute.device": device.type}))
-    assert result.device == device.type
-    assert np.isfinite(result.flow).all()
-
-
 @pytest.mark.parametrize("name", COLD)
 def test_same_seed_same_bits_whatever_came_before(translated, name):
     estimator = make_method(name, SHORT)
@@ -97,14 +90,6 @@ def test_same_seed_same_bits_whatever_came_before(translated, name):
     np.testing.assert_array_equal(estimator.estimate(translated).flow, first)
     other = estimate(name, translated, SHORT.changed({"compute.seed": 1}))
     assert not np.array_equal(other.flow, first)
-
-
-@pytest.mark.parametrize("name", COLD)
-def test_works_with_random_batches_and_fewer_points(translated, name):
-    settings = SHORT.changed({"optimization.batch_points": 30, "optimization.max_points": 100})
-    result = estimate(name, translated, settings)
-    assert result.flow.shape == translated.current.xyz.shape
-    assert np.isfinite(result.flow).all()
 
 
 @pytest.mark.parametrize("name", COLD)
@@ -151,31 +136,27 @@ def test_says_how_many_sweeps_it_needs_and_refuses_fewer(translated, name):
             estimator.estimate(replace(translated, earlier=()))
 
 
-def test_zero(translated):
-    result = estimate("zero", translated)
-    assert not result.flow.any()
-    assert result.kept.all()
-    assert result.time_ms >= 0
-
-
-def test_ego_motion_is_the_flow_of_what_stands(translated):
+def test_zero_and_ego_are_what_they_say(translated):
+    assert not estimate("zero", translated).flow.any()
     # A quarter turn to the left: what was ahead is now to the right.
     turn = np.eye(4)
     turn[:3, :3] = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
     ahead = SweepTriplet(None, as_sweep([[10.0, 0, 0]]), as_sweep([[0, -10.0, 0]]), (), turn)
     np.testing.assert_allclose(estimate("ego", ahead).flow, [[-10, -10, 0]], atol=1e-6)
     assert mean_error(estimate("ego", translated).flow) < 1e-6
-
-
-def test_ego_motion_must_be_told(translated):
     with pytest.raises(SweepError, match=r"^sweep 10000000000: .*next_from_current"):
         estimate("ego", replace(translated, next_from_current=None))
 
 
-def test_fnsf_is_the_forward_field_of_the_paper(translated):
-    pair = replace(translated, previous=None, earlier=())
-    alone = make_method("mnsf", SHORT).estimate(pair).flow
-    np.testing.assert_array_equal(estimate("fnsf", translated, SHORT).flow, alone)
+@pytest.mark.parametrize("name", ["nsfp", "nsfp-linear", "fnsf-linear", "fnsf-time", "mnsf-cycle"])
+@pytest.mark.parametrize("points", ["all", "few"])
+def test_runs_on_every_device(translated, device, name, points):
+    few = {"optimization.batch_points": 30, "optimization.max_points": 100}
+    settings = SHORT.changed({"compute.device": device.type, **(few if points == "few" else {})})
+    result = estimate(name, translated, settings)
+    assert result.device == device.type
+    assert result.flow.shape == translated.current.xyz.shape
+    assert np.isfinite(result.flow).all()
 
 
 @pytest.mark.parametrize(

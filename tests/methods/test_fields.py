@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The linear field, against its definition written out."""
+"""The linear field and NSFP's loss, against their definitions written out."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 
 from mnsf_ros.errors import SweepError
 from mnsf_ros.methods.fields import KroneckerField
+from mnsf_ros.methods.nsfp import ChamferDistance
 from mnsf_ros.settings import Settings
 
 SETTINGS = Settings().changed({"linear.node_spacing_m": 2.0, "linear.sigma_m": 3.0}).linear
@@ -62,21 +63,6 @@ def test_outside_it_is_the_border(field, device):
     )
 
 
-def test_flow_is_linear_in_the_weights(field, device, generator):
-    positions = 4 * torch.rand(20, 3, generator=generator).to(device)
-    once = field(positions)
-    with torch.no_grad():
-        weights_of(field).mul_(-3)
-    torch.testing.assert_close(field(positions), -3 * once)
-
-
-def test_start_weights_are_uniform_and_seeded(field):
-    weights = weights_of(field)
-    assert 0.5 < weights.abs().max() < 3**-0.5
-    again = KroneckerField(POINTS, SETTINGS, torch.Generator().manual_seed(0))
-    assert torch.equal(weights_of(again), weights.cpu())
-
-
 def test_total_variation_by_hand(field):
     # A field whose flow rises by 1 along x per node, found by solving for the weights.
     with torch.no_grad():
@@ -111,3 +97,32 @@ def test_grid_too_large_for_memory_is_refused(generator):
         SweepError, match=r"^the grid of the linear field would have 503 x 503 x 503"
     ):
         KroneckerField(far, SETTINGS, generator)
+
+
+def slow_chamfer(moved, points, truncation_m):
+    squared = (moved[:, None] - points[None]).square().sum(dim=2)
+    return sum(
+        torch.where(smallest > truncation_m**2, 0.0, smallest).mean()
+        for smallest in (squared.min(dim=1).values, squared.min(dim=0).values)
+    )
+
+
+@pytest.mark.parametrize("truncation_m", [0.7, 1.5, 100.0])
+def test_same_as_brute_force_and_so_is_the_gradient(generator, device, truncation_m):
+    points = (10 * torch.rand(80, 3, generator=generator)).to(device)
+    moved = (10 * torch.rand(120, 3, generator=generator)).to(device).requires_grad_()
+    loss = ChamferDistance(points, truncation_m)(moved)
+    (gradient,) = torch.autograd.grad(loss, moved)
+    expected = slow_chamfer(moved, points, truncation_m)
+    (expected_gradient,) = torch.autograd.grad(expected, moved)
+    torch.testing.assert_close(loss, expected)
+    torch.testing.assert_close(gradient, expected_gradient)
+
+
+def test_nothing_for_points_that_coincide(generator, device):
+    points = torch.rand(50, 3, generator=generator).to(device)
+    moved = points.flip(0).clone().requires_grad_()
+    loss = ChamferDistance(points, 2.0)(moved)
+    loss.backward()
+    assert loss.item() == 0
+    assert not moved.grad.any()
