@@ -69,6 +69,7 @@ def library_missing(error: ModuleNotFoundError) -> str:
         "torch": networks,
         "edt": networks,
         "optuna": "pip install 'optuna>=5,<6'",
+        "ray": "in the checkout: pip install '.[ray]'",
     }
     remedy = remedies.get(
         name,

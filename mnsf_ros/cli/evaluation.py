@@ -67,7 +67,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
             watching=partial(_checking, console),
         )
         with pool as execute:
-            session = SessionRecord.now(sys.argv)
+            session = SessionRecord.now(["mnsf", *sys.argv[1:]])
             tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
             console.say(f"Results folder: {path_text(folder.path)}")
             for key in sorted(folder.restarted):

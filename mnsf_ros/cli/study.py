@@ -97,7 +97,7 @@ def _run(options: argparse.Namespace) -> None:
         max_examples=options.max_examples,
         seed=options.seed,
         resume=options.resume,
-        command=tuple(sys.argv),
+        command=("mnsf", *sys.argv[1:]),
         say=console.say,
         radius=options.radius,
         num_steps=options.steps,

@@ -31,7 +31,6 @@ _TaskFuture = Future[list[TaskEvent]]
 LOCAL: Final = "local"
 _CONNECT_S: Final = 10.0
 _ENDING_S: Final = 5.0
-_NO_RAY: Final = "--ray needs Ray; in the checkout: pip install '.[ray]'"
 
 
 def run_serially(
@@ -54,15 +53,17 @@ def executor(
         num_gpus: GPU share of each task on the cluster.
 
     Raises:
-        EvaluationError: A number is out of range, or Ray is not installed; on entering the
-            context, the cluster cannot be reached.
+        EvaluationError: A number is out of range; on entering the context, the cluster cannot be
+            reached.
     """
     if num_workers < 1:
         raise EvaluationError(f"workers: got {num_workers}, expected 1 or more")
     if num_gpus < 0:
         raise EvaluationError(f"num_gpus: got {num_gpus}, expected 0 or more")
     if ray_address is not None:
-        return _ray_cluster(_imported_ray(), ray_address, num_gpus)
+        import ray
+
+        return _ray_cluster(ray, ray_address, num_gpus)
     return _processes(num_workers) if num_workers > 1 else nullcontext(run_serially)
 
 
@@ -142,6 +143,7 @@ def _ray_cluster(ray: Any, address: str, num_gpus: float) -> Iterator[Executor]:
         futures = {work.remote(task, options).future(): task for task in tasks}
         yield from _events_as_tasks_end(futures, ray.exceptions.RayError)
 
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     # A cluster for this machine only need not be reached from others.
     local = {"_node_ip_address": "127.0.0.1"} if address == LOCAL else {}
     try:
@@ -174,14 +176,3 @@ def _check_address(address: str) -> None:
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
-
-
-def _imported_ray() -> Any:  # noqa: ANN401 - Ray is optional, so its types are
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    try:
-        import ray
-    except ModuleNotFoundError as error:
-        if error.name != "ray":
-            raise
-        raise EvaluationError(_NO_RAY) from error
-    return ray

@@ -24,8 +24,6 @@ from mnsf_ros.presets import UsedSettings, used_settings
 # Layout of the files of a run.
 FORMAT: Final = 3
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
-_COMMAND: Final = "mnsf"
-_MODULE: Final = ("cli", "__main__.py")
 _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD: Final = 5
@@ -33,10 +31,7 @@ _MAX_TOLD: Final = 5
 
 @dataclass(frozen=True)
 class MachineRecord:
-    """A machine: names in the network, of system and processor, and of the GPU or None.
-
-    It is None, too, if nothing on it has loaded PyTorch.
-    """
+    """Names of a machine, its system, processor and GPU; no GPU unless PyTorch is loaded."""
 
     name: str
     system: str
@@ -85,7 +80,11 @@ class SessionRecord:
         return cls(
             started=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
             command=[path_text(argument) for argument in arguments],
-            versions=_versions(),
+            versions={
+                "mnsf_ros": __version__,
+                "python": platform.python_version(),
+                **{package: _version(package) for package in _PACKAGES},
+            },
             machine=MachineRecord.here(),
             git_commit=git_commit(),
         )
@@ -93,12 +92,7 @@ class SessionRecord:
     @property
     def command_line(self) -> str:
         """The command line, quoted for a shell; empty if unknown."""
-        if not self.command:
-            return ""
-        program, *arguments = self.command
-        # `python -m mnsf_ros.cli` is the same command.
-        name = _COMMAND if Path(program).parts[-2:] == _MODULE else Path(program).name
-        return shlex.join([name, *arguments])
+        return shlex.join(self.command)
 
     @property
     def facts(self) -> dict[str, str]:
@@ -200,11 +194,6 @@ def _git(*arguments: str | Path) -> str:
         ).strip()
     except (OSError, subprocess.SubprocessError):
         return ""
-
-
-def _versions() -> dict[str, str]:
-    installed = {package: _version(package) for package in _PACKAGES}
-    return {"mnsf_ros": __version__, "python": sys.version.split()[0], **installed}
 
 
 def _version(package: str) -> str:

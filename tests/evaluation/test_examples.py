@@ -4,16 +4,17 @@ from __future__ import annotations
 import gc
 import weakref
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import small_evaluations as small
 from box_street import pose
 
-from mnsf_ros.evaluation.examples import ExampleBuilder, read_examples
+from mnsf_ros.evaluation.examples import ExampleBuilder, kept_points, read_examples
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack
+from mnsf_ros.evaluation.tracks import TruthCloud, TruthTrack, in_stamp_order
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.methods import make_method
 from mnsf_ros.recording.bag_messages import cloud_message
@@ -56,24 +57,41 @@ def triplets_of(examples):
     ]
 
 
-def test_each_inner_sweep_makes_an_example():
-    examples = list(examples_of(map(small.sweep, range(5))))
-    assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (2, 3, 4)]
-    assert [example.number for example in examples] == [1, 2, 3]
-    assert {example.recording for example in examples} == {"drive"}
-    assert [example.truth for example in examples] == [None] * 3
+@pytest.mark.parametrize(
+    ("num_sweeps", "expected"), [(3, [(0, 1, 2), (1, 2, 3), (2, 3, 4)]), (5, [(2, 3, 4)])]
+)
+def test_each_sweep_with_enough_neighbours_makes_an_example(num_sweeps, expected):
+    sweeps = map(small.sweep, range(5))
+    examples = list(examples_of(sweeps, num_sweeps=num_sweeps, poses=poses_of([0, 1, 2, 3, 4])))
+    assert triplets_of(examples) == expected
+    assert [example.number for example in examples] == [current for _, current, _ in expected]
+    # Earlier ones come nearest first, and there are two of them at most.
+    last = examples[-1].triplet
+    assert [sweep.stamp_ns for sweep in last.earlier] == [small.stamp(1), small.stamp(0)]
+    for index, sweep in enumerate((*reversed(last.before), last.current, last.next)):
+        assert np.array_equal(sweep.odometry, small.pose(index))
+    motion = np.eye(4)
+    motion[0, 3] = -0.5
+    assert np.allclose(last.next_from_current, motion)
 
 
-def test_earlier_sweeps_come_nearest_first_and_no_more_than_two():
-    examples = list(examples_of(map(small.sweep, range(7))))
-    earlier = [[sweep.stamp_ns for sweep in e.triplet.earlier] for e in examples]
-    stamps = [[small.stamp(i) for i in indices] for indices in ([], [0], [1, 0], [2, 1], [3, 2])]
-    assert earlier == stamps
+def test_two_sweeps_are_an_example_where_no_more_are_asked_for():
+    (example,) = examples_of(map(small.sweep, range(2)), num_sweeps=2)
+    assert (example.number, example.triplet.before, example.truth) == (0, (), None)
 
 
-def test_all_methods_begin_where_the_hungriest_can():
-    examples = examples_of(map(small.sweep, range(6)), num_sweeps=5)
-    assert triplets_of(examples) == [(2, 3, 4), (3, 4, 5)]
+@pytest.mark.parametrize("num_points", [None, 20])
+def test_methods_get_whole_sweeps_and_the_points_that_count(num_points):
+    options = options_of(num_points=num_points, seed=1)
+    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), options=options):
+        triplet, expected = example.triplet, small.truth(example.number)
+        for sweep in (*triplet.before, triplet.current, triplet.next):
+            assert len(sweep) == 60
+            assert not sweep.kept[expected.ground].any()
+            assert np.count_nonzero(sweep.kept) == (num_points or 54)
+        assert np.array_equal(example.scored, triplet.current.kept)
+        assert np.array_equal(example.truth.flow, expected.flow)
+        assert np.array_equal(example.truth.class_id, expected.class_id)
 
 
 def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
@@ -83,16 +101,6 @@ def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (4, 5, 6), (5, 6, 7)]
     assert all(not example.triplet.earlier for example in examples[2:3])
     assert findings.warnings == {Event.INTERRUPTIONS: 1}
-
-
-def test_methods_get_whole_sweeps_and_the_points_that_count():
-    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4)):
-        triplet = example.triplet
-        for sweep in (*triplet.before, triplet.current, triplet.next):
-            assert len(sweep) == 60
-            assert np.array_equal(sweep.kept, np.arange(60) % 10 != 1)
-        assert np.array_equal(example.scored, triplet.current.kept)
-        assert np.array_equal(example.truth.valid, np.ones(60, bool))
 
 
 def test_gap_in_time_duplicate_and_other_frame_are_counted():
@@ -106,18 +114,6 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
         Event.GAPS: 1,
         Event.FRAME_CHANGES: 1,
     }
-
-
-def test_truth_is_of_the_same_rows_as_the_points():
-    options = options_of(num_points=20, seed=1)
-    for example in examples_of(map(small.sweep, range(4)), truth_of=range(4), options=options):
-        index = example.number
-        assert np.array_equal(example.triplet.current.xyz, small.xyz(index))
-        assert np.array_equal(example.truth.flow, small.truth(index).flow)
-        assert np.array_equal(example.truth.class_id, small.truth(index).class_id)
-        assert np.count_nonzero(example.scored) == 20
-        assert not example.truth.ground[example.scored].any()
-        assert example.truth.valid[example.scored].all()
 
 
 def test_rows_count_in_the_cloud_also_where_points_were_not_finite():
@@ -143,13 +139,6 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
         Event.INTERRUPTIONS: 1,
         Event.SWEEPS_MISSING: 1,
     }
-
-
-def test_motion_from_odometry():
-    (example,) = examples_of(map(small.sweep, range(3)), poses=poses_of(range(3)))
-    expected = np.eye(4)
-    expected[0, 3] = -0.5
-    assert np.allclose(example.triplet.next_from_current, expected)
 
 
 def test_odometry_that_is_missing_or_of_another_frame_is_counted():
@@ -201,14 +190,6 @@ def test_examples_of_a_recording(tmp_path, num_points):
     assert not findings.warnings
 
 
-def test_two_sweeps_are_an_example_where_no_more_are_asked_for():
-    (example,) = examples_of(map(small.sweep, range(2)), num_sweeps=2)
-    assert example.triplet.previous is None
-    assert example.triplet.before == ()
-    assert example.number == 0
-    assert example.triplet.interval_s == pytest.approx(small.STEP_NS * 1e-9)
-
-
 def test_truth_that_no_sweep_fits_costs_no_example():
     """As of a recording whose truth has stamps of its own: it goes as one without truth."""
     findings = Findings()
@@ -255,21 +236,6 @@ def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
     assert findings.counts[Event.ODOMETRY_CONTRADICTS] == count
 
 
-def test_sweeps_carry_the_pose_of_the_recording():
-    examples = examples_of(map(small.sweep, range(5)), poses=poses_of(range(5)), num_sweeps=5)
-    (triplet,) = (example.triplet for example in examples)
-    for index, sweep in enumerate((*reversed(triplet.before), triplet.current, triplet.next)):
-        assert np.array_equal(sweep.odometry, small.pose(index))
-
-
-def test_sweeps_without_a_pose_carry_none():
-    (example,) = examples_of(map(small.sweep, range(3)), poses=poses_of([1]))
-    triplet = example.triplet
-    assert triplet.previous.odometry is None
-    assert np.array_equal(triplet.current.odometry, small.pose(1))
-    assert triplet.next.odometry is None
-
-
 def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     """Odometry tells of a curve that the points know nothing of: they cannot have told it."""
     monkeypatch.setattr(small, "pose", lambda index: pose(0.4 * index, yaw_deg=3.0 * index))
@@ -282,3 +248,73 @@ def test_ego_motion_by_odometry_is_that_of_the_recording(tmp_path, monkeypatch):
     for example in examples:
         flow, expected = (method.estimate(example.triplet).flow for method in (found, told))
         assert np.allclose(flow, expected, rtol=0, atol=1e-3)
+
+
+NEAR = {"crop.min_range_m": 1.0, "crop.max_range_m": 10.0, "crop.max_height_m": 3.0}
+
+
+def kept(xyz, changes, true_ground=None, stamp_ns=1, **values):
+    options = EvaluationOptions(Settings().changed(changes), **values)
+    return kept_points(np.asarray(xyz, np.float32), stamp_ns, true_ground, options)
+
+
+def test_points_count_within_the_crop_and_without_ground():
+    xyz = [[0.5, 0, 0], [5, 0, 0], [11, 0, 0], [5, 0, 4], [6, 0, 0]]
+    ground = np.array([False, True, False, False, False])
+    assert np.flatnonzero(kept(xyz, NEAR | {"ground.remove": False}, ground)).tolist() == [1, 4]
+    assert np.flatnonzero(kept(xyz, NEAR, ground)).tolist() == [4]
+
+
+def test_ground_is_found_as_the_node_does_without_truth_or_when_asked():
+    xyz = [[x, y, 0.0] for x in range(2, 7) for y in range(-3, 4)] + [[4.0, 0.0, 1.5]]
+    lying = np.zeros(len(xyz), dtype=bool)
+    expected = [False] * (len(xyz) - 1) + [True]
+    assert kept(xyz, NEAR).tolist() == expected
+    assert kept(xyz, NEAR, lying, ground="settings").tolist() == expected
+
+
+def test_random_points_are_the_same_for_a_seed_and_a_stamp():
+    xyz = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
+    wide = {"crop.min_range_m": 0.0, "ground.remove": False}
+    rows, again, other_stamp, other_seed = (
+        np.flatnonzero(kept(xyz, wide, stamp_ns=stamp_ns, num_points=100, seed=seed))
+        for stamp_ns, seed in ((17, 3), (17, 3), (18, 3), (17, 4))
+    )
+    assert np.array_equal(rows, again)
+    assert not np.array_equal(rows, other_stamp)
+    assert not np.array_equal(rows, other_seed)
+    # From all of the sweep, not from a part of it.
+    assert (len(rows), rows.min() < 100, rows.max() >= 900) == (100, True, True)
+    assert kept(xyz[:5], wide, num_points=6).all()
+
+
+def ordered(stamps, window=4):
+    # Items of equal stamp need not be comparable.
+    items = (stamp and SimpleNamespace(stamp_ns=stamp) for stamp in stamps)
+    return [item and item.stamp_ns for item in in_stamp_order(items, window)]
+
+
+@pytest.mark.parametrize(
+    ("received", "expected"),
+    [
+        ([], []),
+        ([2, 1, 4, 3, 6, 5], [1, 2, 3, 4, 5, 6]),
+        ([5, 4, 3, 2, 1], [1, 2, 3, 4, 5]),
+        ([1, 1, 1], [1, 1, 1]),
+        # Nothing moves across a gap, nor from the second round of a loop to the first.
+        ([2, 1, None, 4, 3, None], [1, 2, None, 3, 4, None]),
+        ([*range(100, 107), 1, 3, 2, 4, 5, 6], [*range(100, 107), 1, 2, 3, 4, 5, 6]),
+    ],
+)
+def test_small_disorder_is_put_in_order(received, expected):
+    assert ordered(received) == expected
+
+
+def test_only_the_window_is_held_back():
+    taken = []
+    items = (taken.append(stamp) or SimpleNamespace(stamp_ns=stamp) for stamp in range(100))
+    assert next(in_stamp_order(items, window=3)).stamp_ns == 0
+    assert len(taken) == 4
+    # A straggler beyond the window comes late, but it comes.
+    stamps = [10, 11, 12, 13, 14, 15, 5, 16]
+    assert sorted(ordered(stamps, window=2)) == sorted(stamps)
