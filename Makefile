@@ -12,11 +12,11 @@ ADDED := networks,datasets,tune,test,lint
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := view
+EXTRAS := evaluation,view
 # ROS is built with NumPy 1 and the libraries of the distribution.
 SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
-EXTRAS := wheels,view
+EXTRAS := wheels,evaluation,view
 endif
 
 # PyTorch's own index has torch without CUDA; that of the default index takes gigabytes.

@@ -83,6 +83,8 @@ setup(
     ],
     extras_require={
         "wheels": ROS_WHEELS,
+        # For `mnsf evaluate`, `report`, `study`, `tune` and `demo`, which print tables of errors.
+        "evaluation": ["pandas>=2.2"],
         # For the methods with networks (mnsf, fnsf, nsfp); online does without.
         "networks": ["torch>=2.4", "edt>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.10", "protobuf>=4.22", "pypcd4>=1.4,<2"],

@@ -17,14 +17,16 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import pandas as pd
 from drives import TrueSweep, real_sweeps, simulated_sweeps
 from frame import Table, Target, make_parser, publish
 from scenarios import SCENARIOS
 
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.mover_summary import FAST, SLOW, MoverSummary
-from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
+from mnsf_ros.evaluation.mover_summary import FAST, SLOW
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import scored_row
+from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.flow_truth import FlowTruth
@@ -118,15 +120,15 @@ def _example(name: str, index: int, sweeps: list[TrueSweep], triplet: SweepTripl
 def tables(half: str, rows: list[ResultRow]) -> Iterator[Table]:
     """Figures of the real drive and of all streets together; figures and targets of each group."""
     groups = summarize(rows)
-    judged = {group.method: list(targets(group)) for group in groups}
+    judged = {name: list(targets(group)) for name, group in groups.iterrows()}
     known = [each for found in judged.values() for each in found if each.verdict]
     num_met = sum(each.verdict == "met" for each in known)
     streets = [_renamed(row) for row in rows if row.method not in (KITTI, PAIRS)]
-    main = [group for group in groups if group.method in (KITTI, PAIRS)]
-    main += summarize(streets) if streets else []
+    main = pd.concat([groups[groups.index.isin([KITTI, PAIRS])], summarize(streets)])
     title = f"Movers, {half} half: {num_met} of {len(known)} targets met"
-    yield Table(title, _HEADER, [_cells(group) for group in main])
-    yield Table("Each group", _HEADER, [_cells(group) for group in groups], is_detail=True)
+    yield Table(title, _HEADER, [_cells(group) for _, group in main.iterrows()])
+    details = [_cells(group) for _, group in groups.iterrows()]
+    yield Table("Each group", _HEADER, details, is_detail=True)
     missed = [
         [name, *each.row()]
         for name, found in judged.items()
@@ -146,51 +148,52 @@ _HEADER: Final = (
 )
 
 
-def _cells(summary: MethodSummary) -> list[str]:
-    movers = summary.movers
-    known = (movers.groups.get(group.name) for group in (FAST, SLOW))
-    shares = [math.nan if group is None else group.found for group in known]
-    shares += [movers.recall, movers.precision]
+def _cells(summary: pd.Series) -> list[str]:
+    names = (f"{FAST.name}.found", f"{SLOW.name}.found", "recall", "precision")
     figures = [
-        *(f"{100 * share:.1f}" for share in shares),
-        f"{movers.ghosts_per_sweep:.2f}",
-        *(f"{summary.errors[part].epe_m:.3f}" for part in ("dynamic", "static")),
+        *(f"{100 * summary.get(f'movers.{name}', math.nan):.1f}" for name in names),
+        f"{summary['movers.ghosts_per_sweep']:.2f}",
+        *(f"{summary[f'errors.{part}.epe_m']:.3f}" for part in ("dynamic", "static")),
     ]
-    return [summary.method, *("" if figure == "nan" else figure for figure in figures)]
+    return [str(summary.name), *("" if figure == "nan" else figure for figure in figures)]
 
 
-def targets(summary: MethodSummary) -> Iterator[Target]:
+def targets(summary: pd.Series) -> Iterator[Target]:
     """Yields the targets of a group; a figure that its recordings do not have is NaN."""
-    movers = summary.movers
-    if movers is None:
+
+    def score(name: str, factor: float = 1.0) -> float:
+        return factor * float(summary.get(f"movers.{name}", math.nan))
+
+    if math.isnan(score("ghost_sweeps")):
         return
     for group, least in ((FAST, 97.0), (SLOW, 90.0)):
-        if (known := movers.groups.get(group.name)) is not None:
-            name = f"{group.name} (% of sweeps)"
-            yield Target(f"found, {name}", least, 100 * known.found, is_minimum=True)
-            yield Target(f"lost and found again, {name}", 1.0, 100 * known.flicker)
-    if summary.errors["dynamic"].num_points:
-        yield Target(
-            "precision of dynamic points (%)", 95.0, 100 * movers.precision, is_minimum=True
-        )
+        if score(f"{group.name}.num_movers") > 0:
+            name, found = f"{group.name} (% of sweeps)", score(f"{group.name}.found", 100)
+            yield Target(f"found, {name}", least, found, is_minimum=True)
+            yield Target(f"lost and found again, {name}", 1.0, score(f"{group.name}.flicker", 100))
+    if summary["errors.dynamic.num_points"]:
+        precision = score("precision", 100)
+        yield Target("precision of dynamic points (%)", 95.0, precision, is_minimum=True)
     else:
-        yield Target("sweeps with a false mover (%)", 1.0, 100 * movers.ghost_sweeps)
-    yield Target("called a mover after a stop (s)", 0.5, movers.after_stop_s)
-    limit_m = _MAX_DYNAMIC_M.get(summary.method)
+        yield Target("sweeps with a false mover (%)", 1.0, score("ghost_sweeps", 100))
+    yield Target("called a mover after a stop (s)", 0.5, score("after_stop_s"))
+    limit_m = _MAX_DYNAMIC_M.get(str(summary.name))
     if limit_m is not None:
-        yield Target("dynamic EPE (m)", limit_m, summary.errors["dynamic"].epe_m)
+        yield Target("dynamic EPE (m)", limit_m, summary["errors.dynamic.epe_m"])
     for kind, (bucket, limit) in _NORMALIZED.items():
-        error = summary.bucketed.get(bucket, {}).get("dynamic", math.nan)
+        error = summary.get(f"bucketed.{bucket}.dynamic", math.nan)
         yield Target(f"normalized error, {kind}", limit, error)
-    yield Target("velocity error (m/s)", 0.2, movers.velocity_error_m_s)
-    yield Target("direction error (deg)", 5.0, movers.direction_error_deg)
-    yield Target("confidence: largest deviation of a band", 0.05, _deviation(movers))
+    yield Target("velocity error (m/s)", 0.2, score("velocity_error_m_s"))
+    yield Target("direction error (deg)", 5.0, score("direction_error_deg"))
+    yield Target("confidence: largest deviation of a band", 0.05, _deviation(summary))
 
 
-def _deviation(movers: MoverSummary) -> float:
+def _deviation(summary: pd.Series) -> float:
     """Largest difference of mean confidence and deserved share; NaN without bands."""
-    bands = [band for band in movers.confidence.values() if band[2] >= _MIN_BAND_POINTS]
-    return max((abs(said - share) for said, share, _ in bands), default=math.nan)
+    counts = summary.filter(regex=r"^movers\.confidence\..*\.num_points$")
+    bands = [name.removesuffix(".num_points") for name in counts.index[counts >= _MIN_BAND_POINTS]]
+    off = (abs(summary[f"{band}.mean"] - summary[f"{band}.deserved"]) for band in bands)
+    return max(off, default=math.nan)
 
 
 if __name__ == "__main__":

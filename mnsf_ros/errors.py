@@ -70,6 +70,7 @@ def library_missing(error: ModuleNotFoundError) -> str:
         "edt": networks,
         "optuna": "pip install 'optuna>=5,<6'",
         "ray": "in the checkout: pip install '.[ray]'",
+        "pandas": "pip install 'pandas>=2.2'",
     }
     remedy = remedies.get(
         name,

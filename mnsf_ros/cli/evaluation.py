@@ -150,16 +150,16 @@ def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
 def _print_results(
     results: RunResults, tables: RunTables, folder: RunFolder, console: Console
 ) -> None:
-    if not results.summaries:
-        for text in ("No results.", *map(str, results.notes)):
+    if results.table.empty:
+        for text in ("No results.", *(note.text for note in results.notes)):
             console.warn(text)
         return
-    for table in (*tables.main, *tables.consistency, *tables.comparison, *tables.work):
+    for table in tables.printed:
         console.print(table)
     for text in results.protocol:
         console.say(text)
     for note in results.notes:
-        (console.warn if note.kind.is_incomplete else console.say)(note.text)
+        (console.warn if note.is_incomplete else console.say)(note.text)
     console.say(f"Results: {path_text(folder.path / 'results.md')}")
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from rich.console import Console
 
@@ -25,8 +26,9 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
-from mnsf_ros.evaluation.results import ResultRow, summarize
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import scored_row
+from mnsf_ros.evaluation.summary import errors_in, summarize
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.online.watches import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
@@ -170,15 +172,15 @@ def _scored(example: Example, flow: NDArray[np.float32]) -> list[ResultRow]:
 def _errors_table(rows: list[ResultRow]) -> TextTable | None:
     if not rows:
         return None
-    others, ground = (summary.errors for summary in summarize(rows, (_OTHERS, _GROUND)))
+    summary = summarize(rows, (_OTHERS, _GROUND))
     errors = {
-        _OTHERS: others["all"],
-        "- dynamic": others["dynamic"],
-        "- static": others["static"],
-        _GROUND: ground["all"],
+        _OTHERS: errors_in(summary, "all").loc[_OTHERS],
+        "- dynamic": errors_in(summary, "dynamic").loc[_OTHERS],
+        "- static": errors_in(summary, "static").loc[_OTHERS],
+        _GROUND: errors_in(summary, "all").loc[_GROUND],
     }
     title = f"Errors against the truth of the recording, mean over {len(rows) // 2} flows"
-    return errors_table(errors, title=title, row_title="points")
+    return errors_table(pd.DataFrame(errors).T, title, "points")
 
 
 def figures_table(log: ReplayLog) -> TextTable:

@@ -2,14 +2,14 @@
 """The two metrics of the Argoverse 2 scene flow challenge.
 
 * Three-way EPE (2023): the mean of the EPE of foreground dynamic, foreground static and background
-  static points, as in the package av2: foreground is all that is labelled as an object.
-* Bucket-normalized error (2024): per class, points are sorted into buckets of 0.04 m by their true
-  motion of their own in 0.1 s. Of the first bucket the EPE counts (static error), of each other
-  one its EPE over its mean motion; the mean over these is the dynamic error. 1 is the error of
-  the sensor's own motion alone. Only points less than 35 m away along x and along y count, and not
-  those of signs, cones and animals, as in the package bucketed_scene_flow_eval.
+  static points, as in the package av2: foreground is everything labelled as an object.
+* Bucket-normalized error (2024): the points of each class fall into buckets of 0.04 m by their true
+  motion in 0.1 s without ego motion. The first bucket gives the static error, its EPE. Each other
+  one gives its EPE over its mean motion; the mean over these is the dynamic error, 1 for ego
+  motion alone. Only points less than 35 m away along x and along y count, without signs, cones and
+  animals, as in the package bucketed_scene_flow_eval.
 
-Both are means over all points of all examples, so an example gives sums, which can be added.
+Both are means over all points of all examples, so an example gives sums, which are added.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.recording.flow_truth import SurfaceClass
 
-# Of a group of points: their number, the sum of their errors (m), the sum of their own motion (m).
+# Group of points to their number, sum of errors (m) and sum of motion without ego motion (m).
 Sums = dict[str, list[float]]
 
 FOREGROUND_DYNAMIC: Final = "foreground dynamic"
@@ -75,8 +75,8 @@ def bucket_sums(
 ) -> Sums:
     """Adds up errors and motion of each class and bucket.
 
-    `errors_m` and `motion_m`, the true motion without that of the sensor, are (N,) metres in 0.1 s,
-    `xy` is (N, 2) metres in the sensor's frame, `class_id` (N,) as in `docs/recordings.md`.
+    `errors_m` and `motion_m`, the true motion without ego motion, are (N,) metres in 0.1 s, `xy` is
+    (N, 2) metres in the sensor frame, `class_id` (N,) as in `docs/recordings.md`.
 
     Returns:
         `CLASS/bucket` to its sums; the first bucket is 0. Empty ones are missing.
@@ -94,69 +94,40 @@ def bucket_sums(
     return sums
 
 
-def added(parts: Iterable[Mapping[str, list[float]]]) -> Sums:
-    """Adds the sums of several examples."""
-    columns: dict[str, list[list[float]]] = {}
-    for part in parts:
-        for name, sums in part.items():
-            columns.setdefault(name, []).append(sums)
-    return {
-        name: [math.fsum(column) for column in zip(*rows, strict=True)]
-        for name, rows in columns.items()
-    }
+def over_all_points(parts: Iterable[Mapping[str, list[float]]]) -> dict[str, float]:
+    """Returns both metrics over the points of several examples; empty without any.
 
-
-def over_all_points(
-    parts: Iterable[Mapping[str, list[float]]],
-) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Returns both metrics over the points of several examples, with a `mean`; empty without any.
-
-    The first mean is that of the three groups, NaN without one of them, the second that of the
-    classes which have a value.
+    Returns:
+        `three_way.GROUP` to EPE in metres, and `three_way.mean`, NaN without points of all groups;
+        `bucketed.CLASS.dynamic` (normalized) and `bucketed.CLASS.static` (m), and those of the
+        class `mean`, the mean over the classes that have a value.
     """
-    sums = added(parts)
-    if not sums:
-        return {}, {}
-    groups, classes = three_way_epe_m(sums), bucketed_errors(sums)
-    groups["mean"] = math.fsum(groups.values()) / len(groups)
-    if classes:
-        means = {kind: mean([own[kind] for own in classes.values()]) for kind in (DYNAMIC, STATIC)}
-        classes["mean"] = means
-    return groups, classes
-
-
-def three_way_epe_m(sums: Mapping[str, list[float]]) -> dict[str, float]:
-    """Returns the EPE of each of the three groups, NaN without points, metres."""
-    return {name: _mean_error(sums.get(name)) for name in THREE_WAY}
-
-
-def bucketed_errors(sums: Mapping[str, list[float]]) -> dict[str, dict[str, float]]:
-    """Returns class to its dynamic error (normalized) and its static error (m), NaN if unknown."""
-    ratios: dict[str, list[float]] = {}
-    static_m: dict[str, float] = {}
-    for name, (_, error_sum_m, motion_sum_m) in sums.items():
-        class_name, _, bucket = name.partition("/")
-        if not bucket:
-            continue
-        ratios.setdefault(class_name, [])
-        if bucket == "0":
-            static_m[class_name] = _mean_error(sums[name])
-        else:
-            ratios[class_name].append(error_sum_m / motion_sum_m)
-    return {
-        class_name: {
-            DYNAMIC: math.fsum(ratios[class_name]) / len(ratios[class_name])
-            if ratios[class_name]
-            else math.nan,
-            STATIC: static_m.get(class_name, math.nan),
-        }
-        for class_name in sorted(ratios)
+    table = pd.DataFrame(
+        [(name, *sums) for part in parts for name, sums in part.items()],
+        columns=["name", "number", "error_m", "motion_m"],
+    )
+    if table.empty:
+        return {}
+    sums = table.groupby("name").sum()
+    epe_m, ratios = sums["error_m"] / sums["number"], sums["error_m"] / sums["motion_m"]
+    groups = epe_m.reindex(THREE_WAY)
+    found: dict[str, float] = groups.add_prefix("three_way.").to_dict()
+    found["three_way.mean"] = groups.mean(skipna=False)
+    buckets = [name for name in sums.index if "/" in name]
+    classes = pd.DataFrame(
+        {
+            DYNAMIC: ratios[[name for name in buckets if not name.endswith("/0")]],
+            STATIC: epe_m[[name for name in buckets if name.endswith("/0")]],
+        },
+        index=buckets,
+    )
+    classes = classes.groupby(lambda name: name.partition("/")[0]).mean()
+    if buckets:
+        classes.loc["mean"] = classes.mean()
+    return found | {
+        f"bucketed.{name}.{kind}": value for (name, kind), value in classes.stack().items()
     }
 
 
 def _sums(errors_m: NDArray[np.float64], motion_m: NDArray[np.float64]) -> list[float]:
     return [float(len(errors_m)), math.fsum(errors_m), math.fsum(motion_m)]
-
-
-def _mean_error(sums: list[float] | None) -> float:
-    return sums[1] / sums[0] if sums else math.nan

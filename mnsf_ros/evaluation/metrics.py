@@ -19,8 +19,8 @@ them left out says so with the `valid` mask.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
@@ -150,36 +150,9 @@ def mean_of(examples: Iterable[FlowErrors]) -> FlowErrors:
     scored = [errors for errors in examples if errors.num_points > 0]
     if not scored:
         return NO_ERRORS
-    count = len(scored)
-    return FlowErrors(
-        epe_m=math.fsum(errors.epe_m for errors in scored) / count,
-        acc5=math.fsum(errors.acc5 for errors in scored) / count,
-        acc10=math.fsum(errors.acc10 for errors in scored) / count,
-        outliers=math.fsum(errors.outliers for errors in scored) / count,
-        angle_error_rad=math.fsum(errors.angle_error_rad for errors in scored) / count,
-        num_points=sum(errors.num_points for errors in scored),
-    )
-
-
-def means_by_group(examples: Iterable[Mapping[str, FlowErrors]]) -> dict[str, FlowErrors]:
-    """Returns the mean over examples of the errors of each group of points."""
-    groups: dict[str, list[FlowErrors]] = {}
-    for example in examples:
-        for name, errors in example.items():
-            groups.setdefault(name, []).append(errors)
-    return {name: mean_of(errors) for name, errors in groups.items()}
-
-
-def means_by_limit(examples: Iterable[Mapping[str, FlowErrors]]) -> dict[str, FlowErrors]:
-    """Returns the same of bands, by their upper limits in ascending order."""
-    means = means_by_group(examples)
-    return {limit: means[limit] for limit in sorted(means, key=float)}
-
-
-def means_by_name(examples: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Returns the mean of each value over the examples that have it."""
-    names = dict.fromkeys(name for example in examples for name in example)
-    return {name: mean([one[name] for one in examples if name in one]) for name in names}
+    names = [field.name for field in fields(FlowErrors) if field.name != "num_points"]
+    means = {name: mean([getattr(errors, name) for errors in scored]) for name in names}
+    return FlowErrors(**means, num_points=sum(errors.num_points for errors in scored))
 
 
 def mean(values: Sequence[float]) -> float:

@@ -1,18 +1,18 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How well movers are found and followed over time, from what was said of them sweep by sweep."""
+"""Scores of movers over time: points, false movers, detection and tracking of objects."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from mnsf_ros.evaluation.movers import STOPPED_M_S, MoverRow, ObjectRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # An object that was away for longer comes into view anew.
@@ -25,10 +25,10 @@ class MoverGroup:
     """Movers that are scored together.
 
     Attributes:
-        name: What they are called in tables.
-        speeds_m_s: From, to.
-        max_range_m: Those farther off do not count.
-        first_s: This long after it came into view a mover need not be found yet.
+        name: Name in tables.
+        speeds_m_s: Lower and upper limit of the true speed.
+        max_range_m: Largest distance.
+        first_s: Grace period after an object comes into view.
         kind: Its kind, see `ObjectRow`; empty for all.
     """
 
@@ -38,17 +38,18 @@ class MoverGroup:
     first_s: float = 0.3
     kind: str = ""
 
-    def has(self, row: ObjectRow) -> bool:
-        """Whether an object of a sweep belongs to the group."""
+    def among(self, objects: pd.DataFrame) -> pd.DataFrame:
+        """Returns the objects of the group."""
         low, high = self.speeds_m_s
-        is_of_kind = not self.kind or row.kind == self.kind
-        is_near = row.range_m <= self.max_range_m
-        return row.moves and is_of_kind and low <= row.speed_m_s < high and is_near
+        speeds_m_s = objects["speed_m_s"]
+        own = objects["moves"] & (speeds_m_s >= low) & (speeds_m_s < high)
+        own &= objects["range_m"] <= self.max_range_m
+        return objects[own & (objects["kind"] == self.kind) if self.kind else own]
 
 
 FAST: Final = MoverGroup("2 m/s and faster, to 50 m", (2.0, math.inf))
 SLOW: Final = MoverGroup("0.5 to 2 m/s, to 30 m", (0.5, 2.0), 30.0, 0.6)
-# The first two are those that targets are about.
+# The first two have targets.
 MOVER_GROUPS: Final = (
     FAST,
     SLOW,
@@ -60,172 +61,116 @@ MOVER_GROUPS: Final = (
     MoverGroup("two-wheelers, to 50 m", kind="cyclist"),
     MoverGroup("pedestrians, to 30 m", max_range_m=30.0, first_s=0.6, kind="pedestrian"),
 )
-
-
-@dataclass(frozen=True)
-class GroupSummary:
-    """How well the movers of a group were found and followed.
-
-    Attributes:
-        num_movers: Movers, each time that one comes into view.
-        num_sweeps: Sweeps of all movers together after the first ones, see `MoverGroup.first_s`.
-        found: Share of these in which the mover was found; NaN without any.
-        flicker: Share of all sweeps in which a mover is lost that was found before and is after.
-        delay_s: Mean time from coming into view until found; one that is never found counts with
-            all its time.
-    """
-
-    num_movers: int
-    num_sweeps: int
-    found: float
-    flicker: float
-    delay_s: float
-
-
-@dataclass(frozen=True)
-class MoverSummary:
-    """What a method said of movers on all of its examples. NaN where there is nothing to judge.
-
-    Attributes:
-        precision: Share of the points called dynamic that are.
-        recall: Share of the dynamic points that are called so.
-        iou: Points called dynamic that are, over those that are called so or are.
-        ghosts_per_sweep: Mean number of false movers.
-        ghost_sweeps: Share of sweeps with a false mover.
-        velocity_error_m_s: Median over tracked objects and sweeps.
-        direction_error_deg: Likewise.
-        after_stop_s: Longest time that an object was called a mover after it had stopped; 0 if
-            none of those that stopped was. NaN: nothing stopped in view.
-        confidence: Lower limit of a band of confidence to mean confidence, share of points with
-            less than 0.1 m of error, and number of points.
-        groups: Name of a group of movers to figures; those without movers are missing.
-        lost: What lost movers of 0.5 m/s and more up to 50 m, to the number of mover-sweeps.
-    """
-
-    precision: float
-    recall: float
-    iou: float
-    ghosts_per_sweep: float
-    ghost_sweeps: float
-    velocity_error_m_s: float
-    direction_error_deg: float
-    after_stop_s: float
-    confidence: dict[str, tuple[float, float, int]]
-    groups: dict[str, GroupSummary]
-    lost: dict[str, int]
-
-
 _ANY: Final = MoverGroup("0.5 m/s and faster, to 50 m")
-
-# Name of the recording, stamp of the sweep and what was said of its movers.
-StampedRow = tuple[str, int, MoverRow]
-_Run = list[tuple[float, ObjectRow]]
-
-
-def summarize_movers(rows: Iterable[StampedRow]) -> MoverSummary | None:
-    """Returns the figures of a method over all sweeps, in any order; None if there are none."""
-    rows = sorted(rows, key=lambda row: row[:2])
-    if not rows:
-        return None
-    right, wrong, missed = np.sum([row.points for _, _, row in rows], axis=0).tolist()
-    ghosts = np.array([row.num_ghosts for _, _, row in rows])
-    objects = [item for _, _, row in rows for item in row.objects if item.moves]
-    runs = _runs(rows)
-    groups = {group.name: _group_summary(group, runs) for group in MOVER_GROUPS}
-    return MoverSummary(
-        precision=_share(right, right + wrong),
-        recall=_share(right, right + missed),
-        iou=_share(right, right + wrong + missed),
-        ghosts_per_sweep=float(ghosts.mean()),
-        ghost_sweeps=float((ghosts > 0).mean()),
-        velocity_error_m_s=_median([item.velocity_error_m_s for item in objects]),
-        direction_error_deg=math.degrees(_median([item.direction_error_rad for item in objects])),
-        after_stop_s=float(np.fmax.reduce([_after_stop_s(run) for run in runs], initial=math.nan)),
-        confidence=_calibration([row.confidence for _, _, row in rows]),
-        groups={name: group for name, group in groups.items() if group is not None},
-        lost=dict(
-            Counter(
-                item.lost_by.value
-                for item in objects
-                if item.lost_by is not None and _ANY.has(item)
-            ).most_common()
-        ),
-    )
+_COLUMNS: Final = [*(one.name for one in fields(ObjectRow)), "recording", "time_s", "is_found"]
+_TYPES: Final = {"moves": bool, "is_found": bool, "time_s": float} | dict.fromkeys(
+    ("speed_m_s", "range_m", "velocity_error_m_s", "direction_error_rad"), float
+)
 
 
-def _runs(rows: Sequence[StampedRow]) -> list[_Run]:
-    """Time in seconds and row of each object, apart for each time that it comes into view."""
-    runs: list[_Run] = []
-    current: dict[tuple[str, int], _Run] = {}
-    for recording, stamp_ns, row in rows:
-        for item in row.objects:
-            key, time_s = (recording, item.object_id), stamp_ns / NANOSECONDS
-            run = current.get(key)
-            if run is None or time_s - run[-1][0] > _MAX_AWAY_S:
-                run = current[key] = []
-                runs.append(run)
-            run.append((time_s, item))
-        for object_id in row.standing:
-            key, time_s = (recording, object_id), stamp_ns / NANOSECONDS
-            if key in current and time_s - current[key][-1][0] <= _MAX_AWAY_S:
-                current[key].append((time_s, ObjectRow(object_id, "", False, 0.0, 0.0, 0, 0.0)))
-    return runs
+def summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
+    """Returns the scores over the rows of one method, in any order; empty without movers.
 
+    NaN stands where there is nothing to judge.
 
-def _group_summary(group: MoverGroup, runs: Iterable[_Run]) -> GroupSummary | None:
-    late: list[bool] = []
-    delays_s: list[float] = []
-    num_sweeps = num_lost = 0
-    for run in runs:
-        own = [(time_s, item.is_found) for time_s, item in run if group.has(item)]
-        if not own:
-            continue
-        first_s = own[0][0]
-        late += [found for time_s, found in own if time_s - first_s >= group.first_s - _TINY_S]
-        hits = [place for place, (_, found) in enumerate(own) if found]
-        delays_s.append(own[hits[0] if hits else -1][0] - first_s)
-        num_sweeps += len(own)
-        num_lost += hits[-1] - hits[0] + 1 - len(hits) if hits else 0
-    if not delays_s:
-        return None
-    return GroupSummary(
-        num_movers=len(delays_s),
-        num_sweeps=len(late),
-        found=_share(sum(late), len(late)),
-        flicker=num_lost / num_sweeps,
-        delay_s=math.fsum(delays_s) / len(delays_s),
-    )
-
-
-def _after_stop_s(run: _Run) -> float:
-    """How long an object is called a mover after it stopped; NaN if it never did so."""
-    longest_s, stopped_s, has_moved = math.nan, math.nan, False
-    for time_s, item in run:
-        if item.moves:
-            has_moved, stopped_s = True, math.nan
-        elif has_moved and item.speed_m_s < STOPPED_M_S:
-            stopped_s = time_s if math.isnan(stopped_s) else stopped_s
-            longest_s = np.fmax(longest_s, time_s - stopped_s if item.is_found else 0.0)
-    return float(longest_s)
-
-
-def _calibration(
-    parts: Iterable[dict[str, list[float]]],
-) -> dict[str, tuple[float, float, int]]:
-    sums: dict[str, NDArray[np.float64]] = {}
-    for part in parts:
-        for band, values in part.items():
-            sums[band] = sums.get(band, np.zeros(3)) + values
-    return {
-        band: (float(said / number), float(close / number), int(number))
-        for band, (number, said, close) in sorted(sums.items(), key=lambda item: float(item[0]))
+    Returns:
+        * `precision`, `recall`, `iou` of the points called dynamic;
+        * `ghosts_per_sweep`, mean number of false movers, and `ghost_sweeps`, share of sweeps with
+          one;
+        * `velocity_error_m_s` and `direction_error_deg`, medians over tracked objects and sweeps;
+        * `after_stop_s`, longest time that an object was called a mover after it had stopped; NaN
+          if nothing stopped in view;
+        * of each of `MOVER_GROUPS` with movers, `NAME.num_movers` (each time that one comes into
+          view), `NAME.num_sweeps` (sweeps of all movers after their grace period), `NAME.found`
+          (share of these in which the mover was found), `NAME.flicker` (share of all sweeps in
+          which a mover is lost that was found before and is after), `NAME.delay_s` (mean time from
+          coming into view until found, or until out of view);
+        * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection;
+        * of bands of confidence by their lower limit, `confidence.LIMIT.mean`, `.deserved` (share
+          of points with less than 0.1 m of error) and `.num_points`.
+    """
+    rows = sorted(rows, key=lambda row: (row.recording, row.stamp_ns))
+    scored = [(row, row.movers) for row in rows if row.movers is not None]
+    if not scored:
+        return {}
+    right, wrong, missed = np.sum([movers.points for _, movers in scored], axis=0).tolist()
+    ghosts = np.array([movers.num_ghosts for _, movers in scored])
+    objects = _objects(scored)
+    moving = objects[objects["moves"]]
+    found = {
+        "precision": _share(right, right + wrong),
+        "recall": _share(right, right + missed),
+        "iou": _share(right, right + wrong + missed),
+        "ghosts_per_sweep": float(ghosts.mean()),
+        "ghost_sweeps": float((ghosts > 0).mean()),
+        "velocity_error_m_s": moving["velocity_error_m_s"].median(),
+        "direction_error_deg": math.degrees(moving["direction_error_rad"].median()),
+        "after_stop_s": _after_stop_s(objects),
     }
+    for group in MOVER_GROUPS:
+        figures = _group_figures(group, group.among(objects))
+        found |= {f"{group.name}.{key}": value for key, value in figures.items()}
+    lost = _ANY.among(objects)["lost_by"].dropna().value_counts()
+    found |= {f"lost.{stage.value}": number for stage, number in lost.items()}
+    return found | _calibration(movers.confidence for _, movers in scored)
+
+
+def _objects(scored: Sequence[tuple[ResultRow, MoverRow]]) -> pd.DataFrame:
+    """A line for each object and sweep; `view` numbers the times that objects come into view."""
+    lines = []
+    for row, movers in scored:
+        standing = (ObjectRow(number, "", False, 0.0, 0.0, 0, 0.0) for number in movers.standing)
+        for item in (*movers.objects, *standing):
+            time_s = row.stamp_ns / NANOSECONDS
+            line = {"recording": row.recording, "time_s": time_s, "is_found": item.is_found}
+            lines.append(vars(item) | line)
+    objects = pd.DataFrame(lines, columns=_COLUMNS).astype(_TYPES)
+    objects = objects.sort_values(["recording", "object_id", "time_s"])
+    away_s = objects.groupby(["recording", "object_id"])["time_s"].diff()
+    return objects.assign(view=(away_s.isna() | (away_s > _MAX_AWAY_S)).cumsum())
+
+
+def _group_figures(group: MoverGroup, own: pd.DataFrame) -> dict[str, float]:
+    """Scores of the movers of a group; empty without any."""
+    if own.empty:
+        return {}
+    times_s = own.groupby("view")["time_s"].agg(["min", "max"])
+    hits_s = own[own["is_found"]].groupby("view")["time_s"].agg(["min", "max"])
+    hits_s = hits_s.reindex(times_s.index)
+    since_s = own["time_s"] - own["view"].map(times_s["min"])
+    late = own[since_s >= group.first_s - _TINY_S]
+    between = own["time_s"].between(own["view"].map(hits_s["min"]), own["view"].map(hits_s["max"]))
+    return {
+        "num_movers": len(times_s),
+        "num_sweeps": len(late),
+        "found": late["is_found"].mean(),
+        "flicker": (between & ~own["is_found"]).mean(),
+        "delay_s": (hits_s["min"].fillna(times_s["max"]) - times_s["min"]).mean(),
+    }
+
+
+def _after_stop_s(objects: pd.DataFrame) -> float:
+    """Longest time that an object is called a mover after it stopped; NaN if none did."""
+    moves = objects["moves"].astype(int)
+    stops = moves.groupby(objects["view"]).cumsum()
+    stopped = objects[(stops > 0) & (moves == 0) & (objects["speed_m_s"] < STOPPED_M_S)]
+    starts_s = stopped.groupby([stopped["view"], stops])["time_s"].transform("min")
+    return float((stopped["time_s"] - starts_s).where(stopped["is_found"], 0.0).max())
+
+
+def _calibration(parts: Iterable[Mapping[str, Sequence[float]]]) -> dict[str, float]:
+    bands = pd.DataFrame(
+        [(band, *values) for part in parts for band, values in part.items()],
+        columns=["band", "number", "said", "close"],
+    )
+    sums = bands.groupby("band").sum().sort_index(key=lambda band: band.astype(float))
+    found: dict[str, float] = {}
+    for band, (number, said, close) in zip(sums.index, sums.to_numpy(), strict=True):
+        found[f"confidence.{band}.mean"] = said / number
+        found[f"confidence.{band}.deserved"] = close / number
+        found[f"confidence.{band}.num_points"] = number
+    return found
 
 
 def _share(part: float, whole: float) -> float:
     return part / whole if whole else math.nan
-
-
-def _median(values: Sequence[float]) -> float:
-    known = [value for value in values if not math.isnan(value)]
-    return float(np.median(known)) if known else math.nan

@@ -50,7 +50,7 @@ class LostBy(Enum):
     TOO_LARGE = "too large"
     NOT_SUSPECTED = "not suspected"
     LEFT_OUT = "left out"
-    VOTE = "vote"
+    FIRST_GUESS = "first guess"
     FIT = "fit"
     GATE = "gate"
     PARTLY = "found in part"
@@ -259,7 +259,7 @@ def _with_loss(
     has_started_well = (
         reason.start is not None and np.linalg.norm(reason.start - motion) <= _GOOD_START_M
     )
-    return replace(item, lost_by=LostBy.FIT if has_started_well else LostBy.VOTE)
+    return replace(item, lost_by=LostBy.FIT if has_started_well else LostBy.FIRST_GUESS)
 
 
 def _kind(class_id: int) -> str:

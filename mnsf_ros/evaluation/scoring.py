@@ -11,12 +11,7 @@ from scipy.spatial import cKDTree
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.argoverse_metrics import (
-    bucket_sums,
-    bucketed_errors,
-    three_way_epe_m,
-    three_way_sums,
-)
+from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, three_way_sums
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import (
     RANGE_LIMITS_M,
@@ -163,8 +158,6 @@ def _with_errors(
     share = USUAL_INTERVAL_S / interval_s
     xy = xyz[:, :2].astype(np.float64)
     errors_m = end_point_errors(flow, true_flow)
-    groups = three_way_sums(errors_m, dynamic, class_id)
-    buckets = bucket_sums(errors_m * share, own_m * share, xy, class_id)
     movers = None
     if estimate.over_ground is not None:
         movers = mover_row(known, estimate.over_ground, rows, errors_m, estimate.reason_of)
@@ -175,9 +168,10 @@ def _with_errors(
         error_counts=error_counts(errors_m),
         by_range=errors_by_band(flow, true_flow, np.linalg.norm(xy, axis=1), RANGE_LIMITS_M),
         by_speed=errors_by_band(flow, true_flow, own_m / interval_s, SPEED_LIMITS_M_S),
-        three_way_epe_m=three_way_epe_m(groups),
-        bucketed=bucketed_errors(buckets),
-        sums={**groups, **buckets},
+        sums={
+            **three_way_sums(errors_m, dynamic, class_id),
+            **bucket_sums(errors_m * share, own_m * share, xy, class_id),
+        },
     )
 
 

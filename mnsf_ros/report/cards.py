@@ -18,7 +18,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
 class Picture(NamedTuple):
-    """A picture of the page: a data URI, what it shows for those who do not see it, a caption."""
+    """A picture of the page: a data URI, a text for those who do not see it, a caption."""
 
     uri: str
     alt: str
@@ -35,12 +35,12 @@ class Card(NamedTuple):
 
 
 class Pictures(NamedTuple):
-    """What a run shows in pictures.
+    """The pictures of a run.
 
     Attributes:
         worst: The worst sweeps.
         missed: The surroundings of the movers that were missed most often.
-        why_not: Why some of the worst sweeps have no picture; empty if all have one.
+        why_not: Reason for missing pictures of the worst sweeps; empty if all have one.
     """
 
     worst: list[Card]
@@ -50,51 +50,43 @@ class Pictures(NamedTuple):
 
 def pictures_of(results: RunResults, flows: ShownFlows, number: int) -> Pictures:
     """Draws so many of the worst sweeps and missed movers, as far as the run kept their flow."""
-    worst = [_worst_card(results, row, flows) for row in results.worst[:number]]
+    worst = [_worst_card(results, row, flows) for row in results.worst["row"][:number]]
     missed = [_missed_card(one, flows) for one in results.missed[:number]]
-    return Pictures(
-        worst=[card for card in worst if card is not None],
-        missed=[card for card in missed if card is not None],
-        why_not=_why_not(len(worst), worst.count(None)),
-    )
-
-
-def _why_not(num_wanted: int, num_without: int) -> str:
-    if num_without == 0:
-        return ""
-    return (
-        f"{num_without} of {num_wanted} sweeps have no picture: the run did not keep their flow. "
-        "A new run with --pictures keeps that of the worst sweeps, with --write-flow that of all."
-    )
+    num_without, why_not = worst.count(None), ""
+    if num_without:
+        why_not = (
+            f"{num_without} of {len(worst)} sweeps have no picture: the run did not keep their "
+            "flow. A new run with --pictures keeps that of the worst sweeps, with --write-flow "
+            "that of all."
+        )
+    return Pictures(list(filter(None, worst)), list(filter(None, missed)), why_not)
 
 
 def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
-    """A sweep with its truth, and the flow of each method that has a kept one; None without."""
+    """A sweep with its truth and every flow that was kept; None without that of the row."""
     own = flows.find(row)
     if own is None:
         return None
-    rivals = [other for other in results.rows if other.sweep == row.sweep and other is not row]
+    rivals = [one for one in results.table["row"] if one.sweep == row.sweep and one is not row]
     found = [(row, own), *((one, flow) for one in rivals if (flow := flows.find(one)) is not None)]
     painter = _painter([flow for _, flow in found])
     where = f"sweep {row.number} of {row.recording}"
     pictures = []
     if true_picture := painter.truth():
-        alt = f"True flow of {where} in top view, and what moves without ego motion."
+        alt = f"True flow of {where} in top view, and its part without ego motion."
         pictures.append(Picture(_uri(true_picture), alt, "Truth", is_truth=True))
     for one, item in found:
-        if one is not row and not np.nan_to_num(item.flow).any():
-            continue
-        said = f"{one.method}: {_figures(one)}"
-        alt = f"Flow of {where} by {one.method} and its {painter.error_name}, top view. {said}."
-        pictures.append(
-            Picture(_uri(painter.method(one.method, item.flow, item.error_m)), alt, said)
-        )
+        if one is row or np.nan_to_num(item.flow).any():
+            caption = f"{one.method}: {_figures(one)}"
+            picture = painter.method(one.method, item.flow, item.error_m)
+            alt = f"Flow of {where} by {one.method} and its {painter.error_name}, top view. "
+            pictures.append(Picture(_uri(picture), f"{alt}{caption}.", caption))
     subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {len(own.xyz):,} points"
     return Card(f"{row.recording}, sweep {row.number}", subtitle, pictures)
 
 
 def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
-    """What moves around a missed mover, in truth and by the method; None if unknown."""
+    """Motion around a missed mover, in truth and by the method; None if unknown."""
     item, row = missed.item, missed.row
     flow = flows.find(row, item.object_id)
     if flow is None:
@@ -103,7 +95,7 @@ def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
     if png is None:
         return None
     caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
-    alt = f"What moves around the {item.kind} in top view, in truth and by {row.method}. {caption}."
+    alt = f"Motion around the {item.kind} in top view, in truth and by {row.method}. {caption}."
     subtitle = (
         f"{row.stamp_ns / NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
         f"{item.speed_m_s:.1f} m/s, {item.range_m:.0f} m away"

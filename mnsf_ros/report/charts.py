@@ -4,19 +4,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
+import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from mnsf_ros.drawing.charts import band_chart, curve_chart, share_bars, stage_bars
-from mnsf_ros.evaluation.metrics import ERROR_LIMITS_M, FlowErrors
-from mnsf_ros.evaluation.results import MethodSummary
+from mnsf_ros.evaluation.comparison import errors_by_sweep
+from mnsf_ros.evaluation.metrics import ERROR_LIMITS_M
+from mnsf_ros.evaluation.summary import errors_in, part_of
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import bin_names
+from mnsf_ros.report.tables import bin_names, epe_in_bins
 
 # A reference so much worse than the best method would flatten all other lines of a chart.
 _OFF_THE_CHART: Final = 5.0
+_REST: Final = "other"
+# A smaller part of the time outside of all stages is not worth a colour.
+_REST_SHARE: Final = 0.02
 
 
 class Charts(NamedTuple):
@@ -26,7 +31,7 @@ class Charts(NamedTuple):
         wide: Errors of the sweeps, and shares of points; none without truth.
         bins: Errors in bins of range and of speed; none without truth.
         times: The time of each stage; empty if nothing was timed.
-        not_drawn: Which references the charts of errors leave out, and why; empty if none.
+        not_drawn: References that the charts of errors leave out; empty if none.
     """
 
     wide: dict[str, Markup]
@@ -37,72 +42,78 @@ class Charts(NamedTuple):
 
 def charts_of(results: RunResults) -> Charts:
     """Draws the charts of a run."""
-    # One that failed everywhere has no line.
-    scored = [s for s in results.summaries if s.errors and s.errors["all"].num_points]
-    shown = _on_the_chart(scored, results.record.references)
-    left_out = ", ".join(one.method for one in scored if one not in shown)
+    scored = errors_in(results.summary, "all").reindex(columns=["epe_m"]).dropna()
+    shown = _on_the_chart(scored["epe_m"], results.record.references)
+    left_out = ", ".join(name for name in scored.index if name not in shown)
     reason = f"an error more than {_OFF_THE_CHART:g} times that of the best method"
-    times_ms = {k: one.stage_times_ms for k, one in results.sweeps.items() if one.stage_times_ms}
+    summary, range_m = results.summary.loc[shown], "bin of distance from the sensor (m)"
+    speed_m_s = "bin of true speed without ego motion (m/s)"
+    times_ms = stage_times_ms(results.table)
     return Charts(
         wide=_curves(results, shown) | _shares(results, shown),
-        bins=_bins(
-            "Error in bins of range",
-            "bin of distance from the sensor (m)",
-            {one.method: one.by_range for one in shown},
-        )
-        | _bins(
-            "Error in bins of speed",
-            "bin of true speed without ego motion (m/s)",
-            {one.method: one.by_speed for one in shown},
-        ),
+        bins=_bins("Error in bins of range", range_m, epe_in_bins(summary, "by_range"))
+        | _bins("Error in bins of speed", speed_m_s, epe_in_bins(summary, "by_speed")),
         times=Markup(stage_bars(times_ms) if times_ms else ""),
         not_drawn=f"Not in these charts: {left_out}, with {reason}." if left_out else "",
     )
 
 
-def _on_the_chart(
-    scored: Sequence[MethodSummary], references: frozenset[str]
-) -> list[MethodSummary]:
-    rivals_m = [s.errors["all"].epe_m for s in scored if s.method not in references]
-    best_m, worst_m = min(rivals_m, default=0), max(rivals_m, default=0)
-    limit_m = max(_OFF_THE_CHART * best_m, worst_m) or math.inf
-    return [s for s in scored if s.method not in references or s.errors["all"].epe_m <= limit_m]
+def _on_the_chart(epe_m: pd.Series, references: frozenset[str]) -> list[str]:
+    rivals_m = epe_m.drop(list(references), errors="ignore")
+    limit_m = max(_OFF_THE_CHART * rivals_m.min(), rivals_m.max()) if len(rivals_m) else math.inf
+    is_shown = ~epe_m.index.isin(list(references)) | (epe_m <= (limit_m or math.inf))
+    return list(epe_m.index[is_shown])
 
 
-def _bins(
-    title: str, across: str, bins: Mapping[str, Mapping[str, FlowErrors]]
-) -> dict[str, Markup]:
-    limits = sorted({limit for errors in bins.values() for limit in errors}, key=float)
-    values = {
-        method: [errors[x].epe_m if x in errors else math.nan for x in limits]
-        for method, errors in bins.items()
-    }
-    if not limits:
+def _bins(title: str, across: str, bins: pd.DataFrame) -> dict[str, Markup]:
+    if bins.empty:
         return {}
-    return {title: Markup(band_chart(title, across, bin_names(limits), values))}
+    values = {method: line.tolist() for method, line in bins.iterrows()}
+    return {title: Markup(band_chart(title, across, bin_names(list(bins)), values))}
 
 
-def _curves(results: RunResults, shown: Sequence[MethodSummary]) -> dict[str, Markup]:
-    errors = {one.method: results.sweeps[one.method].errors_m for one in shown}
-    sweeps = sorted({key for known in errors.values() for key in known})
-    if len(sweeps) < 2:
+def _curves(results: RunResults, shown: list[str]) -> dict[str, Markup]:
+    errors_m = errors_by_sweep(results.table, "all").reindex(columns=shown).dropna(how="all")
+    if len(errors_m) < 2:
         return {}
     title = "Error of each sweep"
-    curves = {name: [known.get(key, math.nan) for key in sweeps] for name, known in errors.items()}
-    num_recordings = len({recording for recording, _ in sweeps})
-    if num_recordings == 1:
-        places, across = [number for _, number in sweeps], "number of the sweep, as in the tables"
+    recordings = errors_m.index.unique("recording")
+    if len(recordings) == 1:
+        places = errors_m.index.get_level_values("number").tolist()
+        across = "number of the sweep, as in the tables"
     else:
-        places = list(range(1, len(sweeps) + 1))
-        across = f"scored sweeps, counted from 1, {num_recordings} recordings in a row"
+        places = list(range(1, len(errors_m) + 1))
+        across = f"scored sweeps, counted from 1, {len(recordings)} recordings in a row"
+    curves = {name: errors_m[name].tolist() for name in shown}
     return {title: Markup(curve_chart(title, across, places, curves))}
 
 
-def _shares(results: RunResults, shown: Sequence[MethodSummary]) -> dict[str, Markup]:
-    known = {one.method: results.sweeps[one.method].error_shares for one in shown}
-    shares = {method: own for method, own in known.items() if own}
+def _shares(results: RunResults, shown: list[str]) -> dict[str, Markup]:
+    shares: dict[str, list[float]] = {}
+    for method in shown:
+        own = results.table.loc[results.table["method"] == method, "row"]
+        counts = np.sum([row.error_counts for row in own if row.error_counts], axis=0)
+        if np.any(counts):
+            shares[method] = (counts / counts.sum()).tolist()
     if not shares:
         return {}
     title = "Share of points in bins of error"
     bins = bin_names([f"{limit:g}" for limit in ERROR_LIMITS_M])
     return {title: Markup(share_bars(title, "bin of end point error (m)", bins, shares))}
+
+
+def stage_times_ms(table: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Returns method to stage to mean wall time in milliseconds; `other` is outside of all stages.
+
+    `table` is that of `summary.row_table`. Methods without times are missing.
+    """
+    timed = table.loc[[row.failure is None and row.time_ms >= 0 for row in table["row"]]]
+    found: dict[str, dict[str, float]] = {}
+    for method, own in timed.groupby("method", sort=False):
+        times_ms = part_of(own, "stage_times_ms").fillna(0.0).mean().to_dict()
+        whole_ms = own["time_ms"].mean()
+        rest_ms = whole_ms - math.fsum(times_ms.values())
+        found[str(method)] = times_ms | (
+            {_REST: rest_ms} if rest_ms > _REST_SHARE * whole_ms else {}
+        )
+    return found

@@ -13,7 +13,7 @@ from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.report.cards import pictures_of
 from mnsf_ros.report.charts import charts_of
-from mnsf_ros.report.run_results import RunResults
+from mnsf_ros.report.run_results import RunResults, failures_of
 from mnsf_ros.report.run_tables import RunTables, tiles_of
 from mnsf_ros.settings import declared_settings
 
@@ -49,7 +49,7 @@ def write_report(
         results=results,
         tables=tables,
         tiles=tiles_of(results),
-        failures=[(f"{one.method}: {one.number:,} ×", one.text) for one in results.failures],
+        failures=failures_of(results.table),
         charts=charts_of(results),
         pictures=pictures_of(results, folder.flows, num_pictured),
         settings=_settings_used(results),

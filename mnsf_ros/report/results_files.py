@@ -1,36 +1,48 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The results of a run as files: Markdown for people, CSV and JSON for programs."""
+"""The results of a run as files: Markdown, CSV, LaTeX and JSON."""
 
 from __future__ import annotations
 
-import csv
-import dataclasses
-import io
-import math
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from typing import Final
+
+import pandas as pd
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
-from mnsf_ros.evaluation.results import MethodSummary
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.run_json import to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables
 
-_CSV_ERRORS: Final = tuple(field.name for field in dataclasses.fields(FlowErrors))
-_CSV_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
-_CSV_TIMES: Final = ("time_ms", "latency_ms")
-_CSV_CONSISTENCY: Final = ("nearest_m", "zero_nearest_m", "cycle_m")
-# Of `MoverSummary`; and of the groups of movers that targets are about, see `MOVER_GROUPS`.
-_CSV_MOVERS: Final = (
-    *("precision", "recall", "iou", "ghosts_per_sweep", "ghost_sweeps"),
-    *("velocity_error_m_s", "direction_error_deg", "after_stop_s"),
-)
-_CSV_GROUPS: Final = {"fast": FAST.name, "slow": SLOW.name}
-_CSV_GROUP: Final = ("found", "flicker", "delay_s")
-_CSV_FIGURES: Final = (*_CSV_COUNTS, *_CSV_ERRORS, *_CSV_TIMES, *_CSV_CONSISTENCY)
+_COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
+_ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
+# Columns of the file that hold the same value for all points, and their names in the summary.
+_FIGURES: Final = {
+    "time_ms": "time_ms",
+    "latency_ms": "latency_ms",
+    **{name: f"consistency.{name}" for name in ("nearest_m", "zero_nearest_m", "cycle_m")},
+}
+_MOVERS: Final = {
+    name: f"movers.{name}"
+    for name in (
+        *("precision", "recall", "iou", "ghosts_per_sweep", "ghost_sweeps"),
+        *("velocity_error_m_s", "direction_error_deg", "after_stop_s"),
+    )
+} | {
+    f"{kind}_{key}": f"movers.{group.name}.{key}"
+    for kind, group in (("fast", FAST), ("slow", SLOW))
+    for key in ("found", "flicker", "delay_s")
+}
+_NUMBER: Final = ".num_points"
+# Groups of points: a prefix in the summary, and its name in the file.
+_POINTS: Final = {
+    "errors": "{}",
+    "by_range": "range up to {} m",
+    "by_speed": "speed up to {} m/s",
+}
 
 
 def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> None:
@@ -49,11 +61,11 @@ def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> 
 
 
 def results_markdown(results: RunResults, tables: RunTables) -> str:
-    """Returns all tables with what they are tables of."""
+    """Returns the protocol, all tables, the notes and the session."""
     parts = ["# Scene flow evaluation", *results.protocol]
     parts += [table.markdown().rstrip("\n") for table in tables.listed]
     if results.notes:
-        parts += ["## Notes", "\n".join(f"* {note}" for note in results.notes)]
+        parts += ["## Notes", "\n".join(f"* {note.text}" for note in results.notes)]
     *earlier, last = results.record.sessions
     lines = session_lines(last)
     if earlier:
@@ -63,7 +75,7 @@ def results_markdown(results: RunResults, tables: RunTables) -> str:
 
 
 def results_latex(results: RunResults, tables: RunTables) -> str:
-    """Returns all tables for LaTeX, with what they are tables of as comments."""
+    """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].command_line
     return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables.listed)])
@@ -72,48 +84,49 @@ def results_latex(results: RunResults, tables: RunTables) -> str:
 def results_csv(results: RunResults) -> str:
     """Returns one line for each method and group of points: of all recordings, then of each.
 
-    The column `recording` is empty for all recordings together. How, with what and where figures
-    were made is the same on every line of a method; those of movers, which come last, are for all
-    points.
+    The column `recording` is empty for all recordings together. Settings, versions and machine are
+    the same on every line of a method; the scores of movers, which come last, are for all points.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    # What came later stands behind the rest, so that columns keep their places.
-    added = [f"{kind}_{key}" for kind in _CSV_GROUPS for key in _CSV_GROUP]
-    names = _origin(results, results.focus)
-    writer.writerow(("recording", "method", "points", *_CSV_FIGURES, *names, *_CSV_MOVERS, *added))
-    for recording, summaries in {"": results.summaries, **results.by_recording}.items():
-        for summary in summaries:
-            origin = _origin(results, summary.method)
-            for cells in _csv_lines(summary):
-                writer.writerow((recording, *cells, *origin.values(), *_mover_cells(summary)))
-    return text.getvalue()
+    lines = [
+        {"recording": recording, "method": method, **line, **_origin(results, str(method))}
+        | {name: own.get(key) for name, key in _MOVERS.items()}
+        for recording, summary in {"": results.summary, **results.by_recording}.items()
+        for method, own in summary.iterrows()
+        for line in _lines(own)
+    ]
+    columns = ("recording", "method", "points", *_COUNTS, *_ERRORS, *_FIGURES)
+    names = [*columns, *_origin(results, results.focus), *_MOVERS]
+    # As objects: a missing value would turn the whole numbers of its column into others.
+    table = pd.DataFrame(lines, columns=names, dtype=object)
+    text: str = table.to_csv(index=False, lineterminator="\n")
+    return text
 
 
-def _csv_lines(summary: MethodSummary) -> Iterator[list[object]]:
-    groups = dict(summary.errors)
-    groups |= {f"range up to {limit} m": item for limit, item in summary.by_range.items()}
-    groups |= {f"speed up to {limit} m/s": item for limit, item in summary.by_speed.items()}
-    counts = [getattr(summary, key) for key in _CSV_COUNTS]
-    others = [_cell(getattr(summary, key)) for key in _CSV_TIMES]
-    others += [_cell(summary.consistency.get(key, math.nan)) for key in _CSV_CONSISTENCY]
-    for name, errors in groups.items() or (("", None),):
-        values = ["" if errors is None else _cell(getattr(errors, key)) for key in _CSV_ERRORS]
-        yield [summary.method, name, *counts, *values, *others]
+def _lines(own: pd.Series) -> Iterator[dict[str, object]]:
+    """A line for each group of points that a method was scored on; one without errors if none."""
+    figures: dict[str, object] = {name: int(own[name]) for name in _COUNTS}
+    figures |= {name: own.get(key) for name, key in _FIGURES.items()}
+    groups = {
+        f"{field}.{name}": words.format(name)
+        for field, words in _POINTS.items()
+        for name in _groups(own.dropna(), f"{field}.")
+    }
+    for group, points in groups.items():
+        errors = {name: own[f"{group}.{name}"] for name in _ERRORS}
+        yield {"points": points, **figures, **errors, "num_points": int(errors["num_points"])}
+    if not groups:
+        yield {"points": "", **figures}
 
 
-def _mover_cells(summary: MethodSummary) -> Iterator[str]:
-    movers = summary.movers
-    for key in _CSV_MOVERS:
-        yield _cell(math.nan if movers is None else getattr(movers, key))
-    for name in _CSV_GROUPS.values():
-        group = None if movers is None else movers.groups.get(name)
-        for key in _CSV_GROUP:
-            yield _cell(math.nan if group is None else getattr(group, key))
+def _groups(known: pd.Series, prefix: str) -> list[str]:
+    """Groups of points with a number of points in the summary, bins in ascending order."""
+    counts = [name for name in known.index if name.startswith(prefix)]
+    names = [n.removeprefix(prefix)[: -len(_NUMBER)] for n in counts if n.endswith(_NUMBER)]
+    return names if prefix == "errors." else sorted(names, key=float)
 
 
 def _origin(results: RunResults, method: str) -> dict[str, str]:
-    """How, with what and where a method ran; what sessions do not agree on is listed."""
+    """Settings, versions and machine of a method; where sessions differ, all of them."""
     options, sessions = results.record.options, results.record.sessions
     _, name, changes = results.used_settings[method]
     return {
@@ -139,19 +152,21 @@ def _each_once(texts: Iterable[str]) -> str:
 
 
 def results_json(results: RunResults) -> str:
-    """Returns everything but the rows, which are in `rows.jsonl`."""
+    """Returns protocol, notes, summaries and the run; rows are in `rows.jsonl`."""
     document = {
         "protocol": results.protocol,
-        "notes": results.notes,
-        "methods": results.summaries,
-        "by_recording": results.by_recording,
+        "notes": [note.text for note in results.notes],
+        "methods": _records(results.summary),
+        "by_recording": {name: _records(one) for name, one in results.by_recording.items()},
         "run": results.record,
     }
     return to_json(document, indent=2) + "\n"
 
 
-def _cell(value: float) -> str:
-    return "" if math.isnan(value) else repr(value)
+def _records(summary: pd.DataFrame) -> list[dict[str, object]]:
+    """One object a method, with its known figures by their names in the summary."""
+    lines = summary.reset_index().to_dict("records")
+    return [{key: value for key, value in line.items() if pd.notna(value)} for line in lines]
 
 
 def session_lines(session: SessionRecord) -> list[str]:

@@ -1,114 +1,134 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""All tables of a run: of its methods, of these on the same sweeps, and of the worst sweeps."""
+"""All tables of a run: its methods, their comparison, the worst sweeps and missed movers."""
 
 from __future__ import annotations
 
 import math
 from typing import Final, NamedTuple
 
+import pandas as pd
+
 from mnsf_ros.drawing.charts import time_text
-from mnsf_ros.evaluation.metrics import NO_ERRORS, FlowErrors
-from mnsf_ros.evaluation.paired import PairedDifference
-from mnsf_ros.evaluation.results import MethodSummary, ResultRow
+from mnsf_ros.evaluation.comparison import common_sweeps, differences, verdict
+from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import (
-    ERRORS,
-    consistency_table,
-    further_tables,
-    main_tables,
-    work_table,
-)
-from mnsf_ros.report.text_table import (
-    NO_VALUE,
+    TIME,
     Column,
-    Table,
-    TextTable,
-    format_number,
-    format_percent,
-    made_tables,
+    errors_table,
+    further_tables,
+    made_table,
+    main_tables,
 )
+from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_number, format_percent
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 _NUM_LISTED: Final = 10
+_WORST: Final = {
+    "num_points": Column("points", None),
+    "errors.all.epe_m": Column("EPE (m)"),
+    "errors.all.acc5": Column("Acc5 (%)", 1, factor=100.0),
+    "errors.dynamic.epe_m": Column("dynamic EPE (m)"),
+    "consistency.nearest_m": Column("to next sweep (m)"),
+    "time_ms": TIME._replace(better=None),
+}
 
 
 class RunTables(NamedTuple):
-    """The tables of a run, without those that say nothing.
+    """The tables of a run that have values.
 
     Attributes:
-        main: Those that everybody wants to see.
-        consistency: Figures that need no truth, at most one table.
-        comparison: What can be compared fairly: common sweeps, and differences on the same sweeps.
-        further: Those for readers who look closer.
-        work: How many examples there were, and what became of them; it is in `further`, too.
+        main: Errors, movers and self-consistency.
+        comparison: Common sweeps, and differences on the same sweeps.
+        further: Details; the last one has the numbers of examples.
         worst: The worst sweeps of the method under test, at most one table.
-        missed: The movers that it missed most often, likewise.
+        missed: The movers that it missed most often, at most one table.
     """
 
     main: list[TextTable]
-    consistency: list[TextTable]
     comparison: list[TextTable]
     further: list[TextTable]
-    work: list[TextTable]
     worst: list[TextTable]
     missed: list[TextTable]
 
     @property
     def listed(self) -> list[TextTable]:
         """Those of all methods, in the order of files."""
-        return [*self.main, *self.consistency, *self.comparison, *self.further]
+        return [*self.main, *self.comparison, *self.further]
+
+    @property
+    def printed(self) -> list[TextTable]:
+        """Those for the terminal."""
+        return [*self.main, *self.comparison, *self.further[-1:]]
 
 
 def tables_of(results: RunResults) -> RunTables:
     """Returns the tables of a run."""
-    summaries = results.summaries
     tables = (
-        main_tables(summaries),
-        [consistency_table(summaries)],
-        [*common_tables(results), differences_table(results)],
-        further_tables(summaries),
-        [work_table(summaries)],
+        main_tables(results.summary),
+        [differences_table(results)],
+        further_tables(results.summary),
         [worst_table(results)],
         [missed_table(results)],
     )
-    return RunTables(*(made_tables(one) for one in tables))
+    main, comparison, *others = ([one for one in part if one.has_values] for part in tables)
+    return RunTables(main, [*common_tables(results), *comparison], *others)
 
 
-def common_tables(results: RunResults) -> list[Table]:
+def common_tables(results: RunResults) -> list[TextTable]:
     """Returns errors on the sweeps that every method answered, if not all answered the same."""
-    common = results.common
-    if common is None:
+    found = common_sweeps(results.table)
+    if found is None:
         return []
+    num_common, summary = found
+    errors = errors_in(summary, "all")
+    if num_common and errors.empty:
+        return []
+    num_sweeps = len(results.table.drop_duplicates(["recording", "number"]))
     title = (
-        f"The same sweeps for all methods: the {common.num_common} of {common.num_sweeps} that "
-        "each of them answered. The tables above compare different sweeps"
+        f"The same sweeps for all methods: the {num_common} of {num_sweeps} that each of them "
+        "answered. The tables above compare different sweeps"
     )
-    return [Table(title, list(common.errors.items()), ERRORS, says_enough=True)]
+    order = [method for method in results.summary.index if method in errors.index]
+    return [errors_table(errors.loc[order], title)]
 
 
-def differences_table(results: RunResults) -> Table:
+def differences_table(results: RunResults) -> TextTable:
     """Returns by how much the method under test is better than each other one."""
     focus = results.focus
-    columns = (
-        Column("sweeps", lambda one: str(one.num_sweeps)),
-        Column(f"{focus} (m)", lambda one: format_number(one.under_test_m, 3)),
-        Column("other (m)", lambda one: format_number(one.other_m, 3)),
-        Column("difference (m)", lambda one: _signed(one.mean_m)),
-        Column("95 % interval (m)", _interval_text),
-        Column(f"{focus} is", lambda one: one.verdict),
+    found = differences(results.table, focus, results.summary.index)
+    header = (
+        "against",
+        "sweeps",
+        f"{focus} (m)",
+        "other (m)",
+        "difference (m)",
+        "95 % interval (m)",
+        f"{focus} is",
     )
+    rows = [
+        (
+            f"{method}, {group}",
+            f"{one['num_sweeps']:.0f}",
+            format_number(one["under_test_m"], 3),
+            format_number(one["other_m"], 3),
+            _signed(one["mean_m"]),
+            _interval_text(one),
+            verdict(one),
+        )
+        for (method, group), one in found.iterrows()
+    ]
     title = (
         f"{focus} against the others, on the sweeps that both answered: EPE of the other minus "
         f"that of {focus} (paired; bootstrap over blocks of consecutive sweeps)"
     )
-    rows = [(f"{method}, {group}", one) for (method, group), one in results.differences.items()]
-    return Table(title, rows, columns, "against")
+    return TextTable(header, rows, title)
 
 
-def _interval_text(difference: PairedDifference) -> str:
-    if math.isnan(difference.low_m):
+def _interval_text(difference: pd.Series) -> str:
+    if math.isnan(difference["low_m"]):
         return NO_VALUE
-    return f"{_signed(difference.low_m)} to {_signed(difference.high_m)}"
+    return f"{_signed(difference['low_m'])} to {_signed(difference['high_m'])}"
 
 
 def _signed(value_m: float) -> str:
@@ -116,81 +136,63 @@ def _signed(value_m: float) -> str:
     return f"{round(value_m, 3) + 0.0:+.3f}"
 
 
-def _errors(row: ResultRow, group: str) -> FlowErrors:
-    return row.errors.get(group, NO_ERRORS)
-
-
-_POINTS: Final = Column("points", lambda row: f"{row.num_points:,}")
-_WORST_ERRORS: Final = (
-    Column("EPE (m)", lambda row: format_number(_errors(row, "all").epe_m, 3)),
-    Column("Acc5 (%)", lambda row: format_percent(_errors(row, "all").acc5)),
-    Column("dynamic EPE (m)", lambda row: format_number(_errors(row, "dynamic").epe_m, 3)),
-)
-_NEAREST: Final = Column(
-    "to next sweep (m)", lambda row: format_number(row.consistency.get("nearest_m", math.nan), 3)
-)
-_TIME: Final = Column("time (ms)", lambda row: format_number(row.time_ms, 0))
-
-
-def worst_table(results: RunResults) -> Table:
+def worst_table(results: RunResults) -> TextTable:
     """Returns the figures of the worst sweeps."""
     listed = results.worst[:_NUM_LISTED]
-    has_truth = any(row.errors for row in results.worst)
-    columns = (_POINTS, *(_WORST_ERRORS if has_truth else ()), _NEAREST, _TIME)
+    names = [f"{row.recording}, sweep {row.number}" for row in listed["row"]]
+    columns = {name: one for name, one in _WORST.items() if name in results.worst}
     title = f"The worst {len(listed)} of {len(results.worst)} sweeps of {results.focus}"
-    rows = [(f"{row.recording}, sweep {row.number}", row) for row in listed]
-    return Table(title, rows, columns, "sweep")
+    return made_table(listed.set_axis(names), columns, title, "sweep")
 
 
-_MISSED: Final = (
-    Column("sweeps", lambda one: str(one.num_sweeps)),
-    Column("stamp (s)", lambda one: f"{one.row.stamp_ns / NANOSECONDS:.3f}"),
-    Column("x, y (m)", lambda one: ", ".join(f"{value:.1f}" for value in one.item.place_m)),
-    Column("speed (m/s)", lambda one: f"{one.item.speed_m_s:.1f}"),
-    Column("points", lambda one: f"{one.item.num_points:,}"),
-    Column("lost by", lambda one: one.lost_by),
-)
-
-
-def missed_table(results: RunResults) -> Table:
+def missed_table(results: RunResults) -> TextTable:
     """Returns the movers that were missed most often."""
-    listed = results.missed[:_NUM_LISTED]
-    rows = [(f"{one.row.recording}: {one.item.kind}", one) for one in listed]
-    title = (
-        f"Movers that {results.focus} missed in most sweeps (mnsf explain tells more of a place)"
-    )
-    return Table(title, rows, _MISSED, "mover")
+    header = ("mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by")
+    rows = [
+        (
+            f"{one.row.recording}: {one.item.kind}",
+            str(one.num_sweeps),
+            f"{one.row.stamp_ns / NANOSECONDS:.3f}",
+            ", ".join(f"{value:.1f}" for value in one.item.place_m),
+            f"{one.item.speed_m_s:.1f}",
+            f"{one.item.num_points:,}",
+            one.lost_by,
+        )
+        for one in results.missed[:_NUM_LISTED]
+    ]
+    title = f"Movers that {results.focus} missed in most sweeps (see also mnsf explain)"
+    return TextTable(header, rows, title)
+
+
+# Column of the summary, its unit, and what it is.
+_TILES: Final = (
+    ("consistency.nearest_m", "moved points to the next sweep"),
+    ("consistency.zero_nearest_m", "the same without any flow"),
+    ("consistency.cycle_m", "forward-backward disagreement"),
+)
 
 
 def tiles_of(results: RunResults) -> list[tuple[str, str]]:
-    """Returns what the method under test achieved in a few large figures, each with what it is."""
-    own = (one for one in results.summaries if one.method == results.focus)
-    return [tile for summary in own for tile in _tiles(summary)]
-
-
-def _tiles(summary: MethodSummary) -> list[tuple[str, str]]:
-    figures = []
-    errors, dynamic = summary.errors.get("all"), summary.errors.get("dynamic")
-    if errors is not None and errors.num_points > 0:
-        figures += [
-            (f"{errors.epe_m:.3f} m", "mean end point error"),
-            (f"{format_percent(errors.acc5)} %", "points within 5 cm or 5 %"),
-        ]
-        if dynamic is not None and dynamic.num_points > 0:
-            figures.append((f"{dynamic.epe_m:.3f} m", "error of dynamic points"))
-    elif summary.consistency:
-        for key, text in (
-            ("nearest_m", "moved points to the next sweep"),
-            ("zero_nearest_m", "the same without any flow"),
-            ("cycle_m", "forward-backward disagreement"),
-        ):
-            value = summary.consistency.get(key, math.nan)
-            if not math.isnan(value):
-                figures.append((f"{value:.3f} m", text))
-    figures.append((time_text(summary.time_ms), "run time per sweep"))
-    if not math.isnan(summary.latency_ms):
-        figures.append((time_text(summary.latency_ms), "from sweep to flow"))
-    figures.append((f"{summary.num_examples:,}", "flows"))
-    if summary.num_dropped or summary.num_failed:
-        figures.append((f"{summary.num_dropped} / {summary.num_failed}", "dropped / failed"))
-    return figures
+    """Returns a few large figures of the method under test, each with its meaning."""
+    if results.focus not in results.summary.index:
+        return []
+    own = results.summary.loc[results.focus]
+    epe_m, dynamic_m = (own.get(f"errors.{name}.epe_m", math.nan) for name in ("all", "dynamic"))
+    if math.isnan(epe_m):
+        known = [(own.get(name, math.nan), text) for name, text in _TILES]
+        tiles = [(f"{value:.3f} m", text) for value, text in known if not math.isnan(value)]
+    else:
+        accurate = format_percent(own["errors.all.acc5"])
+        tiles = [(f"{epe_m:.3f} m", "mean end point error")]
+        tiles += [(f"{accurate} %", "points within 5 cm or 5 %")]
+        if not math.isnan(dynamic_m):
+            tiles.append((f"{dynamic_m:.3f} m", "error of dynamic points"))
+    tiles.append((time_text(own["time_ms"]), "run time per sweep"))
+    if not math.isnan(own["latency_ms"]):
+        tiles.append((time_text(own["latency_ms"]), "from sweep to flow"))
+    counts = (own[f"num_{name}"] for name in ("examples", "dropped", "failed"))
+    num_examples, num_dropped, num_failed = map(int, counts)
+    tiles.append((f"{num_examples:,}", "flows"))
+    if num_dropped or num_failed:
+        tiles.append((f"{num_dropped} / {num_failed}", "dropped / failed"))
+    return tiles

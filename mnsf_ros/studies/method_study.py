@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import Final
+
+import pandas as pd
 
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
@@ -22,9 +23,10 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.parallel import Executor, run_serially
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import MethodSummary, ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.evaluation.task import TaskEvent, task_events
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
@@ -129,11 +131,11 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
                 options.say(f"{next(numbers)} of {total}: {_said(event)}")
         results = read_results(folder)
         write_results(folder, results, tables_of(results))
-    if not any(row.errors for row in results.rows):
-        why = f": {results.notes[0]}" if results.notes else ""
+    if not any(row.errors for row in results.table["row"]):
+        why = f": {results.notes[0].text}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")
-    notes = [f"Note: {note}" for note in (*results.notes, *kept)]
-    return _result(study, results.summaries, [*results.protocol, *notes])
+    notes = [f"Note: {text}" for text in (*(note.text for note in results.notes), *kept)]
+    return _result(study, results.summary, [*results.protocol, *notes])
 
 
 def _said(row: ResultRow) -> str:
@@ -183,33 +185,28 @@ def _first_examples(number: int | None) -> Executor:
     return execute
 
 
-def _result(
-    study: MethodStudy, summaries: Sequence[MethodSummary], texts: Sequence[str]
-) -> StudyResult:
-    """The summaries of the variants as tables and a picture."""
-    by_method = {summary.method: summary for summary in summaries}
-    named = {name: by_method[m] for name, m in study.variants.items() if m in by_method}
+def _result(study: MethodStudy, summary: pd.DataFrame, texts: Sequence[str]) -> StudyResult:
+    """The summary of the variants as tables and a picture."""
+    known = {name: m for name, m in study.variants.items() if m in summary.index}
+    named = summary.loc[list(known.values())].set_axis(list(known))
     tables, rows = [], []
+    errors = {group: errors_in(named, group).reindex(columns=_ERRORS) for group in _GROUPS}
     for group, words in _GROUPS.items():
-        errors = {n: s.errors[group] for n, s in named.items() if group in s.errors}
-        if not any(item.num_points for item in errors.values()):
+        if not errors[group]["num_points"].any():
             continue
-        times_ms = {n: s.time_ms for n, s in named.items()} if group == "all" else None
+        times = named[["time_ms"] if group == "all" else []]
         title = f"{study.title}, {words}"
-        tables.append(errors_table(errors, title=title, row_title="variant", times_ms=times_ms))
+        tables.append(errors_table(errors[group].join(times), title, "variant"))
         rows += [
-            (name, study.variants[name], group, *astuple(item), named[name].time_ms)
-            for name, item in errors.items()
+            (name, known[name], group, *item[:-1], int(item.num_points), named.at[name, "time_ms"])
+            for name, item in errors[group].iterrows()
         ]
     panels = {
         title: {
-            words: [
-                getattr(s.errors[group], figure) * factor if group in s.errors else math.nan
-                for s in named.values()
-            ]
+            words: (errors[group][figure].reindex(named.index) * factor).tolist()
             for group, words in _GROUPS.items()
         }
         for title, figure, factor in _FIGURES
     }
-    picture = grouped_bars(study.title, list(named), panels)
+    picture = grouped_bars(study.title, list(named.index), panels)
     return StudyResult(study.name, study.title, texts, tables, _HEADER, rows, picture)

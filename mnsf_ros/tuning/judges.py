@@ -8,8 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from mnsf_ros.evaluation.results import MethodSummary, ResultRow, summarize
+import pandas as pd
+
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import failed_row, scored_row
+from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.settings import Settings
 from mnsf_ros.tuning.halves import METHOD, Half
 
@@ -30,18 +33,26 @@ class Judgement:
     figures: dict[str, float]
 
 
-def _three_way(summary: MethodSummary) -> float:
-    return summary.three_way_epe_m.get("mean", math.nan)
+def _three_way(summary: pd.Series) -> float:
+    return float(summary.get("three_way.mean", math.nan))
 
 
-def _lack_of_iou(summary: MethodSummary) -> float:
-    return math.nan if summary.movers is None else 1.0 - summary.movers.iou
+def _lack_of_iou(summary: pd.Series) -> float:
+    return 1.0 - float(summary.get("movers.iou", math.nan))
 
 
 # Name of a goal to the name of its cost, and the cost of a summary.
-LABELLED_GOALS: Final[dict[str, tuple[str, Callable[[MethodSummary], float]]]] = {
+LABELLED_GOALS: Final[dict[str, tuple[str, Callable[[pd.Series], float]]]] = {
     "epe": ("three-way EPE (m)", _three_way),
     "iou": ("1 - IoU of dynamic points", _lack_of_iou),
+}
+# Names of further figures to columns of the summary.
+_FIGURES: Final = {
+    "EPE of dynamic points (m)": "errors.dynamic.epe_m",
+    "EPE of static points (m)": "errors.static.epe_m",
+    "precision of dynamic points": "movers.precision",
+    "recall of dynamic points": "movers.recall",
+    "false movers per sweep": "movers.ghosts_per_sweep",
 }
 
 
@@ -56,22 +67,14 @@ class LabelledJudge:
     def __call__(self, settings: Settings) -> Judgement:
         """Estimates and scores all examples."""
         summary = self.summary(settings)
-        failed = summary.num_failed / self._half.num_examples
+        failed = float(summary["num_failed"]) / self._half.num_examples
         figures = {goal: of(summary) for goal, of in LABELLED_GOALS.values()}
-        for group in ("dynamic", "static"):
-            if group in summary.errors:
-                figures[f"EPE of {group} points (m)"] = summary.errors[group].epe_m
-        if (movers := summary.movers) is not None:
-            figures |= {
-                "precision of dynamic points": movers.precision,
-                "recall of dynamic points": movers.recall,
-                "false movers per sweep": movers.ghosts_per_sweep,
-            }
+        figures |= {name: float(summary[key]) for name, key in _FIGURES.items() if key in summary}
         cost = self._cost_of(summary)
         cost = math.inf if math.isnan(cost) else cost + FAILURE_COST * failed
         return Judgement(cost, figures | {"failed share": failed})
 
-    def summary(self, settings: Settings) -> MethodSummary:
+    def summary(self, settings: Settings) -> pd.Series:
         """Returns the summary that `mnsf evaluate` would give of these examples alone."""
         rows: list[ResultRow] = []
         for stretch in self._half.estimated(settings):
@@ -80,4 +83,4 @@ class LabelledJudge:
                     rows.append(failed_row(example, METHOD, "no flow"))
                 else:
                     rows.append(scored_row(example, METHOD, estimate, estimate.time_ms))
-        return summarize(rows)[0]
+        return summarize(rows).loc[METHOD]

@@ -6,13 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from mnsf_ros.evaluation.argoverse_metrics import (
-    added,
-    bucket_sums,
-    bucketed_errors,
-    three_way_epe_m,
-    three_way_sums,
-)
+from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, over_all_points, three_way_sums
 from mnsf_ros.evaluation.metrics import end_point_errors, flow_errors
 
 ROAD, CAR, PERSON, CYCLIST = 1, 6, 7, 8
@@ -37,18 +31,19 @@ def test_three_way_groups_by_class_and_motion():
         "foreground static": [1.0, 0.5, 0.0],
         "background static": [2.0, pytest.approx(0.06), 0.0],
     }
-    assert three_way_epe_m(sums) == {
-        "foreground dynamic": pytest.approx(0.2),
-        "foreground static": 0.5,
-        "background static": pytest.approx(0.03),
+    assert over_all_points([sums]) == {
+        "three_way.foreground dynamic": pytest.approx(0.2),
+        "three_way.foreground static": 0.5,
+        "three_way.background static": pytest.approx(0.03),
+        "three_way.mean": pytest.approx(0.73 / 3),
     }
 
 
 def test_three_way_epe_of_groups_without_points_is_nan():
-    sums = three_way_sums(array(0.2), np.array([False]), classes(ROAD))
-    epe = three_way_epe_m(sums)
-    assert epe["background static"] == 0.2
-    assert math.isnan(epe["foreground dynamic"])
+    epe_m = over_all_points([three_way_sums(array(0.2), np.array([False]), classes(ROAD))])
+    assert epe_m["three_way.background static"] == 0.2
+    assert math.isnan(epe_m["three_way.foreground dynamic"])
+    assert math.isnan(epe_m["three_way.mean"])
 
 
 def test_buckets_are_4_cm_wide_and_a_limit_belongs_to_the_bucket_above():
@@ -97,17 +92,17 @@ def test_dynamic_error_is_the_mean_over_buckets_of_error_over_motion():
     errors = array(0.02, 0.04, 0.51, 0.01)
     motion = array(0.1, 0.1, 1.02, 0.0)
     sums = bucket_sums(errors, motion, np.zeros((4, 2)), np.full(4, CAR, np.uint8))
-    assert bucketed_errors(sums) == {
-        "CAR": {"dynamic": pytest.approx(0.4), "static": pytest.approx(0.01)}
-    }
+    errors = over_all_points([sums])
+    assert errors["bucketed.CAR.dynamic"] == errors["bucketed.mean.dynamic"] == pytest.approx(0.4)
+    assert errors["bucketed.CAR.static"] == pytest.approx(0.01)
 
 
 def test_saying_that_nothing_moves_has_dynamic_error_1():
     motion = np.random.default_rng(0).uniform(0.05, 3.0, 500)
     sums = bucket_sums(motion, motion, np.zeros((500, 2)), np.full(500, PERSON, np.uint8))
-    errors = bucketed_errors(sums)["PEDESTRIAN"]
-    assert errors["dynamic"] == pytest.approx(1.0)
-    assert math.isnan(errors["static"])
+    errors = over_all_points([sums])
+    assert errors["bucketed.PEDESTRIAN.dynamic"] == pytest.approx(1.0)
+    assert math.isnan(errors["bucketed.PEDESTRIAN.static"])
 
 
 def test_sums_of_examples_add_up_to_those_of_all_points():
@@ -118,21 +113,11 @@ def test_sums_of_examples_add_up_to_those_of_all_points():
     def sums(part):
         return bucket_sums(errors[part], motion[part], np.zeros((300, 2))[part], kinds[part])
 
-    parts = added([sums(slice(0, 100)), sums(slice(100, 180)), sums(slice(180, 300))])
-    whole = sums(slice(None))
-    assert parts.keys() == whole.keys()
-    for name, values in whole.items():
-        assert parts[name] == pytest.approx(values)
-
-
-def test_nothing_gives_nothing():
-    assert added([]) == {}
-    assert bucketed_errors({}) == {}
-    assert bucket_sums(np.empty(0), np.empty(0), np.empty((0, 2)), classes()) == {}
-
-
-def test_bucketed_errors_leave_three_way_groups_alone():
-    assert bucketed_errors({"foreground static": [1.0, 0.5, 0.0]}) == {}
+    parts = [sums(slice(0, 100)), sums(slice(100, 180)), sums(slice(180, 300))]
+    assert over_all_points(parts) == pytest.approx(
+        over_all_points([sums(slice(None))]), nan_ok=True
+    )
+    assert over_all_points([]) == {}
 
 
 @pytest.fixture
@@ -187,9 +172,9 @@ def test_three_way_epe_agrees_with_av2(av2):
         frame["Example"] = [str(seed)] * len(frame["Class"])
         frames.append(av2.pd.DataFrame(frame))
     theirs = av2.results_to_dict(av2.pd.concat(frames))
-    ours = three_way_epe_m(added(examples))
-    assert ours["foreground dynamic"] == pytest.approx(theirs["EPE/Foreground/Dynamic"])
-    assert ours["foreground static"] == pytest.approx(theirs["EPE/Foreground/Static"])
-    assert ours["background static"] == pytest.approx(theirs["EPE/Background/Static"])
-    mean = math.fsum(ours.values()) / 3
-    assert mean == pytest.approx(theirs["EPE 3-Way Average"])
+    assert over_all_points(examples) == {
+        "three_way.foreground dynamic": pytest.approx(theirs["EPE/Foreground/Dynamic"]),
+        "three_way.foreground static": pytest.approx(theirs["EPE/Foreground/Static"]),
+        "three_way.background static": pytest.approx(theirs["EPE/Background/Static"]),
+        "three_way.mean": pytest.approx(theirs["EPE 3-Way Average"]),
+    }

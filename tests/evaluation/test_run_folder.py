@@ -39,8 +39,6 @@ def full_row(number=3, method="mnsf", recording="drive"):
         iterations={"forward": 31},
         errors={"all": ERRORS, "dynamic": FlowErrors(NAN, NAN, NAN, NAN, NAN, 0)},
         by_range={"10": ERRORS},
-        three_way_epe_m={"foreground dynamic": NAN, "background static": 0.5},
-        bucketed={"CAR": {"dynamic": NAN, "static": 0.1}},
         sums={"CAR/0": [3.0, 0.3, 0.0]},
         start="warm",
         device="cpu",

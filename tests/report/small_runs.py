@@ -9,7 +9,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import DROPPED, ResultRow
+from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import MachineRecord, RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import ShownFlow
@@ -18,6 +18,8 @@ from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_tables import tables_of
 
 METHODS = ["mnsf", "fnsf", "zero"]
+REFERENCES = ("zero", "ego")
+NOTHING = {"errors": {}, "by_range": {}, "by_speed": {}, "consistency": {}}
 
 
 def errors(epe_m, num_points=10):
@@ -29,52 +31,62 @@ def row(number, method, epe_m, **values):
         "time_ms": 100.0,
         "stage_times_ms": {"prepare": 10.0, "forward": 60.0},
         "errors": {name: errors(epe_m) for name in ("all", "dynamic", "static")},
-        "by_range": {"10": errors(epe_m), "20": errors(2 * epe_m), "inf": errors(3 * epe_m)},
+        "by_range": {"inf": errors(3 * epe_m), "10": errors(epe_m), "80": errors(2 * epe_m)},
         "by_speed": {"0.5": errors(epe_m), "2": errors(epe_m)},
         "consistency": {"nearest_m": 0.25, "zero_nearest_m": 0.5},
         **values,
     }
-    return ResultRow("street", number, 10**9 * number, method, 10, **values)
+    recording = values.pop("recording", "street")
+    return ResultRow(recording, number, 10**9 * number, method, 10, **values)
+
+
+def failed(number, method, text, **values):
+    failure = Failure(FailureKind.FAILED, text)
+    return row(number, method, 0.0, **NOTHING, time_ms=np.nan, failure=failure, **values)
+
+
+def dropped(number, method):
+    return row(number, method, 0.0, **NOTHING, time_ms=np.nan, failure=DROPPED)
 
 
 def rows():
     found = [row(n, m, 0.1 * n + 0.01 * k) for n in (1, 2, 3) for k, m in enumerate(METHODS)]
-    dropped = row(4, "mnsf", 0.0, errors={}, by_range={}, by_speed={}, failure=DROPPED)
-    return [*found, dropped]
+    return [*found, dropped(4, "mnsf")]
 
 
 def rows_without_truth():
     return [
-        row(n, "mnsf", 0.0, errors={}, by_range={}, by_speed={}, consistency={"nearest_m": 0.1 * n})
-        for n in (1, 2, 3)
+        row(n, "mnsf", 0.0, **NOTHING | {"consistency": {"nearest_m": n / 10}}) for n in (1, 2, 3)
     ]
 
 
-def run_record(methods=METHODS, truth="/truth/flow"):
-    options = EvaluationOptions(preset("paper"), num_points=2048, seed=7)
-    described = [
-        EvaluatedMethod(name, MethodTraits(is_reference=name in ("zero", "ego")))
-        for name in methods
-    ]
-    recording = EvaluatedRecording(
-        name="street",
-        path="/nowhere/street",
-        points="/points",
-        truth=truth,
-        odometry=None,
-        num_sweeps=5,
-        has_checksums=True,
-        damages=[],
-        fingerprint={},
-    )
-    session = SessionRecord(
-        started="2024-05-23T08:00:00+00:00",
-        command=["mnsf", "evaluate", "street"],
-        versions={"mnsf_ros": "1.0", "torch": "2.0"},
-        machine=MachineRecord("box", "Linux", "fast", 2, None),
-        git_commit="abc123",
-    )
-    return RunRecord(options, described, [recording], [session])
+def recording(name="street", truth="/truth/flow", **values):
+    place = {"path": f"/nowhere/{name}", "points": "/points", "odometry": None, "num_sweeps": 5}
+    known = {"has_checksums": True, "damages": [], "fingerprint": {}, **values}
+    return EvaluatedRecording(name=name, truth=truth, **place, **known)
+
+
+def session(**values):
+    known = {
+        "started": "2024-05-23T08:00:00+00:00",
+        "command": ["mnsf", "evaluate", "street"],
+        "versions": {"mnsf_ros": "1.0", "torch": "2.0"},
+        "machine": MachineRecord("box", "Linux", "fast", 2, None),
+        "git_commit": "abc123",
+    }
+    return SessionRecord(**known | values)
+
+
+def run_record(methods=METHODS, truth="/truth/flow", **values):
+    known = {
+        "options": EvaluationOptions(preset("paper"), num_points=2048, seed=7),
+        "methods": [
+            EvaluatedMethod(one, MethodTraits(is_reference=one in REFERENCES)) for one in methods
+        ],
+        "recordings": [recording(truth=truth)],
+        "sessions": [session()],
+    }
+    return RunRecord(**known | values)
 
 
 def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):

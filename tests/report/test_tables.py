@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tables: what is in the cells, and that no text of a cell is taken for markup."""
+"""Tables of finished cells: on terminals of any width, as Markdown and as LaTeX."""
 
 from __future__ import annotations
 
@@ -7,79 +7,96 @@ import io
 import math
 import re
 
+import pandas as pd
 import pytest
 from rich.console import Console
 
-from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.report.tables import errors_table
+from mnsf_ros.report.tables import bin_names, errors_table
 from mnsf_ros.report.text_table import TextTable, format_number, format_percent
 
-FNSF = FlowErrors(0.0754, 0.85342, 0.9254, 0.328, 0.2861, 1000)
-EMPTY = FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+FNSF = {
+    "epe_m": 0.0754,
+    "acc5": 0.85342,
+    "acc10": 0.9254,
+    "outliers": 0.328,
+    "angle_error_rad": 0.2861,
+}
+CELLS = ["0.075", "85.3", "92.5", "32.8", "0.286"]
 
 
-def printed(table):
+def errors(**lines):
+    return pd.DataFrame.from_dict(lines, orient="index")
+
+
+def printed(table, width=100):
     stream = io.StringIO()
-    Console(file=stream, width=100).print(table)
+    Console(file=stream, width=width).print(table)
     return stream.getvalue()
 
 
 def test_errors_in_the_order_of_the_paper_and_in_percent():
-    table = errors_table({"FNSF": FNSF, "nothing": EMPTY})
-    assert table.header == [
-        "method",
-        "EPE (m)",
-        "Acc5 (%)",
-        "Acc10 (%)",
-        "Outliers (%)",
-        "angle (rad)",
-    ]
-    assert table.rows == [
-        ["FNSF", "0.075", "85.3", "92.5", "32.8", "0.286"],
-        ["nothing", "-", "-", "-", "-", "-"],
-    ]
-
-
-def test_times_are_a_last_column():
-    table = errors_table(
-        {"FNSF": FNSF, "MNSF": FNSF, "NSFP": FNSF},
-        row_title="run",
-        times_ms={"FNSF": 608.6, "NSFP": math.nan},
-    )
+    table = errors_table(errors(FNSF=FNSF, nothing=dict.fromkeys(FNSF, math.nan)))
+    titles = ["EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)"]
+    assert table.header == ["method", *titles]
+    assert table.rows == [["FNSF", *CELLS], ["nothing", *"-----"]]
+    timed = errors(FNSF=FNSF | {"time_ms": 608.6}, NSFP=FNSF | {"time_ms": math.nan})
+    table = errors_table(timed, row_title="run")
     assert (table.header[0], table.header[-1]) == ("run", "time (ms)")
-    assert [row[-1] for row in table.rows] == ["609", "-", "-"]
+    assert [row[-1] for row in table.rows] == ["609", "-"]
+
+
+def test_best_is_smallest_error_and_largest_accuracy_but_never_a_reference():
+    table = TextTable(
+        ["method", "EPE (m)", "Acc5 (%)", "flows", "angle"],
+        [
+            ["a", "0.1", "50.0", "3", "-"],
+            ["b", "0.2", "60.0", "4", "1.0"],
+            ["reference", "0.0", "99.0", "5", "0.5"],
+        ],
+        better=[None, "min", "max", None, "min"],
+    )
+    # Of a single value nothing can be the best.
+    assert table.best_cells({"reference"}) == {(0, 1), (1, 2)}
 
 
 def test_markdown():
-    table = TextTable(("name", "value"), [("a", "1"), ("b", "2")], title="Two things")
-    assert table.markdown() == (
-        "Two things\n\n| name | value |\n| :--- | ---: |\n| a | 1 |\n| b | 2 |\n"
-    )
+    table = TextTable(("name", "value"), [("|e| > 1\nor so", "1"), ("b", "2")], "Two things")
+    rows = "| name | value |\n| :--- | ---: |\n| \\|e\\| > 1 or so | 1 |\n| b | 2 |\n"
+    assert table.markdown() == f"Two things\n\n{rows}"
     assert TextTable(("name",), []).markdown() == "| name |\n| :--- |\n"
 
 
-def test_markdown_keeps_cells_in_their_column():
-    table = TextTable(("name", "value"), [("|e| > 1\nor so", "1")])
-    assert table.markdown().splitlines()[2] == r"| \|e\| > 1 or so | 1 |"
+def test_latex():
+    table = TextTable(("method_a & b", "EPE (m)"), [["50 % {x}", "0.1"], ["a\\b", "-"]], "A_1")
+    lines = table.latex().splitlines()
+    assert lines[:3] == [r"\begin{table}", r"\caption{A\_1}", r"\begin{tabular}{lr}"]
+    assert lines[4] == r"method\_a \& b & EPE (m) \\"
+    assert lines[6] == r"50 \% \{x\} & 0.1 \\"
+    assert [line for line in lines if "rule" in line] == [r"\toprule", r"\midrule", r"\bottomrule"]
 
 
-def test_terminal_shows_all_cells():
-    text = printed(errors_table({"FNSF": FNSF}, title="mean over 2 examples"))
-    for cell in ("mean over 2 examples", "EPE (m)", "Acc10 (%)", "FNSF", "0.075", "0.286"):
+@pytest.mark.parametrize(("width", "num_blocks"), [(120, 1), (80, 1), (60, 2), (30, 6)])
+def test_terminal_shows_all_cells_and_columns_without_room_below(width, num_blocks):
+    names = ["mnsf", "ego-estimated"]
+    table = errors_table(
+        errors(**{name: FNSF | {"time_ms": 12345} for name in names}), "All points"
+    )
+    text = printed(table, width)
+    assert max(map(len, text.splitlines())) <= width
+    assert text.startswith("All points\n")
+    for cell in (*CELLS, "12345", *names):
         assert cell in text
+    assert len(re.findall("^ego-estimated", text, re.MULTILINE)) == num_blocks
 
 
 def test_terminal_does_not_take_cells_for_markup():
-    text = printed(TextTable(("name", "[red]x"), [("[a] without", "[/b]")], title="[bold]"))
-    for cell in ("[red]x", "[a] without", "[/b]", "[bold]"):
-        assert cell in text
-
-
-def test_rows_of_another_length_are_refused():
-    text = "row 2 of the table has 1 cells ('b',), expected 2: ('name', 'value')"
-    with pytest.raises(EvaluationError, match=f"^{re.escape(text)}$"):
-        TextTable(("name", "value"), [("a", "1"), ("b",)])
+    table = TextTable(
+        ("name", "[red]x"), [("[a] without", "[/b]"), ("测" * 8, "0")], title="[bold]"
+    )
+    for cell in ("[red]x", "[a] without", "[/b]", "[bold]", "测" * 8):
+        assert cell in printed(table)
+    assert "name  value" in printed(TextTable(["name", "value"], []))
+    assert "after" in printed(TextTable(["name", "after", "after"], [["a", "1", "2"]]))
 
 
 def test_numbers():
@@ -87,12 +104,5 @@ def test_numbers():
     assert format_number(0.4, 0) == "0"
     assert format_number(math.nan, 2) == "-"
     assert format_percent(0.12345) == "12.3"
-    assert format_percent(1.0, 0) == "100"
     assert format_percent(math.nan) == "-"
-
-
-def test_columns_that_find_no_room_follow_under_the_same_title():
-    table = TextTable(["name", *(f"column{n}" for n in range(12))], [["a", *"b" * 12]], "A title")
-    text = printed(table)
-    assert text.count("A title") == 2
-    assert text.count("A title (continued)") == 1
+    assert bin_names(["10", "20", "inf"]) == ["0–10", "10–20", "20+"]

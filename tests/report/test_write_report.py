@@ -145,7 +145,7 @@ def test_missed_mover_is_listed_and_pictured_with_what_lost_it(tmp_path):
     # The sweep is the worst one, too: truth, flow, and the mover.
     *_, image = page.all("img")
     assert len(page.all("img")) == 3
-    assert "What moves around the <b>car</b>" in image["alt"]
+    assert "Motion around the <b>car</b>" in image["alt"]
 
 
 @without_drawing

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from dataclasses import replace
 
@@ -15,23 +13,14 @@ import small_evaluations as small
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.core.reason import Reason, Verdict
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.mover_summary import FAST, SLOW, summarize_movers
+from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
-from mnsf_ros.evaluation.results import ResultRow, summarize
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_json import from_json, to_json
-from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.scoring import scored_row
+from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
-from mnsf_ros.report.results_files import results_csv
-from mnsf_ros.report.run_results import results_of
-from mnsf_ros.report.run_tables import tables_of
-from mnsf_ros.report.tables import (
-    confidence_table,
-    further_tables,
-    losses_table,
-    main_tables,
-)
-from mnsf_ros.report.text_table import made_tables
+from mnsf_ros.report.tables import further_tables, main_tables
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 N = 100
@@ -70,6 +59,17 @@ def track(number, velocity, age_s=1.0):
     return TrackedObject(number, *box, np.array(velocity, float), np.eye(6), age_s, 50)
 
 
+def summary_of(rows):
+    """The scores of recordings, stamps and movers."""
+    rows = [ResultRow(name, ns, ns, "online", N, movers=movers) for name, ns, movers in rows]
+    summary = summarize(rows).loc["online"]
+    return {k.removeprefix("movers."): v for k, v in summary.items() if k.startswith("movers.")}
+
+
+def groups_in(summary):
+    return {name.removesuffix(".delay_s") for name in summary if name.endswith(".delay_s")}
+
+
 def row_of(truth, over_ground, errors_m=0.0):
     errors = np.full(len(truth.xyz), errors_m, float)
     return mover_row(truth, over_ground, np.arange(len(truth.xyz)), errors)
@@ -88,10 +88,10 @@ def test_points_are_counted_and_objects_found():
     assert (first.speed_m_s, first.range_m, first.num_points) == (5.0, 10.0, 40)
     assert first.is_found
     assert not second.is_found
-    summary = summarize_movers([("drive", 0, row)])
-    assert summary.precision == pytest.approx(40 / 55)
-    assert summary.recall == 0.5
-    assert summary.iou == pytest.approx(40 / 95)
+    summary = summary_of([("drive", 0, row)])
+    assert summary["precision"] == pytest.approx(40 / 55)
+    assert summary["recall"] == 0.5
+    assert summary["iou"] == pytest.approx(40 / 95)
 
 
 def test_parked_object_that_is_called_moving_is_a_ghost_and_a_row():
@@ -101,8 +101,8 @@ def test_parked_object_that_is_called_moving_is_a_ghost_and_a_row():
         1,
         [(1, True), (2, False)],
     )
-    summary = summarize_movers([("drive", 0, row), ("drive", 1, replace(row, num_ghosts=0))])
-    assert (summary.ghosts_per_sweep, summary.ghost_sweeps) == (0.5, 0.5)
+    summary = summary_of([("drive", 0, row), ("drive", 1, replace(row, num_ghosts=0))])
+    assert (summary["ghosts_per_sweep"], summary["ghost_sweeps"]) == (0.5, 0.5)
 
 
 def test_slow_mover_below_the_limit_of_dynamic_is_neither_wrong_nor_missed():
@@ -127,10 +127,10 @@ def test_confidence_is_compared_with_errors_of_points_called_dynamic():
     errors_m = np.where(np.arange(N) < 30, 0.05, 0.2)  # 10 of the 40 are close
     truth = true_motion(IDS, {1: 5.0})
     row = mover_row(truth, said(called, confidence=0.96), np.arange(N), errors_m)
-    summary = summarize_movers([("drive", 0, row)])
-    ((band, (mean, share, number)),) = summary.confidence.items()
-    assert (band, share, number) == ("0.95", 0.25, 40)
-    assert mean == pytest.approx(0.96)
+    summary = summary_of([("drive", 0, row)])
+    band = {name: value for name, value in summary.items() if name.startswith("confidence.")}
+    known = {"mean": pytest.approx(0.96), "deserved": 0.25, "num_points": 40}
+    assert band == {f"confidence.0.95.{name}": value for name, value in known.items()}
 
 
 @pytest.mark.parametrize(
@@ -145,9 +145,9 @@ def test_velocity_is_that_of_the_tracked_object(velocity, age_s, error_m_s, erro
     tracks = np.where(IDS == 1, 3, 0).astype(np.int32)
     objects = (track(3, velocity, age_s), track(4, (0, 0, 0)))
     row = row_of(true_motion(IDS, {1: 5.0}), said(IDS == 1, tracks=tracks, objects=objects))
-    summary = summarize_movers([("drive", 0, row)])
-    assert summary.velocity_error_m_s == pytest.approx(error_m_s, nan_ok=True)
-    assert summary.direction_error_deg == pytest.approx(error_deg, nan_ok=True, abs=1e-4)
+    summary = summary_of([("drive", 0, row)])
+    assert summary["velocity_error_m_s"] == pytest.approx(error_m_s, nan_ok=True)
+    assert summary["direction_error_deg"] == pytest.approx(error_deg, nan_ok=True, abs=1e-4)
 
 
 def seen(found, speed_m_s=5.0, *, moves=True, object_id=1, range_m=10.0):
@@ -159,37 +159,36 @@ def at_10_hz(rows, name="drive"):
     return [(name, number * SECOND // 10, row) for number, row in enumerate(rows)]
 
 
+def group_of(rows):
+    """Movers, mover-sweeps, share found, flicker and delay of the fast ones."""
+    summary = summary_of(rows)
+    figures = ("num_movers", "num_sweeps", "found", "flicker", "delay_s")
+    return tuple(summary[f"{FAST.name}.{name}"] for name in figures)
+
+
 def test_first_sweeps_are_granted_then_a_mover_must_be_found():
     found = [False, False, True, True, False, True]
-    group = summarize_movers(at_10_hz(map(seen, found))).groups[FAST.name]
     # The sweeps 0.3 s and more after the first.
-    assert (group.num_movers, group.num_sweeps) == (1, 3)
-    assert group.found == pytest.approx(2 / 3)
-    assert group.flicker == pytest.approx(1 / 6)
-    assert group.delay_s == pytest.approx(0.2)
+    assert group_of(at_10_hz(map(seen, found))) == pytest.approx((1, 3, 2 / 3, 1 / 6, 0.2))
 
 
 def test_order_of_rows_does_not_matter_and_recordings_are_apart():
     rows = at_10_hz(map(seen, [True, False, True, True]))
     rows += at_10_hz(map(seen, [False] * 4), "other")
-    summary = summarize_movers(rows)
-    assert repr(summary) == repr(summarize_movers(rows[::-1]))
-    group = summary.groups[FAST.name]
-    assert (group.num_movers, group.num_sweeps, group.found) == (2, 2, 0.5)
+    assert repr(summary_of(rows)) == repr(summary_of(rows[::-1]))
     # One that is never found counts with all its time.
-    assert group.delay_s == pytest.approx(0.15)
+    assert group_of(rows) == pytest.approx((2, 2, 0.5, 1 / 8, 0.15))
 
 
 def test_mover_that_was_away_comes_into_view_anew():
     rows = at_10_hz(map(seen, [True] * 4))
     rows += [("drive", stamp + 2 * SECOND, row) for _, stamp, row in rows]
-    group = summarize_movers(rows).groups[FAST.name]
-    assert (group.num_movers, group.num_sweeps, group.flicker) == (2, 2, 0.0)
+    assert group_of(rows) == (2, 2, 1.0, 0.0, 0.0)
 
 
 def test_groups_are_by_speed_range_and_kind():
     def groups(**changes):
-        return set(summarize_movers(at_10_hz([seen(True, **changes)])).groups)
+        return groups_in(summary_of(at_10_hz([seen(True, **changes)])))
 
     assert groups() == {FAST.name, "5 to 10 m/s, to 50 m", "cars, to 50 m"}
     assert groups(speed_m_s=1.0) == {SLOW.name, "cars, to 50 m"}
@@ -200,26 +199,26 @@ def test_groups_are_by_speed_range_and_kind():
 def test_time_after_a_stop_is_told():
     moving, slow = seen(True), seen(True, 0.05, moves=False)
     rows = [moving, moving, slow, slow, slow, slow]
-    assert summarize_movers(at_10_hz(rows)).after_stop_s == pytest.approx(0.3)
+    assert summary_of(at_10_hz(rows))["after_stop_s"] == pytest.approx(0.3)
     # A parked object that was never seen to move has not stopped.
-    assert math.isnan(summarize_movers(at_10_hz([slow] * 5)).after_stop_s)
-    assert math.isnan(summarize_movers(at_10_hz([moving] * 5)).after_stop_s)
+    assert math.isnan(summary_of(at_10_hz([slow] * 5))["after_stop_s"])
+    assert math.isnan(summary_of(at_10_hz([moving] * 5))["after_stop_s"])
 
 
 def test_what_is_called_standing_at_once_after_a_stop_has_a_time_after_it():
     moving, stands = seen(True), MoverRow((0, 0, 0), 0, standing=[1])
-    assert summarize_movers(at_10_hz([moving, moving, stands, stands])).after_stop_s == 0.0
+    assert summary_of(at_10_hz([moving, moving, stands, stands]))["after_stop_s"] == 0.0
     slow = seen(True, 0.05, moves=False)
     rows = [moving, stands, slow, slow]
-    assert summarize_movers(at_10_hz(rows)).after_stop_s == pytest.approx(0.2)
+    assert summary_of(at_10_hz(rows))["after_stop_s"] == pytest.approx(0.2)
     # Another one that never stops does not hide it.
     other = [("other", stamp, row) for _, stamp, row in at_10_hz([moving] * 4)]
-    assert summarize_movers(other + at_10_hz(rows)).after_stop_s == pytest.approx(0.2)
+    assert summary_of(other + at_10_hz(rows))["after_stop_s"] == pytest.approx(0.2)
     # Something else that stands is not the mover, and one that comes back later neither.
     elsewhere = MoverRow((0, 0, 0), 0, standing=[2])
-    assert math.isnan(summarize_movers(at_10_hz([moving, elsewhere])).after_stop_s)
+    assert math.isnan(summary_of(at_10_hz([moving, elsewhere]))["after_stop_s"])
     later = [*at_10_hz([moving]), ("drive", 2 * SECOND, stands)]
-    assert math.isnan(summarize_movers(later).after_stop_s)
+    assert math.isnan(summary_of(later)["after_stop_s"])
 
 
 def test_standing_objects_are_told_by_number():
@@ -230,11 +229,10 @@ def test_standing_objects_are_told_by_number():
 
 
 def test_nothing_to_judge_is_no_number():
-    assert summarize_movers([]) is None
-    summary = summarize_movers([("drive", 0, MoverRow((0, 0, 0), 0))])
-    assert math.isnan(summary.precision)
-    assert math.isnan(summary.velocity_error_m_s)
-    assert summary.groups == {}
+    summary = summary_of([("drive", 0, MoverRow((0, 0, 0), 0))])
+    assert math.isnan(summary["precision"])
+    assert math.isnan(summary["velocity_error_m_s"])
+    assert groups_in(summary) == set()
     assert row_of(true_motion(IDS[:0], {}), said(np.zeros(0, bool))).points == (0, 0, 0)
 
 
@@ -281,46 +279,34 @@ def test_rows_of_a_run_have_movers_and_come_back_from_json():
     assert scored_row(one, "mnsf", FlowEstimate(flow, np.ones(N, bool))).movers is None
 
 
-def test_tables_and_csv_tell_of_movers():
+def test_tables_of_movers():
     one, flow = example()
     kept = np.ones(N, bool)
-    rows = [
-        scored_row(one, "online", FlowEstimate(flow, kept, over_ground=said(IDS == 1))),
-        scored_row(one, "mnsf", FlowEstimate(flow, kept)),
-    ]
-    summaries = summarize(rows)
-    titles = [table.title for table in made_tables(main_tables(summaries))]
-    assert any(title.startswith("Points called dynamic") for title in titles)
-    assert "Objects that move, of 20 points and more" in titles
-    assert any(
-        "cars" in row[0] for table in made_tables(further_tables(summaries)) for row in table.rows
+    over_ground = [said(IDS == 1), said(IDS == 2)]
+    online, lost = (
+        scored_row(
+            one,
+            "online",
+            FlowEstimate(
+                flow, kept, over_ground=said, reason_of=lambda _: Reason(Verdict.TOO_LARGE)
+            ),
+        )
+        for said in over_ground
     )
-    (table,) = made_tables([confidence_table(summaries)])
-    assert table.header == ["method", "from 0.95"]
-    titles = [table.title for table in made_tables(main_tables(summarize(rows[1:])))]
+    others = scored_row(one, "mnsf", FlowEstimate(flow, kept))
+    summary = summarize([online, others, replace(lost, number=2, stamp_ns=small.stamp(2))])
+    tables = {table.title: table for table in main_tables(summary) if table.has_values}
+    called = tables["Points called dynamic, and false movers"]
+    assert called.rows == [["online", "50.0", "50.0", "33.3", "0.50", "50.0"]]
+    objects = tables["Objects that move, of 20 points and more"]
+    assert objects.rows == [["online: 2 m/s and faster, to 50 m", "-", "0.0", "0.00", "1", "0"]]
+    further = [table for table in further_tables(summary) if table.has_values]
+    assert any(row[0] == "online: cars, to 50 m" for table in further for row in table.rows)
+    losses, confidence, _ = further[-3:]
+    assert (losses.header, losses.rows) == (["method", "too large"], [["online", "1"]])
+    assert confidence.header == ["method", "from 0.95"]
+    titles = [table.title for table in main_tables(summarize([others])) if table.has_values]
     assert not any("called" in title for title in titles)
-
-
-def test_csv_has_figures_of_movers_behind_the_columns_of_before(tmp_path):
-    bag = small.write_recording(tmp_path / "drive", 4)
-    options = small.options()
-    methods = small.methods_of(["online", "ego"], options)
-    record = RunRecord(options, methods, [small.recording_at(bag)], [small.SESSION])
-    one, flow = example()
-    rows = [
-        scored_row(one, "online", FlowEstimate(flow, flow[:, 0] < 9, over_ground=said(IDS == 1))),
-        scored_row(one, "ego", FlowEstimate(flow, flow[:, 0] < 9)),
-    ]
-    text = results_csv(results_of(record, rows))
-    online, ego = (
-        [line for line in csv.DictReader(io.StringIO(text)) if line["method"] == name]
-        for name in ("online", "ego")
-    )
-    header = text.partition("\n")[0].split(",")
-    assert header.index("git_commit") < header.index("precision")
-    assert all(line["precision"] == "1.0" and line["fast_found"] == "" for line in online)
-    assert online[0]["fast_delay_s"] == "0.0"
-    assert all(line["precision"] == line["slow_found"] == "" for line in ego)
 
 
 MOVED = np.array([0.0, 0.5, 0.0])  # 5 m/s to the left for a tenth of a second
@@ -335,7 +321,7 @@ MOVED = np.array([0.0, 0.5, 0.0])  # 5 m/s to the left for a tenth of a second
         (Reason(Verdict.DYNAMIC), LostBy.PARTLY),
         (Reason(Verdict.REFUSED, start=MOVED + 0.5, motion=MOVED + 0.05), LostBy.GATE),
         (Reason(Verdict.REFUSED, start=MOVED + 0.1, motion=MOVED + 0.1), LostBy.FIT),
-        (Reason(Verdict.REFUSED, start=MOVED + 0.5, motion=MOVED + 0.1), LostBy.VOTE),
+        (Reason(Verdict.REFUSED, start=MOVED + 0.5, motion=MOVED + 0.1), LostBy.FIRST_GUESS),
     ],
 )
 def test_lost_mover_has_what_lost_it(reason, lost_by):
@@ -352,35 +338,7 @@ def test_lost_mover_has_what_lost_it(reason, lost_by):
     assert item.place_m == (10.0, 0.0)
     # It is asked about the rows of the estimate.
     assert np.array_equal(asked[0], np.flatnonzero(IDS == 1) + 7)
-    summary = summarize_movers([("drive", 0, row), ("drive", 1, row)])
-    assert summary.lost == {lost_by.value: 2}
+    summary = summary_of([("drive", 0, row), ("drive", 1, row)])
+    assert {k: v for k, v in summary.items() if "lost" in k} == {f"lost.{lost_by.value}": 2}
     found = mover_row(truth, said(IDS == 1), np.arange(N), np.zeros(N), reason_of)
     assert found.objects[0].lost_by is None
-
-
-def test_movers_that_were_missed_most_often_come_first():
-    rows = [
-        ResultRow("drive", number, number * SECOND, "online", N, movers=seen(False, object_id=who))
-        for number, who in enumerate([1, 2, 2, 1, 2])
-    ]
-    record = RunRecord(small.options(), small.methods_of(["online", "mnsf"]), [], [small.SESSION])
-    (table,) = tables_of(results_of(record, rows)).missed
-    assert [row[:3] for row in table.rows] == [
-        ["drive: car", "3", "1.000"],
-        ["drive: car", "2", "0.000"],
-    ]
-    assert tables_of(results_of(record, rows, focus="mnsf")).missed == []
-    found = [replace(rows[0], movers=seen(True)), replace(rows[1], movers=None)]
-    assert tables_of(results_of(record, found)).missed == []
-
-
-def test_table_of_losses():
-    truth = true_motion(IDS, {1: 5.0})
-    over_ground = said(np.zeros(N, bool))
-    row = mover_row(
-        truth, over_ground, np.arange(N), np.zeros(N), lambda _: Reason(Verdict.TOO_LARGE)
-    )
-    rows = [ResultRow("drive", 1, 1, "online", N, movers=row)]
-    (table,) = made_tables([losses_table(summarize(rows))])
-    assert (table.header, table.rows) == (["method", "too large"], [["online", "1"]])
-    assert made_tables([losses_table(summarize([replace(rows[0], movers=None)]))]) == []

@@ -1,0 +1,138 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Protocol and notes of a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from small_runs import METHODS, dropped, failed, recording, row, rows, run_record, session
+
+from mnsf_ros.evaluation.findings import Event
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.results import FinishedTask
+from mnsf_ros.presets import preset
+from mnsf_ros.report.run_results import results_of
+
+FINISHED = [FinishedTask("street", method, 4) for method in METHODS]
+
+
+def protocol(rows, record):
+    return " ".join(results_of(record, rows, FINISHED).protocol)
+
+
+def notes(rows=(), finished=FINISHED, **record):
+    """Texts of the notes, those of what is incomplete and the others."""
+    record = {"methods": METHODS, "recordings": [recording(has_checksums=True)], **record}
+    found = results_of(run_record(**record), rows, finished).notes
+    parts = (
+        [note.text for note in found if note.is_incomplete is is_so] for is_so in (True, False)
+    )
+    return tuple(parts)
+
+
+def test_protocol_says_what_the_figures_are_of():
+    text = protocol([row(1, "mnsf", 0.1, device="cpu"), row(1, "zero", 0.1)], run_record())
+    for part in (
+        "Unweighted mean over 1 example from 1 recording.",
+        "2,048 random points of each sweep, the same for all methods. Seed 7.",
+        "without ground (flag in the truth)",
+        "Settings: mnsf: preset paper, warm start off.",
+        "on cpu with 1 thread",
+    ):
+        assert part in text
+
+
+def test_protocol_tells_differing_numbers_of_examples_and_time_budgets():
+    late = row(5, "fnsf", 0.1, stop_reasons={"forward": "time_budget", "fusion": "time_budget"})
+    text = protocol([*rows(), late], run_record())
+    assert "over 3 to 4 examples" in text
+    assert "Examples without a flow, not in any mean: 1" in text
+    assert "Methods differ in the number of examples" in text
+    assert "2 optimizations reached their time budget" in text
+
+
+def test_protocol_tells_the_settings_of_each_method():
+    settings = preset("paper").changed({"objects.min_probability": 0.4})
+    record = run_record(["online", "mnsf", "zero"], options=EvaluationOptions(settings))
+    changed = "objects.min_probability = 0.4"
+    text = protocol([row(1, name, 0.1) for name in record.method_names], record)
+    assert (
+        f"Settings: online: preset online with {changed}, warm start on; "
+        f"mnsf: preset paper with {changed}, warm start off."
+    ) in text
+    text = protocol([row(1, "zero", 0.1)], record)
+    assert f"Settings: zero: preset paper with {changed}, warm start off." in text
+
+
+@pytest.mark.parametrize(
+    ("ground", "truths", "said"),
+    [
+        ("truth", ["/t", "/t"], "without ground (flag in the truth);"),
+        ("truth", ["/t", None], "flag in the truth, height map where there is no truth);"),
+        ("truth", [None], "without ground (height map);"),
+        ("settings", ["/t"], "without ground (height map);"),
+    ],
+)
+def test_protocol_tells_the_source_of_ground(ground, truths, said):
+    record = run_record(recordings=[recording(truth=truth) for truth in truths])
+    record = replace(record, options=replace(record.options, ground=ground))
+    assert said in protocol(rows(), record)
+
+
+def test_damage_missing_truth_and_events():
+    street = recording(damages=["a.mcap, byte 7: cut"], truth=None)
+    task = FinishedTask("street", "mnsf", 3, {"sweeps_read": 5, "gaps": 2}, ["b: c"])
+    incomplete, others = notes([], [task, *FINISHED[1:]], recordings=[street])
+    assert incomplete == ["Damage: a.mcap, byte 7: cut", "Damage: b: c"]
+    assert others == [
+        "street: no true flow, so no errors.",
+        f"street: {Event.GAPS.text}: 2.",
+    ]
+
+
+def test_unfinished_tasks_and_recordings_without_examples():
+    finished = [FinishedTask("street", "fnsf", 0)]
+    incomplete, _ = notes([row(1, "mnsf", 0.1)], finished, methods=["mnsf", "fnsf"])
+    assert incomplete == [
+        "Unfinished: mnsf on street, examples so far: 1; continue with --resume.",
+        "No example: street contains no 3 consecutive sweeps with at most buffer.max_interval_s "
+        "between them (sweeps in all: 5). --pairs uses two.",
+    ]
+
+
+def test_many_recordings_are_one_note():
+    bags = [recording(f"bag_{n}", truth=None, has_checksums=False) for n in range(6)]
+    _, (checksums, truth) = notes(recordings=bags)
+    for note in (checksums, truth):
+        assert note.startswith("bag_0, bag_1, bag_2, bag_3 and 2 more: no ")
+
+
+def test_failures_are_told_with_the_first_reason():
+    found = [
+        row(1, "mnsf", 0.1),
+        failed(3, "fnsf", "there is no odometry."),
+        failed(4, "fnsf", "something else"),
+        row(5, "fnsf", 0.1),
+        dropped(2, "zero"),
+        failed(1, "zero", "no points", recording="drive"),
+    ]
+    incomplete, others = notes(found)
+    assert incomplete == ["No flow: zero failed on every example of drive: 1."]
+    text = "fnsf: examples without a flow: 2; the first, sweep 3 of street: there is no odometry."
+    assert text in others
+
+
+def test_truth_that_is_valid_nowhere_is_told():
+    empty = {name: replace(one, num_points=0) for name, one in row(1, "mnsf", 0.1).errors.items()}
+    _, others = notes([row(1, "mnsf", 0.1, errors=empty)])
+    assert others == ["street: no scored point has valid truth, so no errors."]
+
+
+def test_rows_of_sessions_that_differ_are_told():
+    assert notes(sessions=[session(), session()]) == ([], [])
+    other = session(git_commit="def", versions={"torch": "0.1"})
+    assert notes(sessions=[session(), other])[1] == [
+        "Rows of 2 sessions with different git commits: abc123, def.",
+        "Rows of 2 sessions with different versions of torch: 2.0, 0.1.",
+    ]
