@@ -21,8 +21,8 @@ import torch
 from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
 from frame import Table, make_parser, publish, this_machine, verdict
 
-from mnsf_ros.core.distance_transform import DistanceTransform, GridBox, distances_within
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.target_distance import DistanceTransform, GridBox, distances_within
 from mnsf_ros.evaluation.scoring import by_motion
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset

@@ -32,11 +32,6 @@ class Batches:
         """Whether each batch has all rows, so that losses can be compared."""
         return not 0 < self._size < len(self._rows)
 
-    @property
-    def num_rows(self) -> int:
-        """Number of rows of each batch."""
-        return len(self._rows) if self.are_whole else self._size
-
     def draw(self) -> torch.Tensor:
         """The next batch."""
         if self.are_whole:

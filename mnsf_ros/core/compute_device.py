@@ -1,28 +1,40 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where tensors live, how precisely networks compute, and how many threads may work.
+"""Device, precision, threads and memory of networks.
 
 PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import LibraryError, SettingsError
-from mnsf_ros.settings import ComputeSettings
+from mnsf_ros.settings import ComputeSettings, Settings
 
 if TYPE_CHECKING:
     import torch
 
 # Instructions of x86 processors that multiply bfloat16, as `torch.cpu` names them.
 _CPU_BFLOAT16: Final = ("amx_bf16", "avx512_bf16")
+# Limits of the container or service that the process runs in; without a limit: a word, or no file.
+_GROUP_LIMITS: Final = (
+    Path("/sys/fs/cgroup/memory.max"),
+    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
+)
+# Weights, their gradient, and two moments of Adam, float32 each.
+_BYTES_PER_WEIGHT: Final = 4 * 4
+# Distances to the next and the previous sweep, float32, and the mask of the second.
+_BYTES_PER_CELL: Final = 2 * 4 + 1
 
 
 def compute_device(settings: ComputeSettings) -> torch.device:
-    """Returns the device that the settings ask for.
+    """Returns the device of the settings.
 
     Raises:
         SettingsError: If CUDA is asked for and torch finds none.
@@ -54,7 +66,7 @@ def check_device(settings: ComputeSettings) -> None:
 
 
 def layer_precision(settings: ComputeSettings) -> torch.dtype:
-    """Returns the precision of products between hidden layers that the settings ask for.
+    """Returns the precision of products between hidden layers.
 
     It is float32 where the device does not compute in bfloat16 itself: there it would be slower.
     """
@@ -110,3 +122,51 @@ def limit_threads(settings: ComputeSettings) -> None:
 
     if settings.num_threads:
         torch.set_num_threads(settings.num_threads)
+
+
+def machine_bytes() -> int:
+    """Returns the memory of the machine or its container."""
+    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    for file in _GROUP_LIMITS:
+        with suppress(OSError, ValueError):
+            limits.append(int(file.read_text()))
+    return min(limits)
+
+
+def check_memory(settings: Settings) -> None:
+    """Checks that the networks and grids of the settings fit into memory, before any is taken.
+
+    Else the system would end the process, or another one. On CUDA nothing is checked: there a
+    failed allocation costs one estimate, and no process.
+
+    Raises:
+        SettingsError: They do not fit; with both figures, and the settings that decide.
+    """
+    field, fusion = settings.field, settings.fusion
+    num_weights = 2 * _num_weights(field.num_hidden_layers, field.hidden_width)
+    num_weights += _num_weights(fusion.num_hidden_layers, fusion.hidden_width)
+    num_cells = settings.distance.max_cells if settings.distance.kind == "grid" else 0
+    needs = {
+        "field.num_hidden_layers, field.hidden_width, fusion.num_hidden_layers, "
+        "fusion.hidden_width": num_weights * _BYTES_PER_WEIGHT,
+        "distance.max_cells": num_cells * _BYTES_PER_CELL,
+    }
+    needed, available = sum(needs.values()), machine_bytes()
+    if needed <= available or _is_on_cuda(settings.compute):
+        return
+    raise SettingsError(
+        f"networks and distance transform need {needed / 1e9:.1f} GB of memory, this machine has "
+        f"{available / 1e9:.1f} GB: reduce {max(needs, key=lambda name: needs[name])}"
+    )
+
+
+def _num_weights(num_hidden_layers: int, width: int) -> int:
+    """Weights between hidden layers; the few of the first and the last layer do not count."""
+    return (num_hidden_layers - 1) * width * (width + 1)
+
+
+def _is_on_cuda(settings: ComputeSettings) -> bool:
+    try:
+        return compute_device(settings).type == "cuda"
+    except SettingsError:  # there is no torch: a method that needs it says so
+        return False

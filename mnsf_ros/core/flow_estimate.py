@@ -1,10 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What an estimate gives: the flow, and how it came about."""
+"""The result of an estimate: flow, motion over ground, objects, timings and reasons."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -12,7 +12,6 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.reason import Reason
 from mnsf_ros.sweeps.sweep import Start
 
 
@@ -27,7 +26,7 @@ class StopReason(Enum):
 
 @dataclass(frozen=True)
 class OptimizationResult:
-    """How an optimization went.
+    """The result of an optimization.
 
     Attributes:
         loss_m: Lowest loss where all points are used in each step, else the last one.
@@ -42,10 +41,10 @@ class OptimizationResult:
 
 @dataclass(frozen=True, eq=False)
 class TrackedObject:
-    """Something that moves over ground and is followed from sweep to sweep.
+    """A dynamic object that is tracked from sweep to sweep.
 
     Attributes:
-        track_id: Number from 1; the same as long as the object is followed, never used again.
+        track_id: Number from 1; the same as long as the object is tracked, never reused.
         center: (3,) float64, metres, the middle of its box, frame of the current sweep.
         size: (3,) float64, metres: length along `yaw`, width, height.
         yaw: Its heading in radians about z, from x of the current sweep.
@@ -66,7 +65,7 @@ class TrackedObject:
     num_points: int
 
     def __repr__(self) -> str:
-        """Number, speed and points, not its arrays."""
+        """Number, speed and points, without the arrays."""
         speed = float(np.linalg.norm(self.velocity))
         return (
             f"TrackedObject(track_id={self.track_id}, speed={speed:.1f} m/s, "
@@ -76,24 +75,24 @@ class TrackedObject:
 
 @dataclass(frozen=True, eq=False)
 class OverGround:
-    """What an estimate says beside the flow if it knows how the sensor itself moved.
+    """Motion over ground, of methods that estimate the ego motion.
 
     Attributes:
-        motion: (N, 3) float32, metres until the next sweep, over ground: without the sensor's own
+        motion: (N, 3) float32, metres until the next sweep, over ground: without the ego
             motion, in the axes of the current sweep.
         dynamic: (N,) bool, the points that move over ground.
         confidence: (N,) float32 from 0 to 1, how likely the flow is less than 0.1 m off.
-        world_from_sensor: (4, 4) float64, where the current sweep was taken. The world is the
-            sensor frame of the first sweep.
-        next_from_current: (4, 4) float64, motion of what stands still.
-        source: What the sensor's motion was taken from.
+        world_from_sensor: (4, 4) float64, pose of the current sweep. The world is the sensor frame
+            of the first sweep.
+        next_from_current: (4, 4) float64, motion of static points between the two sensor frames.
+        source: Source of the ego motion.
         pose_covariance: (6, 6) float64 of `world_from_sensor`, in the axes of the world: x, y, z
-            in metres, then rotations about them in radians. None if nobody knows.
-        motion_covariance: (6, 6) float64, the same of the sensor's motion until the next sweep, in
-            the axes of the sensor.
-        objects: What moves, object by object, of methods that know objects.
-        track_ids: (N,) int32, the `track_id` of each point's object, 0 for points of none. None of
-            methods that know no objects.
+            in metres, then rotations about them in radians. None if unknown.
+        motion_covariance: (6, 6) float64, the same of the ego motion until the next sweep, in the
+            axes of the sensor.
+        objects: The dynamic objects, of methods with objects.
+        track_ids: (N,) int32, the `track_id` of each point's object, 0 for none. None for methods
+            without objects.
     """
 
     motion: NDArray[np.float32]
@@ -108,14 +107,14 @@ class OverGround:
     track_ids: NDArray[np.int32] | None = None
 
     def __repr__(self) -> str:
-        """How many points are dynamic and how many objects there are, not its arrays."""
+        """Numbers of points and objects, without the arrays."""
         return (
             f"OverGround(points={len(self.dynamic)}, dynamic={np.count_nonzero(self.dynamic)}, "
             f"objects={len(self.objects)}, source={str(self.source)!r})"
         )
 
     def part(self, rows: NDArray[np.int64]) -> OverGround:
-        """Returns what is said of some points, by their numbers (M,), and all that is said else."""
+        """Returns the same for some points, by their numbers (M,)."""
         return replace(
             self,
             motion=self.motion[rows],
@@ -125,27 +124,65 @@ class OverGround:
         )
 
 
+class Verdict(Enum):
+    """Outcome for an object: the stage that decided."""
+
+    NO_OBJECT = "ground, or outside the crop"
+    TOO_FEW_POINTS = "too few points"
+    TOO_LARGE = "too large"
+    NOT_SUSPECTED = "not suspected: other sweeps show it at the same place"
+    LEFT_OUT = "left out: other suspects are nearer"
+    NO_BETTER_MOTION = "no motion explains it better"
+    REFUSED = "refused by the gate"
+    DYNAMIC = "dynamic"
+
+
+@dataclass(frozen=True, eq=False)
+class Reason:
+    """Why an object was called dynamic or not.
+
+    Attributes:
+        verdict: The outcome.
+        num_points: Its points after thinning.
+        size_m: The longer horizontal side of the box around it.
+        static_m: Name of another sweep to metres of residual if the object is static; empty if
+            no motion was searched.
+        moving_m: The same if it moves.
+        start: (3,) metres over ground until the next sweep, where the fit of its motion started.
+        motion: (3,) metres, likewise, the fitted motion; None if none was searched.
+        evidence: Name of further evidence to its value.
+    """
+
+    verdict: Verdict
+    num_points: int = 0
+    size_m: float = 0.0
+    static_m: Mapping[str, float] = field(default_factory=dict)
+    moving_m: Mapping[str, float] = field(default_factory=dict)
+    start: NDArray[np.float64] | None = None
+    motion: NDArray[np.float64] | None = None
+    evidence: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class FlowEstimate:
     """The flow of the current sweep of a triplet.
 
     Attributes:
         flow: (N, 3) float32, metres until the next sweep, one row for each point of the current
-            sweep, in its order. point + flow is where that piece of surface is in the next
-            sweep's own coordinates, so the flow has the sensor's own motion in it.
+            sweep, in its order. point + flow is the position of the same surface in the
+            next sweep's own coordinates: the flow includes the ego motion.
         kept: (N,) bool, the points that the fields were fitted to; the others (ground, beyond
-            the crop) got their flow from the same fields, or that of the sensor's own motion.
-        times_ms: Stage to wall time: prepare, forward, backward, fusion, and what else there is.
+            the crop) have the flow of the same fields, or of the ego motion.
+        times_ms: Stage to wall time: prepare, forward, backward, fusion and others.
         fits: Stage to result of its optimization, for forward, backward and fusion.
         start: Whether the networks were carried over from the last triplet.
-        device: Where it was computed, `cpu` or `cuda`.
+        device: `cpu` or `cuda`.
         distance_kind: `grid` or `tree`; empty for methods that have neither.
         precision: Of the products between hidden layers, `float32` or `bfloat16`; empty for methods
             that have none.
-        over_ground: The same without the sensor's own motion, of methods that know it.
-        num_left_out: Objects that there was no room to look at: they count as standing.
-        reason_of: Says of rows (M,) of one thing why it was called dynamic or not, of methods that
-            know objects.
+        over_ground: Motion without the ego motion, of methods that estimate it.
+        num_left_out: Suspects beyond the limit of the settings, which count as static.
+        reason_of: The reason for the rows (M,) of one object, of methods with objects.
     """
 
     flow: NDArray[np.float32]
@@ -161,7 +198,7 @@ class FlowEstimate:
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None
 
     def __repr__(self) -> str:
-        """How many points there are, what is known of them, and the time, not its arrays."""
+        """Numbers of points and objects, and the time, without the arrays."""
         known = self.over_ground
         moving = (
             ""
@@ -188,7 +225,7 @@ class FlowEstimate:
 
     @property
     def stop_reasons(self) -> dict[str, str]:
-        """Stage to the word that says why its optimization ended."""
+        """Stage to the reason why its optimization ended."""
         return {stage: fit.stop_reason.value for stage, fit in self.fits.items()}
 
 

@@ -9,10 +9,9 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.batches import Batches
-from mnsf_ros.core.device_optimization import minimize_on_device
 from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.learner import Learner, PartlyJudgedLoss
-from mnsf_ros.core.optimization import minimize
+from mnsf_ros.core.optimization import minimize, minimize_stack
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 
@@ -103,7 +102,7 @@ def fit_stacked(
         return torch.stack([target.mean(points + flow) for target, flow in pairs])
 
     keep_best = keep_best and batches.are_whole
-    results = minimize_on_device(stack, losses_of, schedule, keep_best=keep_best, sources=[batches])
+    results = minimize_stack(stack, losses_of, schedule, keep_best=keep_best, sources=[batches])
     for field, result in zip(fields, results, strict=True):
         field.last_loss = result.loss_m
     return results
@@ -123,7 +122,7 @@ def _losses(
 def still_fits(
     field: Learner, batches: Batches, target: TargetDistance, max_loss_ratio: float
 ) -> bool:
-    """Whether a field that was fitted to an earlier pair of sweeps explains this one, too.
+    """Whether a field that was fitted to an earlier pair of sweeps fits this pair, too.
 
     Its loss may be at most `max_loss_ratio` times that at the end of its fit.
     """

@@ -1,16 +1,13 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A network with its optimizer, and what its loss may be."""
+"""A network with its optimizer, and the kinds of loss."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import torch
 from torch import nn
-
-from mnsf_ros.errors import OptimizationError
 
 
 @dataclass
@@ -18,11 +15,10 @@ class Learner:
     """A network with its optimizer, so that both can be carried from triplet to triplet.
 
     Attributes:
-        network: What is optimized.
+        network: The network, or a list of several.
         optimizer: Adam over the network's weights, with its moments; None if it has no weights.
         last_loss: Loss at the end of the last optimization, metres; None for a fresh network.
-        num_networks: Networks that are one stack; then the weights' first axis is that of the
-            networks.
+        num_networks: Number of networks in a stack, whose weights have them as first axis.
     """
 
     network: nn.Module
@@ -32,7 +28,7 @@ class Learner:
 
     @classmethod
     def fresh(cls, network: nn.Module, weight_decay: float = 0.0) -> Learner:
-        """A learner whose optimizer has seen nothing yet."""
+        """A learner whose optimizer has taken no step yet."""
         weights = list(network.parameters())
         if not weights:
             return cls(network, None)
@@ -44,8 +40,8 @@ class PartlyJudgedLoss:
     """A sum of losses of which one alone decides when to stop.
 
     Attributes:
-        total: What is made small; the weights of its lowest value are the best ones.
-        judged: What early stopping looks at.
+        total: The sum to minimize; the weights of its lowest value are the best ones.
+        judged: The loss for early stopping.
     """
 
     total: torch.Tensor
@@ -64,14 +60,3 @@ def adam(weights: Iterable[nn.Parameter], weight_decay: float = 0.0) -> torch.op
     return torch.optim.Adam(
         weights, weight_decay=weight_decay, fused=True, capturable=weights[0].is_cuda
     )
-
-
-def checked_loss(loss: float) -> float:
-    """Returns the loss of an optimization that has ended.
-
-    Raises:
-        OptimizationError: If it is not finite.
-    """
-    if not math.isfinite(loss):
-        raise OptimizationError(f"the loss became {loss}, expected a finite number of metres")
-    return loss

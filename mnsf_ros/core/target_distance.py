@@ -1,16 +1,25 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""D(p, S): how far positions are from a target sweep, by a grid or by a search."""
+"""D(p, S): the distance of positions to a target sweep, by a distance transform or a search.
+
+Section 2 of the paper, after FNSF. The distance transform is a grid of distances, built once and
+looked up everywhere, exact (Euclidean) at the grid nodes up to the rounding of points to nodes.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+import edt
+import numpy as np
 import torch
 from scipy.spatial import cKDTree
+from torch.nn import functional
 
-from mnsf_ros.core.distance_transform import DistanceTransform, GridBox
+from mnsf_ros.core.compute_device import on_device
 from mnsf_ros.settings import DistanceSettings
 
+_PADDING_CELLS = 2
 _EXACT = "donot_use_mm_for_euclid_dist"
 
 # Distances of a CUDA search that are in memory at once: 256 MiB of float32.
@@ -81,7 +90,7 @@ class NearestNeighborDistance:
         return distances
 
     def nearest_indices(self, positions: torch.Tensor) -> torch.Tensor:
-        """Which target point is nearest: (M, 3) metres, without gradient, to (M,) rows."""
+        """Row of the nearest target point: (M, 3) metres, without gradient, to (M,)."""
         if self._tree is not None:
             # The tree refuses NaN and infinity; any neighbour will do for a distance that is none.
             _, indices = self._tree.query(positions.nan_to_num().numpy())
@@ -94,3 +103,126 @@ class NearestNeighborDistance:
                 for part in positions.split(chunk)
             ]
         )
+
+
+@dataclass(frozen=True)
+class GridBox:
+    """Extent and resolution of a grid.
+
+    Attributes:
+        origin: Position of node (0, 0, 0), metres.
+        shape: Number of nodes along x, y and z.
+        cell_size_m: Distance between neighboring nodes.
+    """
+
+    origin: tuple[float, float, float]
+    shape: tuple[int, int, int]
+    cell_size_m: float
+
+    @classmethod
+    def around(cls, points: torch.Tensor, cell_size_m: float) -> GridBox:
+        """The box around (N, 3) points, with a little padding."""
+        low = points.min(dim=0).values.double().tolist()
+        high = points.max(dim=0).values.double().tolist()
+        first = [math.floor(value / cell_size_m) - _PADDING_CELLS for value in low]
+        last = [math.ceil(value / cell_size_m) + _PADDING_CELLS for value in high]
+        x, y, z = (node * cell_size_m for node in first)
+        nx, ny, nz = (b - a + 1 for a, b in zip(first, last, strict=True))
+        return cls((x, y, z), (nx, ny, nz), cell_size_m)
+
+    @property
+    def num_cells(self) -> int:
+        """Number of nodes; each takes 4 bytes."""
+        return math.prod(self.shape)
+
+
+class DistanceTransform:
+    """Distances to a sweep on a grid, interpolated trilinearly between the nodes.
+
+    Attributes:
+        distances: (nx, ny, nz) float32, metres, those of the nodes.
+    """
+
+    kind = "grid"
+
+    def __init__(self, distances: torch.Tensor, box: GridBox) -> None:
+        self.distances = distances
+        self._low = distances.new_tensor(box.origin)
+        steps = distances.new_tensor(box.shape) - 1
+        self._high = self._low + steps * box.cell_size_m
+
+    @classmethod
+    def from_points(
+        cls, points: torch.Tensor, box: GridBox, reach_m: float = math.inf
+    ) -> DistanceTransform:
+        """Builds the transform, on CUDA if its reach is limited, else with torch's threads.
+
+        Args:
+            points: (N, 3) float32, metres, inside the box. Its device holds the result.
+            box: The grid.
+            reach_m: Distances above this may have any value above it.
+        """
+        if points.is_cuda and reach_m < math.inf:
+            return cls(distances_within(points, box, reach_m), box)
+        origin = np.array(box.origin)
+        nodes = np.rint((points.cpu().numpy() - origin) / box.cell_size_m).astype(np.int64)
+        is_free = np.ones(box.shape, dtype=np.uint8)
+        is_free[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
+        distances = edt.edt(
+            is_free, anisotropy=(box.cell_size_m,) * 3, parallel=torch.get_num_threads()
+        )
+        return cls(on_device(distances, points.device), box)
+
+    def __call__(self, positions: torch.Tensor) -> torch.Tensor:
+        """Distance of positions to the sweep.
+
+        Outside the grid it is the distance to the grid plus the value at its border: never less
+        than the true distance, up to the rounding to cells, and still pulling back inside.
+
+        Args:
+            positions: (M, 3) metres.
+
+        Returns:
+            (M,) metres, differentiable.
+        """
+        inside = torch.minimum(torch.maximum(positions, self._low), self._high)
+        unit = 2 * (inside - self._low) / (self._high - self._low) - 1  # [M, 3] in -1..1
+        looked_up = functional.grid_sample(
+            self.distances[None, None],
+            unit.flip(1)[None, None, None],  # grid_sample wants the last axis first
+            mode="bilinear",
+            padding_mode="border",
+            align_corners=True,
+        ).view(-1)
+        beyond: torch.Tensor = torch.linalg.vector_norm(positions - inside, dim=1)
+        return looked_up + beyond
+
+
+def distances_within(points: torch.Tensor, box: GridBox, reach_m: float) -> torch.Tensor:
+    """Returns the distance of each node (nx, ny, nz) to the points, metres, on their device.
+
+    It is exact up to two cells above the reach, so that values interpolated below the reach equal
+    those of the whole transform; beyond, it is a value above the reach. Along each axis the
+    parabola of squared distances is an erosion by 1, by 3, by 5 ... per cell.
+    """
+    radius = math.ceil(reach_m / box.cell_size_m) + 2
+    far = (radius + 1) ** 2
+    # The largest sum is that of far and of an odd number; half the memory is half the time.
+    dtype = torch.int16 if far + 2 * radius <= torch.iinfo(torch.int16).max else torch.int32
+    squares = torch.full(box.shape, far, dtype=dtype, device=points.device)
+    origin = torch.tensor(box.origin, dtype=torch.float64, device=points.device)
+    nodes = torch.round((points.double() - origin) / box.cell_size_m).long()
+    squares[nodes[:, 0], nodes[:, 1], nodes[:, 2]] = 0
+    for axis, number in enumerate(box.shape):
+        for step in range(1, min(radius, number - 1) + 1):
+            _erode(squares, axis, 2 * step - 1)
+    return squares.float().sqrt_().mul_(box.cell_size_m)
+
+
+def _erode(squares: torch.Tensor, axis: int, rise: int) -> None:
+    """Lowers each node to those beside it plus the rise, in place."""
+    last = squares.shape[axis] - 1
+    lower, upper = squares.narrow(axis, 0, last), squares.narrow(axis, 1, last)
+    upper_before = upper.clone()
+    torch.minimum(upper, lower + rise, out=upper)
+    torch.minimum(lower, upper_before + rise, out=lower)

@@ -1,7 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""g_fusion: forward flow f and inverted backward flow f' become one flow (section 3, step 4).
+"""g_invert and g_fusion: forward flow f and inverted backward flow f' become one flow.
 
-With more than three sweeps there are more inverted flows; all of them are fused at once.
+Steps 3 and 4 of section 3 of the paper. With more than three sweeps there are more inverted flows;
+all of them are fused at once.
 """
 
 from __future__ import annotations
@@ -17,6 +18,20 @@ from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.settings import FusionSettings
+
+
+def invert_motion(backward_flow: torch.Tensor, interval_ratio: float = 1.0) -> torch.Tensor:
+    """Inverts motion under the constant model of the paper (section 3): f' = -b.
+
+    Args:
+        backward_flow: (N, 3) metres, from t to t-1.
+        interval_ratio: Time from t to t+1 over time from t-1 to t. With equal intervals, as in
+            the paper, this is 1; a point of constant velocity moves that much farther.
+
+    Returns:
+        (N, 3) metres, from t to t+1.
+    """
+    return -interval_ratio * backward_flow
 
 
 class MlpFusion(nn.Module):
@@ -79,7 +94,7 @@ def fusion_network(
     num_flows: int = 2,
     precision: torch.dtype = torch.float32,
 ) -> nn.Module:
-    """A fresh fusion of so many flows, of the kind that the settings ask for."""
+    """A fresh fusion of `num_flows` flows, of the kind in the settings."""
     if settings.kind == "mlp":
         return MlpFusion(settings, generator, num_flows, precision)
     return WeightedSumFusion(num_flows) if settings.kind == "weighted_sum" else MeanFusion()

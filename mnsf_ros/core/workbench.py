@@ -14,7 +14,6 @@ from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
 from mnsf_ros.core.flow_field import Perceptron
 from mnsf_ros.core.learner import Learner, LossOf
-from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
@@ -73,7 +72,6 @@ class Workbench:
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
                 not as many sweeps as the method needs.
-            SettingsError: If to fit to so many points needs more memory than there is.
         """
         self.triplet = triplet
         self.settings = settings
@@ -100,7 +98,6 @@ class Workbench:
     def batches(self, rows: torch.Tensor) -> Batches:
         """Rows (M, C) to draw from, as the settings ask."""
         batches = Batches(rows, self.settings.optimization.batch_points, self.generator)
-        check_memory(self.settings, batches.num_rows)
         self._sources.append(batches)
         return batches
 

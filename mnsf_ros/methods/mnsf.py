@@ -21,10 +21,9 @@ from mnsf_ros.core.forward_backward_fields import (
     still_fits,
 )
 from mnsf_ros.core.learner import Learner
-from mnsf_ros.core.motion_inversion import invert_motion
 from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
-from mnsf_ros.core.temporal_fusion import fusion_network
+from mnsf_ros.core.temporal_fusion import fusion_network, invert_motion
 from mnsf_ros.core.warm_start import Learners
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field

@@ -16,9 +16,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.compute_device import check_memory, compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
-from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules

@@ -9,7 +9,6 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.learner import Learner
-from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench
@@ -24,7 +23,6 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
     field is one on a Kronecker product of encodings.
     """
     points = bench.rows_to_fit
-    check_memory(bench.settings, len(points))
     there, back = (fresh_field(bench, is_linear=is_linear) for _ in range(2))
     settings = bench.settings.nsfp
     to_next = ChamferDistance(bench.sampled_points(bench.next), settings.truncation_m)

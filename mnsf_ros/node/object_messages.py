@@ -17,8 +17,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from mnsf_ros.core.flow_columns import object_columns
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.core.object_columns import object_columns
 from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.node.cloud_messages import encoded_message

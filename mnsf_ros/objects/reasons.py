@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.reason import Reason, Verdict
+from mnsf_ros.core.flow_estimate import Reason, Verdict
 from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_sweep import ObjectSweep

@@ -8,9 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from mnsf_ros.core.compute_device import check_device
+from mnsf_ros.core.compute_device import check_device, check_memory
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.memory_demand import check_memory
 from mnsf_ros.core.scene_flow_estimator import (
     MethodTraits,
     PreparingEstimator,

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.reason import Reason, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, Reason, Verdict
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings

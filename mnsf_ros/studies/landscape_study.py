@@ -19,10 +19,10 @@ from torch import nn
 
 from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
-from mnsf_ros.core.motion_inversion import invert_motion
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
+from mnsf_ros.core.temporal_fusion import invert_motion
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.study_charts import height_maps
 from mnsf_ros.errors import SettingsError

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The table of columns: a row is all that a new field of the output needs."""
+"""Columns of the output clouds: a row of a table is all that a new field needs."""
 
 from __future__ import annotations
 
@@ -7,27 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from mnsf_ros.core.flow_columns import FLOW_COLUMNS, chosen_columns, flow_columns
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
+from mnsf_ros.core.flow_columns import (
+    FLOW_COLUMNS,
+    OBJECT_COLUMNS,
+    chosen_columns,
+    flow_columns,
+    object_columns,
+)
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.settings import OutputSettings
 
-ROOT = Path(__file__).resolve().parents[2]
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
-def test_documents_have_the_same_table():
-    documents = "\n".join(path.read_text() for path in sorted((ROOT / "docs").glob("*.md")))
-    for column in FLOW_COLUMNS:
-        missing = "NaN" if np.isnan(column.missing) else f"{column.missing:g}"
-        cells = (
-            f"`{column.name}`",
-            np.dtype(column.dtype).name,
-            column.unit or "-",
-            column.text,
-            missing,
-        )
-        assert f"| {' | '.join(cells)} |" in documents
+def test_documents_have_the_same_tables():
+    documents = "\n".join(path.read_text() for path in sorted(DOCS.glob("*.md")))
+    for column in (*FLOW_COLUMNS, *OBJECT_COLUMNS):
+        if not column.name.startswith("cov_"):
+            kind = np.dtype(column.dtype).name
+            cells = [f"`{column.name}`", kind, column.unit or "-", column.text]
+            if column in FLOW_COLUMNS:
+                cells.append("NaN" if np.isnan(column.missing) else f"{column.missing:g}")
+            assert f"| {' | '.join(cells)} |" in documents
+    covariances = [f"`{item.name}`" for item in OBJECT_COLUMNS if item.name.startswith("cov_")]
+    assert f"{covariances[0]}, {covariances[1]}, ... {covariances[-1]}" in documents
 
 
 def test_flow_alone_leaves_the_others_missing():
@@ -37,12 +41,8 @@ def test_flow_alone_leaves_the_others_missing():
     assert np.isnan(columns["vx"]).all()
     assert np.isnan(columns["confidence"]).all()
     assert columns["dynamic"].tolist() == [0, 0, 0]
-
-
-@pytest.mark.parametrize("column", FLOW_COLUMNS, ids=lambda column: column.name)
-def test_columns_have_the_type_that_is_told(column):
-    estimate = FlowEstimate(np.ones((2, 3), np.float32), np.ones(2, bool))
-    assert flow_columns(estimate, 0.1, np.ones(2, bool))[column.name].dtype == column.dtype
+    for column in FLOW_COLUMNS:
+        assert columns[column.name].dtype == column.dtype
 
 
 def test_speed_is_that_of_the_velocity_and_colours_need_no_ego_motion():
@@ -64,13 +64,46 @@ def test_speed_is_that_of_the_velocity_and_colours_need_no_ego_motion():
 
 
 def test_chosen_columns():
-    names = {
-        name: [column.name for column in chosen_columns(settings)]
-        for name, settings in (
-            ("full", OutputSettings()),
-            ("plain", OutputSettings(rgb=False)),
-            ("compact", OutputSettings(layout="compact")),
+    full, plain, compact = (
+        [column.name for column in chosen_columns(settings)]
+        for settings in (
+            OutputSettings(),
+            OutputSettings(rgb=False),
+            OutputSettings(layout="compact"),
         )
-    }
-    assert names["full"] == [*names["plain"], "rgb"]
-    assert names["compact"] == ["flow_x", "flow_y", "flow_z", "dynamic"]
+    )
+    assert full == [*plain, "rgb"]
+    assert compact == ["flow_x", "flow_y", "flow_z", "dynamic"]
+
+
+def tracked(track_id, covariance):
+    return TrackedObject(
+        track_id=track_id,
+        center=np.array([1.0, 2.0, 3.0]),
+        size=np.array([4.0, 1.8, 1.5]),
+        yaw=0.5,
+        velocity=np.array([7.0, 8.0, 9.0]),
+        covariance=covariance,
+        age_s=1.25,
+        num_points=40,
+    )
+
+
+def test_each_object_is_a_row():
+    random = np.random.default_rng(0).random((6, 6))
+    covariance = random @ random.T
+    columns = object_columns([tracked(7, np.eye(6)), tracked(9, covariance)])
+    names = ("x", "y", "z", "length", "width", "height", "yaw", "vx", "vy", "vz", "age")
+    values = (1, 2, 3, 4, 1.8, 1.5, 0.5, 7, 8, 9, 1.25)
+    for name, value in zip(names, values, strict=True):
+        np.testing.assert_allclose(columns[name], [value, value], rtol=1e-6)
+    assert columns["id"].tolist() == [7, 9]
+    assert columns["num_points"].tolist() == [40, 40]
+    for row, first in enumerate(("x", "y", "z", "vx", "vy", "vz")):
+        for column, second in enumerate(("x", "y", "z", "vx", "vy", "vz")[row:], row):
+            of_both = [float(row == column), covariance[row, column]]
+            np.testing.assert_allclose(columns[f"cov_{first}_{second}"], of_both, rtol=1e-6)
+    for objects in ([], [tracked(1, np.eye(6))]):
+        for column in OBJECT_COLUMNS:
+            values = object_columns(objects)[column.name]
+            assert (values.dtype, values.shape) == (column.dtype, (len(objects),))

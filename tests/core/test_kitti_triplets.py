@@ -19,6 +19,7 @@ AUTHORS_EPE_M = 0.087
 AUTHORS_ACC5 = 0.515
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(len(FILES) != 4, reason="the real triplets are not here")
 def test_paper_preset_is_no_worse_than_the_authors_code() -> None:
     errors = []

@@ -1,88 +1,190 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""D(p, S): which of the two ways computes it, and where it ends."""
+"""D(p, S) against brute force: the distance transform, the search, and the choice between them."""
 
 from __future__ import annotations
+
+import math
 
 import pytest
 import torch
 
-from mnsf_ros.core.distance_transform import GridBox
-from mnsf_ros.core.target_distance import TargetDistance
+from mnsf_ros.core.target_distance import (
+    DistanceTransform,
+    GridBox,
+    NearestNeighborDistance,
+    TargetDistance,
+    distances_within,
+)
 from mnsf_ros.settings import Settings
 
-
-def settings_with(**changes):
-    return Settings().changed({f"distance.{name}": value for name, value in changes.items()})
+CELL_M = 0.5
 
 
 def distance_to(points, **changes):
-    return TargetDistance.to_points(points, settings_with(**changes).distance)
+    settings = Settings().changed({f"distance.{name}": value for name, value in changes.items()})
+    return TargetDistance.to_points(points, settings.distance)
+
+
+def transform(points, cell_size_m=CELL_M):
+    return DistanceTransform.from_points(points, GridBox.around(points, cell_size_m))
+
+
+def brute_force(positions, points):
+    # Not torch.cdist: for many points it loses centimetres.
+    return (positions[:, None] - points[None]).norm(dim=2).min(dim=1).values
 
 
 @pytest.fixture
 def points(generator, device):
-    return (10 * torch.rand(200, 3, generator=generator)).to(device)
+    return (6 * torch.rand(60, 3, generator=generator) - torch.tensor([3.0, 1.0, 50.0])).to(device)
 
 
-@pytest.mark.parametrize("kind", ["grid", "tree"])
-def test_setting_chooses_the_kind(points, kind):
-    assert distance_to(points, kind=kind).kind == kind
+def anywhere(points, generator, beyond):
+    """Positions in the box around the points and up to so many metres beyond it."""
+    low, high = points.min(dim=0).values.cpu() - beyond, points.max(dim=0).values.cpu() + beyond
+    return (low + (high - low) * torch.rand(2000, 3, generator=generator)).to(points.device)
 
 
-@pytest.mark.parametrize("far", [1e4, 1e7, 1e20])
-def test_stray_point_far_away_makes_no_grid(points, far):
-    # With 10 cells per metre and 10 m of height, 10 km need 10^9 cells and more.
-    stray = torch.tensor([[far, far, 0.0]], device=points.device)
-    target = distance_to(torch.cat([points, stray]), kind="grid")
-    assert target.kind == "tree"
-    assert target(points).max() < 1e-6
+def test_box_has_the_points_inside_and_two_cells_around_them():
+    box = GridBox.around(torch.tensor([[0.6, -1.0, 2.0], [1.4, 3.0, 2.0]]), CELL_M)
+    assert box.origin == (-0.5, -2.0, 1.0)
+    # x: nodes -0.5 ... 2.5, y: -2.0 ... 4.0, z: 1.0 ... 3.0
+    assert box.shape == (7, 13, 5)
+    assert box.num_cells == 7 * 13 * 5
 
 
-def test_largest_grid_allowed(points):
+# 0.5 is exact in binary, 0.1 is not.
+@pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
+def test_exact_at_the_nodes(generator, device, cell_size_m):
+    points = cell_size_m * torch.randint(-12, 13, (40, 3), generator=generator).to(device)
+    box = GridBox.around(points, cell_size_m)
+    axes = [
+        start + cell_size_m * torch.arange(count)
+        for start, count in zip(box.origin, box.shape, strict=True)
+    ]
+    nodes = torch.cartesian_prod(*axes).to(device)
+    distances = DistanceTransform.from_points(points, box)(nodes)
+    torch.testing.assert_close(distances, brute_force(nodes, points), atol=1e-4, rtol=1e-4)
+    assert distances.max() > 4 * cell_size_m
+
+
+@pytest.mark.parametrize("offset", [0.0, 900.0])
+@pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
+def test_between_the_nodes_wrong_by_less_than_a_cell_and_a_half(
+    points, generator, cell_size_m, offset
+):
+    # At most a diagonal from the nodes of a cell, half a diagonal from a point to its node.
+    points = points + offset
+    positions = anywhere(points, generator, beyond=0.0)
+    error = transform(points, cell_size_m)(positions) - brute_force(positions, points)
+    assert error.abs().max() < 1.5 * math.sqrt(3) * cell_size_m
+    assert error.abs().mean() < 0.5 * cell_size_m
+
+
+@pytest.mark.parametrize("beyond", [2.0, 30.0, 1e4])
+def test_outside_it_is_not_too_small_and_pulls_back(points, generator, beyond):
+    positions = anywhere(points, generator, beyond)
+    box, distances = GridBox.around(points, CELL_M), transform(points)
+    excess = distances(positions) - brute_force(positions, points)
+    assert (excess > -1.5 * math.sqrt(3) * CELL_M - 1e-6 * beyond).all()
+    low = points.new_tensor(box.origin)
+    high = low + CELL_M * (points.new_tensor(box.shape) - 1)
+    positions = positions[((positions < low) | (positions > high)).any(dim=1)].requires_grad_()
+    assert len(positions) > 100
+    (pull,) = torch.autograd.grad(distances(positions).sum(), positions)
+    assert pull.norm(dim=1).min() > 0.5
+    with torch.no_grad():
+        gap = (positions - positions.clamp(low, high)).norm(dim=1, keepdim=True)
+        step = torch.minimum(gap, gap.new_tensor(0.5))
+        closer = positions - pull / pull.norm(dim=1, keepdim=True) * step
+        assert (distances(closer) < distances(positions)).all()
+
+
+def test_gradient_of_the_grid_is_the_slope(points, generator):
+    box, distances = GridBox.around(points, CELL_M), transform(points)
+    # Between 0.2 and 0.8 of a cell from its lower node, so that a small step stays inside it.
+    nodes = torch.floor(anywhere(points, generator, beyond=0.0) / CELL_M) * CELL_M
+    offset = CELL_M * (0.2 + 0.6 * torch.rand(nodes.shape, generator=generator))
+    positions = (nodes + offset.to(nodes.device)).requires_grad_()
+    assert box.cell_size_m == CELL_M
+    (gradient,) = torch.autograd.grad(distances(positions).sum(), positions)
+    step = 0.05 * CELL_M
+    with torch.no_grad():
+        for axis, unit in enumerate(torch.eye(3, device=points.device)):
+            rise = distances(positions + step * unit) - distances(positions - step * unit)
+            torch.testing.assert_close(gradient[:, axis], rise / (2 * step), atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("reach_m", [0.3, 1.0, 40.0])
+@pytest.mark.parametrize("cell_size_m", [0.1, 0.5])
+def test_transform_on_the_device_is_exact_within_its_reach(points, cell_size_m, reach_m):
+    box = GridBox.around(points, cell_size_m)
+    whole = DistanceTransform.from_points(points, box)
+    near = DistanceTransform(distances_within(points, box, reach_m), box)
+    is_near = whole.distances <= reach_m + 2 * cell_size_m
+    torch.testing.assert_close(near.distances[is_near], whole.distances[is_near])
+    assert (near.distances[~is_near] > reach_m).all()
+    positions = points + torch.rand_like(points)
+    limit = torch.tensor(reach_m, device=points.device)
+    torch.testing.assert_close(
+        near(positions).minimum(limit), whole(positions).minimum(limit), atol=1e-5, rtol=0
+    )
+
+
+def test_search_is_the_same_as_brute_force(points, generator):
+    positions = anywhere(points, generator, beyond=5.0).requires_grad_()
+    distances = NearestNeighborDistance(points)(positions)
+    torch.testing.assert_close(distances, brute_force(positions, points))
+    (gradient,) = torch.autograd.grad(distances.sum(), positions)
+    landed = positions.detach() - gradient * distances.detach()[:, None]
+    assert brute_force(landed, points).max() < 1e-4
+
+
+@pytest.mark.parametrize("lookup", [transform, NearestNeighborDistance])
+def test_positions_that_are_points_far_away_or_no_numbers(points, lookup):
+    target = lookup(points)
+    far = points.new_tensor([[1e7, 0.0, -1e7], [1e20, 0.0, -1e20]])
+    positions = torch.cat([points, far]).requires_grad_()
+    distances = target(positions)
+    distances.sum().backward()
+    assert distances[: len(points)].max() < math.sqrt(3) * CELL_M
+    assert (distances[len(points) :] >= far[:, 0]).all()
+    assert positions.grad.isfinite().all()
+    for bad in (math.nan, math.inf):
+        assert not target(points.new_tensor([[bad, 0.0, 0.0]])).isfinite().any()
+
+
+def test_setting_chooses_the_kind(points):
+    assert [distance_to(points, kind=kind).kind for kind in ("grid", "tree")] == ["grid", "tree"]
+    assert distance_to(points, kind="auto").kind == ("grid" if points.is_cuda else "tree")
+
+
+def test_grid_that_is_too_large_is_replaced_by_the_search(points):
     num_cells = GridBox.around(points, 0.1).num_cells
     assert distance_to(points, kind="grid", max_cells=num_cells).kind == "grid"
     assert distance_to(points, kind="grid", max_cells=num_cells - 1).kind == "tree"
-
-
-def test_grid_and_tree_agree_to_a_cell(points, generator):
-    positions = (14 * torch.rand(500, 3, generator=generator) - 2).to(points.device)
-    grid, tree = (distance_to(points, kind=kind, truncation_m=0) for kind in ("grid", "tree"))
-    is_inside = ((positions > 0) & (positions < 10)).all(dim=1)
-    torch.testing.assert_close(
-        grid(positions)[is_inside], tree(positions)[is_inside], atol=0.2, rtol=0
-    )
+    # With 10 cells per metre and 10 m of height, 10 km need 10^9 cells and more.
+    for far in (1e4, 1e20):
+        target = distance_to(torch.cat([points, points.new_tensor([[far, far, 0.0]])]), kind="grid")
+        assert target.kind == "tree"
+        assert target(points).max() < 1e-6
 
 
 @pytest.mark.parametrize("kind", ["grid", "tree"])
 def test_truncation(device, kind):
-    target = distance_to(torch.zeros(1, 3, device=device), kind=kind, truncation_m=2)
-    positions = torch.tensor(
-        [[1.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1e7, 0.0, 0.0], [1e20, 0.0, 0.0]], device=device
-    ).requires_grad_()
-    distances = target(positions)
-    torch.testing.assert_close(distances.cpu().detach(), torch.tensor([1.0, 2.0, 2.0, 2.0]))
+    origin = torch.zeros(1, 3, device=device)
+    target = distance_to(origin, kind=kind, truncation_m=2)
+    positions = torch.zeros(4, 3, device=device)
+    positions[:, 0] = torch.tensor([1.0, 3.0, 1e7, 1e20])
+    distances = target(positions.requires_grad_())
+    torch.testing.assert_close(distances.tolist(), [1.0, 2.0, 2.0, 2.0])
+    # The mean is the loss of the paper.
+    assert target.mean(positions).item() == pytest.approx(7 / 4)
     (pull,) = torch.autograd.grad(distances.sum(), positions)
     assert pull[0, 0].item() == pytest.approx(1.0, abs=1e-3)
     assert not pull[1:].any()
-
-
-@pytest.mark.parametrize("kind", ["grid", "tree"])
-def test_without_truncation(device, kind):
-    target = distance_to(torch.zeros(1, 3, device=device), kind=kind, truncation_m=0)
-    positions = torch.tensor([[300.0, 0.0, 0.0]], device=device)
-    torch.testing.assert_close(target(positions).cpu(), torch.tensor([300.0]))
-
-
-def test_mean_is_the_loss_of_the_paper(device):
-    target = distance_to(torch.zeros(1, 3, device=device), kind="tree", truncation_m=2)
-    # 0, 0.5 and 1 m, and one that counts as 2 m.
-    positions = torch.tensor([[0.0, 0, 0], [0.5, 0, 0], [0, 0, -1.0], [0, 9, 0]], device=device)
-    assert target.mean(positions).item() == pytest.approx(3.5 / 4)
-
-
-def test_auto_takes_the_grid_on_cuda(points):
-    expected = "grid" if points.is_cuda else "tree"
-    assert distance_to(points, kind="auto").kind == expected
+    far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
+    assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)
 
 
 @pytest.mark.parametrize("kind", ["grid", "tree"])
@@ -93,5 +195,4 @@ def test_dead_zone_has_no_gradient(points, kind):
     assert (distances == 0.4).all()
     distances.sum().backward()
     assert not positions.grad.any()
-    outside = points[:1] + torch.tensor([0.0, 0.0, 20.0], device=points.device)
-    assert target(outside) == 2.0
+    assert target(points[:1] + points.new_tensor([0.0, 0.0, 20.0])) == 2.0

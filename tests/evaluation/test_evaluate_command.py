@@ -16,7 +16,7 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.cli.main import run
-from mnsf_ros.core import memory_demand
+from mnsf_ros.core import compute_device
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.task import TaskFailed
 
@@ -316,7 +316,7 @@ def test_task_that_fails_is_told(bag, tmp_path, mnsf, monkeypatch):
 
 
 def test_settings_that_need_more_memory_than_there_is_are_refused(bag, tmp_path, mnsf, monkeypatch):
-    monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 8 * 10**9)
+    monkeypatch.setattr(compute_device, "machine_bytes", lambda: 8 * 10**9)
     sizes = ("field.num_hidden_layers=64", "field.hidden_width=4096", "compute.device=cpu")
     monkeypatch.setattr(f"{__name__}.SETTINGS", [f"--set={size}" for size in sizes])
     ended = mnsf(bag, "--methods=fnsf", "--out", tmp_path / "out")

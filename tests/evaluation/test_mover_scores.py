@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
-from mnsf_ros.core.reason import Reason, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Reason, TrackedObject, Verdict
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from moving_sweeps import QUICK, as_sweep, mean_error, moving_triplet, triplet_of
 
-from mnsf_ros.core import memory_demand
+from mnsf_ros.core import compute_device
 from mnsf_ros.core.optimization import StopReason
 from mnsf_ros.errors import CancelledError, SettingsError, SweepError
 from mnsf_ros.methods import make_method, method_names
@@ -38,7 +38,7 @@ def median_error(flow, truth):
 def test_points_that_need_more_memory_than_there_is_are_refused(translated, monkeypatch, name):
     settings = QUICK.changed({"optimization.batch_points": 0, "compute.device": "cpu"})
     method = make_method(name, settings)
-    monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 10**5)
+    monkeypatch.setattr(compute_device, "machine_bytes", lambda: 10**5)
     with pytest.raises(SettingsError, match=r"need .* GB of memory, this machine has 0\.0 GB"):
         method.estimate(translated)
 

@@ -25,7 +25,7 @@ from tracked_objects import tracked
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
-from mnsf_ros.core.object_columns import OBJECT_COLUMNS
+from mnsf_ros.core.flow_columns import OBJECT_COLUMNS
 from mnsf_ros.node.object_messages import (
     ObjectMarkers,
     objects_message,

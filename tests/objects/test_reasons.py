@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from box_street import BoxStreet, pose
 
-from mnsf_ros.core.reason import Verdict
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from mnsf_ros.core import memory_demand
+from mnsf_ros.core import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import SettingsError, SweepError
@@ -204,7 +204,7 @@ class TestSettings:
         self, quick_settings, monkeypatch, name
     ):
         stream = Stream(quick_settings)
-        monkeypatch.setattr(memory_demand, "machine_bytes", lambda: 10**8)
+        monkeypatch.setattr(compute_device, "machine_bytes", lambda: 10**8)
         huge = quick_settings.changed({name: 4096, "compute.device": "cpu"})
         with pytest.raises(SettingsError, match=r"need \d\.\d GB .* has 0\.1 GB: reduce field"):
             stream.change_settings(huge)
