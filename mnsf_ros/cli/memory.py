@@ -8,19 +8,16 @@ Linux) the allocation fails instead, and Python raises a MemoryError.
 from __future__ import annotations
 
 import argparse
-import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.arguments import Arguments
+from mnsf_ros.core.compute_device import machine_bytes
 
 _GB: Final = 10**9
 _INFINITE: Final = float("inf")
-# Of a container, where it has one; "max" if not.
-_CGROUP_LIMIT: Final = Path("/sys/fs/cgroup/memory.max")
 
 
 def add_max_memory(arguments: Arguments) -> None:
@@ -40,7 +37,7 @@ def limited_memory(max_gb: float | None) -> Iterator[None]:
     neither files mapped to memory nor the memory of a GPU.
     """
     before, most = resource.getrlimit(resource.RLIMIT_DATA)
-    num_bytes = _machine_bytes() / 2 if max_gb is None else max_gb * _GB
+    num_bytes = machine_bytes() / 2 if max_gb is None else max_gb * _GB
     limit = most if num_bytes == _INFINITE else int(num_bytes)
     if most != resource.RLIM_INFINITY:
         limit = min(limit, most)
@@ -63,11 +60,3 @@ def _gigabytes(text: str) -> float:
         if float(text) > 0:
             return float(text)
     raise argparse.ArgumentTypeError(f"got {text!r}, expected GB above 0, or inf")
-
-
-def _machine_bytes() -> float:
-    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    try:
-        return min(memory, int(_CGROUP_LIMIT.read_text("ascii")))
-    except (OSError, ValueError):
-        return memory

@@ -165,7 +165,7 @@ class _Fit:
         for group in self._optimizer.param_groups:
             group["lr"] = self._rate
         for parameter, gradient in zip(self._parameters, gradients, strict=True):
-            parameter.grad = gradient
+            parameter.grad = _in_layout_of(parameter, gradient)
         self._optimizer.step()
         if self._judge is not None:
             self._judge.after_step(judged.detach().reshape(-1).double())
@@ -268,6 +268,13 @@ def _checked(loss: float) -> float:
     if not math.isfinite(loss):
         raise OptimizationError(f"the loss became {loss}, expected a finite number of metres")
     return loss
+
+
+def _in_layout_of(parameter: torch.Tensor, gradient: torch.Tensor) -> torch.Tensor:
+    """The gradient with the strides of its parameter: fused Adam reads both in order of memory."""
+    if gradient.stride() == parameter.stride():
+        return gradient
+    return torch.empty_like(parameter).copy_(gradient)
 
 
 def _like(which: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:

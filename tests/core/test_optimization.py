@@ -83,6 +83,18 @@ def test_same_as_adam_of_pytorch():
     torch.testing.assert_close(weights_of(learner), weights.detach())
 
 
+def test_gradient_in_another_layout_than_its_weights(device):
+    goal = torch.arange(6.0, device=device).reshape(2, 3)
+    learner = learner_of(2, 3, device=device)
+    minimize(
+        learner,
+        lambda: (learner.network.weights.T.contiguous() - goal.T).square().sum(),
+        Schedule(400, 0.1, True),
+        keep_best=False,
+    )
+    torch.testing.assert_close(weights_of(learner), goal, atol=0.01, rtol=0)
+
+
 def test_weights_of_the_lowest_loss_are_kept():
     # Steps far too large: the loss goes up and down.
     learner, course, result = minimized(Schedule(40, 0.9))

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from moving_sweeps import QUICK, as_sweep, mean_error, moving_triplet, triplet_of
 
-from mnsf_ros.core import compute_device
 from mnsf_ros.core.optimization import StopReason
-from mnsf_ros.errors import CancelledError, SettingsError, SweepError
+from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method, method_names
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -32,15 +31,6 @@ def estimate(name, triplet, settings=QUICK):
 
 def median_error(flow, truth):
     return float(np.median(np.linalg.norm(flow - truth, axis=1)))
-
-
-@pytest.mark.parametrize("name", ["mnsf", "nsfp", "fnsf-joint"])
-def test_points_that_need_more_memory_than_there_is_are_refused(translated, monkeypatch, name):
-    settings = QUICK.changed({"optimization.batch_points": 0, "compute.device": "cpu"})
-    method = make_method(name, settings)
-    monkeypatch.setattr(compute_device, "machine_bytes", lambda: 10**5)
-    with pytest.raises(SettingsError, match=r"need .* GB of memory, this machine has 0\.0 GB"):
-        method.estimate(translated)
 
 
 @pytest.mark.parametrize("name", OPTIMIZING)
