@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which sweeps of several lidars belong together, as they arrive."""
+"""Groups of sweeps of several lidars that belong to the same revolution, as they arrive."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Final
 from mnsf_ros.settings import LidarsSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 
-# What most lidars send within the longest wait; each is some megabytes.
+# Sweeps of most lidars within the longest wait; each is some megabytes.
 _MAX_SWEEPS: Final = 12
 
 
 @dataclass(frozen=True, eq=False)
 class ArrivedSweep:
-    """A sweep, and when it arrived: nanoseconds of a steady clock."""
+    """A sweep and its time of arrival: nanoseconds of a steady clock."""
 
     sweep: Sweep
     arrived_ns: int
 
     @property
     def arrived_s(self) -> float:
-        """When it arrived, in seconds."""
+        """Time of arrival in seconds."""
         return self.arrived_ns / NANOSECONDS
 
 
@@ -41,11 +41,11 @@ class LidarGroup:
 
 
 class LidarGroups:
-    """Finds to each sweep of one lidar, the reference, the nearest in time of each other one.
+    """Groups each sweep of one lidar, the reference, with the nearest in time of each other one.
 
-    The reference is the first lidar that works. A lidar that keeps the others waiting in vain is
-    left out until it sends a sweep of their time; so one that fails, or has another clock, stops
-    nobody.
+    The reference is the first lidar that works. A lidar that sends nothing within the longest wait
+    is left out until it sends a sweep of the others' time; so a lidar that fails, or has another
+    clock, does not stop the others.
     """
 
     def __init__(self, num_lidars: int) -> None:
@@ -57,11 +57,11 @@ class LidarGroups:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether there are sweeps that are not in a group yet."""
+        """Whether some sweeps are not in a group yet."""
         return any(self._queues)
 
     def clear(self) -> None:
-        """Forgets all sweeps, and who was left out."""
+        """Forgets all sweeps and all lidars left out."""
         for queue in self._queues:
             queue.clear()
         self._left_out: set[int] = set()
@@ -69,7 +69,7 @@ class LidarGroups:
         self._last_ns: int | None = None  # of the last group
 
     def add(self, index: int, item: ArrivedSweep, settings: LidarsSettings) -> None:
-        """Takes a sweep of a lidar."""
+        """Adds a sweep of a lidar."""
         if self._heard_s is None:
             # The first one waits for the others as if they had just sent something.
             self._heard_s = [item.arrived_s] * len(self._queues)
@@ -82,7 +82,7 @@ class LidarGroups:
         self._queues[index].append(item)
 
     def due(self, now_s: float, settings: LidarsSettings) -> Iterator[LidarGroup]:
-        """Yields the groups that wait for nothing any more, in the order of the reference."""
+        """Yields the complete groups, in the order of the reference."""
         while (reference := self._reference(settings)) is not None:
             first = self._queues[reference][0]
             late = [index for index in self._others(reference) if self._may_come(index, first)]

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A sweep, the triplet that one estimate needs, and the stretch of a stream that it is part of."""
+"""A sweep, the triplet of one estimate, and its stretch of the stream."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.errors import SweepError
 
 NANOSECONDS = 1_000_000_000
-# From sweep to sweep of most lidars, where stamps do not tell.
+# Interval of most lidars, where stamps are missing.
 USUAL_INTERVAL_S = 0.1
 
 
@@ -25,12 +25,12 @@ class Sweep:
         xyz: (N, 3) float32, metres, finite, x forward, y left, z up.
         stamp_ns: Time of the sweep, integer nanoseconds.
         frame_id: Name of the sensor's coordinate frame.
-        source: What the sweep was decoded from. Carried along, never looked at.
-        odometry: (4, 4) float64, world_from_sensor by the robot's odometry, where it is known.
-        kept: (N,) bool, the points whose flow is asked for. None: the method chooses, by the
-            settings of crop and ground.
-        times_s: (N,) float32, seconds from the stamp to when each point was measured, negative
-            before it. None: not known; the sweep counts as taken in one moment.
+        source: The undecoded input, carried along for the caller.
+        odometry: (4, 4) float64, world_from_sensor by the robot's odometry; None if unknown.
+        kept: (N,) bool, the points whose flow is estimated. None: chosen by the settings of crop
+            and ground.
+        times_s: (N,) float32, seconds from the stamp to the measurement of each point, negative
+            before it. None if unknown: the sweep counts as taken in one moment.
     """
 
     xyz: NDArray[np.float32]
@@ -50,7 +50,7 @@ class Sweep:
 
     @property
     def middle_s(self) -> float:
-        """Seconds from the stamp to the middle of the times of the points; 0 if not known."""
+        """Seconds from the stamp to the middle of the points' times; 0 if unknown."""
         times_s = self.times_s
         if times_s is None or len(times_s) == 0:
             return 0.0
@@ -58,11 +58,11 @@ class Sweep:
 
     @property
     def kept_xyz(self) -> NDArray[np.float32]:
-        """The kept points, (M, 3) metres; all points if nobody has chosen any."""
+        """The kept points, (M, 3) metres; all points without a choice."""
         return self.xyz if self.kept is None else self.xyz[self.kept]
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Sweep:
-        """Returns some points only, by a mask (N,) or their numbers, with all that belongs to them.
+        """Returns some points, by a mask (N,) or their numbers, with their columns.
 
         The `source` stays that of all points.
         """
@@ -79,7 +79,7 @@ class Sweep:
     ) -> Sweep:
         """Checks an array of points in metres, (N, 3) or wider, and makes a sweep of it.
 
-        Columns beyond the third are ignored. `name` is what the error text calls the array.
+        Columns beyond the third are ignored. `name` is the name of the array in error texts.
 
         Raises:
             SweepError: If the array is not two-dimensional with at least three columns, is not
@@ -106,7 +106,7 @@ class Sweep:
         return len(self.xyz)
 
     def __repr__(self) -> str:
-        """How many points, when and where, not its arrays."""
+        """Number of points, stamp and frame, without the arrays."""
         return f"Sweep(points={len(self)}, stamp_ns={self.stamp_ns}, frame_id={self.frame_id!r})"
 
 
@@ -147,10 +147,10 @@ class SweepTriplet:
         current: The sweep at t, whose flow is estimated.
         next: The sweep at t+1.
         earlier: The sweeps at t-2, t-3 ..., for methods that use more than three.
-        next_from_current: (4, 4) rigid motion of the standing world between the two sensor
-            frames, x_next = next_from_current · x_current, for methods that are told it.
+        next_from_current: (4, 4) rigid motion of static points between the two sensor frames,
+            x_next = next_from_current · x_current, for methods that need it.
         stretch: Methods forget what they learned in another one. A `Stream` tells breaks; triplets
-            that come from elsewhere count as one stretch, in the order of time.
+            from elsewhere count as one stretch, in the order of time.
     """
 
     previous: Sweep | None

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps and triplets: what comes in is checked once, and the intervals are right."""
+"""Sweeps and triplets: arrays are checked once, and the intervals are right."""
 
 from __future__ import annotations
 
@@ -15,81 +15,58 @@ POINTS = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9], [-1, -2, -3]])
 
 
 def read_only(array):
-    array = array.copy()
+    array = np.array(array)
     array.setflags(write=False)
     return array
-
-
-def interleaved(array):
-    wide = np.zeros((2 * len(array), 6), array.dtype)
-    wide[::2, ::2] = array
-    return wide[::2, ::2]
 
 
 @pytest.mark.parametrize(
     "points",
     [
-        pytest.param(POINTS.astype(np.float32), id="float32"),
         pytest.param(POINTS.astype(np.float64), id="float64"),
-        pytest.param(POINTS.astype(np.float16), id="float16"),
         pytest.param(POINTS.astype(">f4"), id="big-endian"),
         pytest.param(POINTS.astype(np.int16), id="int16"),
         pytest.param(POINTS.tolist(), id="list"),
         pytest.param(np.asfortranarray(POINTS, dtype=np.float32), id="column-major"),
-        pytest.param(interleaved(POINTS.astype(np.float32)), id="not contiguous"),
-        pytest.param(read_only(POINTS.astype(np.float64)), id="read-only"),
+        pytest.param(np.repeat(POINTS, 2, axis=0)[::2].astype(np.float32), id="not contiguous"),
+        pytest.param(read_only(POINTS.astype(np.float32)), id="read-only"),
         pytest.param(np.hstack([POINTS, np.full((4, 2), np.nan)]), id="wider, rest NaN"),
     ],
 )
 def test_array_becomes_float32_rows_in_order(points):
-    sweep = Sweep.from_array(points)
+    sweep = Sweep.from_array(points, stamp_ns=2**62 + 1, frame_id="lidar")
     assert sweep.xyz.dtype == np.float32
-    assert sweep.xyz.flags.c_contiguous
     np.testing.assert_array_equal(sweep.xyz, POINTS)
-    assert len(sweep) == 4
+    # Compiled loops take no others.
+    assert sweep.xyz.flags.c_contiguous
+    assert sweep.xyz.flags.writeable
+    assert repr(sweep) == f"Sweep(points=4, stamp_ns={2**62 + 1}, frame_id='lidar')"
 
 
-def test_stamp_and_frame_are_kept():
-    sweep = Sweep.from_array(POINTS, stamp_ns=2**62 + 1, frame_id="lidar")
-    assert (sweep.stamp_ns, sweep.frame_id) == (2**62 + 1, "lidar")
-
-
-def test_sweep_may_be_empty():
+def test_empty_and_huge():
     assert Sweep.from_array(np.zeros((0, 3))).xyz.shape == (0, 3)
-
-
-@pytest.mark.parametrize("huge", [1e7, 1e20, 3e38])
-def test_huge_coordinates_are_numbers_too(huge):
-    assert Sweep.from_array([[huge, -huge, 0.0]]).xyz[0, 0] == np.float32(huge)
+    assert Sweep.from_array([[3e38, -3e38, 0.0]]).xyz[0, 0] == np.float32(3e38)
 
 
 @pytest.mark.parametrize(
     ("points", "got"),
     [
         (np.zeros(3), "shape (3,) of float64"),
-        ([], "shape (0,) of float64"),
-        (1.0, "shape () of float64"),
         (None, "shape () of object"),
         (np.zeros((4, 2)), "shape (4, 2) of float64"),
-        (np.zeros((0, 2)), "shape (0, 2) of float64"),
         (np.zeros((2, 4, 3)), "shape (2, 4, 3) of float64"),
         (np.zeros((4, 3), bool), "shape (4, 3) of bool"),
         (np.zeros((4, 3), complex), "shape (4, 3) of complex128"),
-        (np.zeros((4, 3), object), "shape (4, 3) of object"),
         ([["1", "2", "3"]], "shape (1, 3) of <U1"),
         (np.zeros(4, [("x", "f4"), ("y", "f4")]), "shape (4,) of [('x', '<f4'), ('y', '<f4')]"),
+        ([[1, 2, 3], [1, 2]], "rows of different lengths"),
+        ([[1, 2, [3]], [4, 5, 6]], "rows of different lengths"),
     ],
 )
 def test_not_an_array_of_points(points, got):
     text = f"next: got {got}, expected (N, 3) numbers"
     with pytest.raises(SweepError, match=f"^{re.escape(text)}$"):
         Sweep.from_array(points, name="next")
-
-
-@pytest.mark.parametrize("ragged", [[[1, 2, 3], [1, 2]], [[1, 2, 3], 4], [[1, 2, [3]], [4, 5, 6]]])
-def test_rows_of_different_lengths(ragged):
-    with pytest.raises(SweepError, match=r"^next: got rows of different lengths, expected "):
-        Sweep.from_array(ragged, name="next")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
@@ -100,12 +77,10 @@ def test_points_that_are_not_finite_are_counted(bad):
 
 
 def triplet(*stamps_ns):
-    return SweepTriplet(
-        *(
-            None if stamp is None else Sweep.from_array(POINTS, stamp_ns=stamp)
-            for stamp in stamps_ns
-        )
-    )
+    sweeps = [
+        None if stamp is None else Sweep.from_array(POINTS, stamp_ns=stamp) for stamp in stamps_ns
+    ]
+    return SweepTriplet(*sweeps)
 
 
 def test_interval():
@@ -122,7 +97,6 @@ def test_interval():
         ((0, 200, 300), 0.5),
         ((None, 100, 300), 1),  # two sweeps: nothing to compare with
         ((0, 0, 0), 1),  # no stamps
-        ((0, 0, 100), 1),
         # Nonsense is not made worse by a negative ratio.
         ((300, 200, 100), 1),
         ((0, 100, 50), 1),
@@ -134,38 +108,22 @@ def test_interval_ratio(stamps_ns, ratio):
 
 
 @pytest.mark.parametrize("rows", [np.array([2, 0]), np.array([True, False, True, False])])
-def test_a_part_has_all_that_belongs_to_its_points(rows):
+def test_part_has_the_columns_of_its_points(rows):
     sweep = Sweep(
         POINTS.astype(np.float32),
         kept=np.array([True, True, False, False]),
-        times_s=np.arange(4, dtype=np.float32),
+        times_s=read_only(np.arange(4, dtype=np.float32)),
     )
     part = sweep.part(rows)
     np.testing.assert_array_equal(part.xyz, sweep.xyz[rows])
     np.testing.assert_array_equal(part.kept, sweep.kept[rows])
     np.testing.assert_array_equal(part.times_s, sweep.times_s[rows])
+    assert part.times_s.flags.writeable
     assert Sweep(sweep.xyz).part(rows).times_s is None
 
 
-def test_the_middle_of_the_times():
+def test_middle_of_the_times():
     xyz = POINTS.astype(np.float32)
-    assert Sweep(xyz).middle_s == 0
-    assert Sweep(xyz, times_s=np.array([0.1, -0.2, 0.0, 0.05], np.float32)).middle_s == (
-        pytest.approx(-0.05)
-    )
-    assert Sweep(xyz[:0], times_s=np.zeros(0, np.float32)).middle_s == 0
-
-
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_arrays_that_are_read_only_or_in_columns_become_what_loops_take(order):
-    xyz = np.asarray(np.random.default_rng(0).normal(size=(50, 3)), np.float32, order=order)
-    times_s = np.linspace(0.0, 0.1, 50, dtype=np.float32)
-    for array in (xyz, times_s):
-        array.flags.writeable = False
-    sweep = Sweep(xyz, times_s=times_s)
-    for array in (sweep.xyz, sweep.times_s, sweep.part(np.arange(3)).xyz):
-        assert array.flags.c_contiguous
-        assert array.flags.writeable
-    np.testing.assert_array_equal(sweep.xyz, xyz)
-    with pytest.raises(ValueError, match="read-only"):
-        xyz[0] = 0.0
+    times_s = np.array([0.1, -0.2, 0.0, 0.05], np.float32)
+    assert Sweep(xyz, times_s=times_s).middle_s == pytest.approx(-0.05)
+    assert Sweep(xyz).middle_s == Sweep(xyz[:0], times_s=times_s[:0]).middle_s == 0

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Ground is what is close above the widest things; the defaults: 8 m window, 0.2 m margin."""
+"""Crop and ground. Defaults of the ground: 8 m window, 0.2 m margin."""
 
 from __future__ import annotations
 
@@ -7,10 +7,58 @@ import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.ground import ground_mask
+from mnsf_ros.sweeps.kept_points import crop_mask, ground_mask, kept_mask
 
-GROUND = Settings().ground
+SETTINGS = Settings()
+GROUND = SETTINGS.ground
 MARGIN_M = GROUND.margin_m
+
+
+def crop_of(min_range_m=5, max_range_m=50, min_height_m=-2, max_height_m=4):
+    names = ("min_range_m", "max_range_m", "min_height_m", "max_height_m")
+    values = (min_range_m, max_range_m, min_height_m, max_height_m)
+    changes = {f"crop.{name}": value for name, value in zip(names, values, strict=True)}
+    return SETTINGS.changed(changes).crop
+
+
+def inside(*points, **limits):
+    points = np.array(points, dtype=np.float32).reshape(-1, 3)
+    return crop_mask(points, crop_of(**limits)).tolist()
+
+
+def above(value):
+    return float(np.nextafter(np.float32(value), np.float32(np.inf)))
+
+
+def below(value):
+    return float(np.nextafter(np.float32(value), np.float32(-np.inf)))
+
+
+def test_crop_has_its_limits_inside_and_its_range_is_horizontal():
+    # (3, 4) and (30, 40) are exactly 5 and 50 m away.
+    assert inside((3, 4, 0), (-30, 40, 0), (0, -5, -2), (50, 0, 4)) == [True] * 4
+    beyond = (below(5), 0, 0), (0, above(50), 0), (9, 0, below(-2)), (9, 0, above(4))
+    assert inside(*beyond) == [False] * 4
+    assert inside((3, 3.9, 4), (49, 0, 4)) == [False, True]
+    assert inside((9, 0, 0.1), (9, 0, 0.7), min_height_m=0.1, max_height_m=0.7) == [True, True]
+    assert inside() == []
+
+
+@pytest.mark.parametrize("huge", [1e7, 1e20, 3e38])
+def test_huge_coordinates_are_outside_the_crop(huge):
+    assert inside((huge, 0, 0), (-huge, huge, 0), (9, 0, huge), (9, 0, -huge)) == [False] * 4
+
+
+def test_kept_points_are_inside_the_crop_and_no_ground(make_scene):
+    # A point at 10,000 km would leave the ground map with a single cell for the whole street.
+    outside = np.float32([(500, 0, 0), (0, 0, 30), (0.1, 0, 0), (1e7, 0, 0), (0, 1e20, -1e20)])
+    near = make_scene().current
+    kept = kept_mask(np.vstack([outside, near]), SETTINGS)
+    assert not kept[: len(outside)].any()
+    np.testing.assert_array_equal(kept[len(outside) :], ~is_ground(near))
+    assert 0 < kept.sum() < len(near)
+    with_ground = SETTINGS.changed({"ground.remove": False})
+    assert kept_mask(near, with_ground).all()
 
 
 def is_ground(points, settings=GROUND):
@@ -40,24 +88,25 @@ def solid(x, y, z):
 
 def without_floor(ground, x, y):
     """The ground that a lidar sees: none under a box."""
-    inside = (ground[:, 0] > x[0]) & (ground[:, 0] < x[1])
-    return ground[~(inside & (ground[:, 1] > y[0]) & (ground[:, 1] < y[1]))]
+    within = (ground[:, 0] > x[0]) & (ground[:, 0] < x[1])
+    return ground[~(within & (ground[:, 1] > y[0]) & (ground[:, 1] < y[1]))]
 
 
-@pytest.mark.parametrize("sensor_height", [-1.8, 0, 500])
-def test_plane_with_noise_below_the_margin(sensor_height):
-    noise = np.random.default_rng(0).uniform(0, 0.9 * MARGIN_M, 180 * 180)
-    assert is_ground(plane() + np.stack([0 * noise, 0 * noise, noise + sensor_height], 1)).all()
-
-
-@pytest.mark.parametrize("rise", [(0.1, 0), (0, -0.1), (0.07, 0.07)], ids=str)
-def test_slope_of_ten_percent(rise):
-    assert is_ground(plane(lambda x, y: rise[0] * x + rise[1] * y)).all()
-
-
-def test_hill():
-    # At most 20 % steep, well below the 25 % of max_slope.
-    assert is_ground(plane(lambda x, _: 1.5 * np.sin(x / 7.5))).all()
+@pytest.mark.parametrize(
+    "height",
+    [
+        lambda x, _: 0 * x + 500,
+        lambda x, _: 0.1 * x,
+        lambda x, y: 0.07 * x - 0.07 * y,
+        # At most 20 % steep, well below the 25 % of max_slope.
+        lambda x, _: 1.5 * np.sin(x / 7.5),
+    ],
+    ids=["plane", "slope", "diagonal slope", "hill"],
+)
+def test_terrain_with_noise_below_the_margin_is_ground(height):
+    points = plane(height)
+    points[:, 2] += np.random.default_rng(0).uniform(0, 0.4 * MARGIN_M, len(points))
+    assert is_ground(points).all()
 
 
 CARS = {
@@ -70,7 +119,7 @@ CARS = {
 
 @pytest.mark.parametrize("rise", [0, 0.1], ids=["plane", "slope"])
 @pytest.mark.parametrize("box", CARS.values(), ids=CARS)
-def test_things_narrower_than_the_window_stand_on_the_ground(box, rise):
+def test_objects_narrower_than_the_window_are_above_the_ground(box, rise):
     x, y, _ = box
     floor = without_floor(plane(), x, y)
     thing = solid(*box)
@@ -78,53 +127,48 @@ def test_things_narrower_than_the_window_stand_on_the_ground(box, rise):
     points[:, 2] += rise * points[:, 0]
     ground = is_ground(points)
     assert ground[: len(floor)].all()
-    # The foot of a wall is within the margin, plus what the slope rises inside a cell.
+    # The foot of a wall is within the margin, plus the rise of the slope inside a cell.
     is_above = thing[:, 2] > MARGIN_M + 2 * rise * GROUND.cell_size_m + 1e-4
     assert is_above.any()
     assert not ground[len(floor) :][is_above].any()
 
 
-def test_inside_of_a_thing_wider_than_the_window_is_terrain():
+def test_inside_of_an_object_wider_than_the_window_is_terrain():
     floor = without_floor(plane(), (-10, 10), (-10, 10))
     terrace = grid(np.arange(-10, 10, 0.1), np.arange(-10, 10, 0.1), lambda x, _: 0 * x + 3)
     points = np.vstack([floor, terrace])
     # Half a window and a cell from its edges, a window sees nothing but the terrace.
     is_inner = np.abs(terrace[:, :2]).max(axis=1) < 10 - GROUND.window_m / 2 - GROUND.cell_size_m
     assert is_ground(points)[len(floor) :][is_inner].all()
-    wide = Settings().changed({"ground.window_m": 25}).ground
+    wide = SETTINGS.changed({"ground.window_m": 25}).ground
     assert not is_ground(points, wide)[len(floor) :].any()
 
 
 @pytest.mark.parametrize("depth", [0.5, 5, 500])
-def test_stray_points_below_the_ground_spoil_nothing(depth):
-    ground = plane()
-    mask = is_ground(np.vstack([[(0, 0, -depth), (3, -7, -depth)], ground]))
-    assert mask.all()
+def test_stray_points_below_the_ground_do_not_lower_it(depth):
+    assert is_ground(np.vstack([[(0, 0, -depth), (3, -7, -depth)], plane()])).all()
 
 
 def test_ditch_four_cells_wide_is_ground_as_deep_as_it_is():
     ground = plane()
     is_ditch = np.abs(ground[:, 0]) < 2 * GROUND.cell_size_m
     ground[is_ditch, 2] -= 1.0
-    pole = np.array([(0.1, 0, -0.5)])
-    mask = is_ground(np.vstack([pole, ground]))
+    mask = is_ground(np.vstack([[(0.1, 0, -0.5)], ground]))
     assert not mask[0]
     assert mask[1:][is_ditch].all()
 
 
-def test_empty():
+def test_few_points_and_points_in_one_place():
     assert is_ground(np.zeros((0, 3))).tolist() == []
-
-
-@pytest.mark.parametrize("point", [(0, 0, 0), (-3.3, 80, 999), (1e20, -1e20, -1e20)], ids=str)
-def test_single_point_is_its_own_ground(point):
-    assert is_ground([point]).tolist() == [True]
+    for point in ((0, 0, 0), (-3.3, 80, 999), (1e20, -1e20, -1e20)):
+        assert is_ground([point]).tolist() == [True]
+    assert is_ground(np.ones((9999, 3))).all()
 
 
 @pytest.mark.parametrize("far", [1e5, 1e7, 1e20, 3e38])
 def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
-    # Two heaps, each of the size of a point now: what is high above the lowest point of its
-    # heap is no ground.
+    # Two heaps, each of the size of a point now: points high above the lowest point of their
+    # heap are no ground.
     heap = np.array([(0, 0, 0), (0, 0, 2), (0, 0, 0.1)])
     mask = is_ground(
         np.vstack([np.add(heap, (x, y, 0)) for x, y in ((0, 0), (far, far), (-far, 0))])
@@ -132,14 +176,12 @@ def test_giant_extent_is_binned_coarser_instead_of_taking_all_memory(far):
     assert mask.tolist() == [True, False, True] * 3
 
 
-def test_all_points_in_one_place():
-    assert is_ground(np.ones((50, 3))).all()
-
-
-def test_order_of_the_points_does_not_matter():
-    points = np.vstack([plane(), solid(*CARS["car"])])
+def test_order_of_points_and_memory_does_not_matter():
+    points = np.vstack([plane(), solid(*CARS["car"])]).astype(np.float32)
     order = np.random.default_rng(0).permutation(len(points))
-    np.testing.assert_array_equal(is_ground(points[order]), is_ground(points)[order])
+    expected = is_ground(points)
+    np.testing.assert_array_equal(is_ground(points[order]), expected[order])
+    np.testing.assert_array_equal(is_ground(np.asfortranarray(points)), expected)
 
 
 def slow_ground_mask(points, settings):
@@ -159,11 +201,10 @@ def slow_ground_mask(points, settings):
 
     def bottom(cell):
         """The lowest cone from above all cells around, for a cell with a point."""
-        climbs = [
+        return min(
             max(lowest[third] - climb for third, climb in near(other, 1) if third in lowest) + step
             for other, step in near(cell, 1)
-        ]
-        return min(climbs)
+        )
 
     lifted = {cell: bottom(cell) for cell in lowest}
     lowest = {
@@ -174,41 +215,19 @@ def slow_ground_mask(points, settings):
     def apex(cell):
         return min(lowest.get(other, np.inf) + climb for other, climb in near(cell))
 
-    def ground(cell):
-        return max(apex(other) - climb for other, climb in near(cell))
-
-    heights = {cell: ground(cell) for cell in lowest}
-    return np.array(
-        [
-            height <= heights[tuple(cell)] + settings.margin_m
-            for cell, height in zip(cells.astype(int), points[:, 2], strict=True)
-        ]
-    )
+    heights = {
+        cell: max(apex(other) - climb for other, climb in near(cell)) + settings.margin_m
+        for cell in lowest
+    }
+    limits = [heights[tuple(cell)] for cell in cells.astype(int)]
+    return points[:, 2] <= limits
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_same_as_the_definition(seed):
-    settings = Settings().changed({"ground.window_m": 3, "ground.margin_m": 0.3}).ground
+def test_ground_is_the_same_as_its_definition(seed):
+    settings = SETTINGS.changed({"ground.window_m": 3, "ground.margin_m": 0.3}).ground
     points = np.random.default_rng(seed).uniform((0, -4, 0), (9, 4, 2), (120, 3))
     points = points.astype(np.float32)
     expected = slow_ground_mask(points.astype(np.float64), settings)
     assert 0 < expected.sum() < len(points)
     np.testing.assert_array_equal(is_ground(points, settings), expected)
-
-
-@pytest.mark.parametrize(
-    ("points", "expected"), [([[1, 2, 3]], [True]), ([[1, 2, 3]] * 9999, 9999 * [True])]
-)
-def test_one_point_and_many_in_one_cell_are_ground(points, expected):
-    assert is_ground(points).tolist() == expected
-
-
-def test_a_point_far_beyond_all_others_makes_cells_coarser_and_no_more():
-    far = np.array([[1e20, -1e20, 0.0]], np.float32)
-    points = np.vstack([plane().astype(np.float32), far])
-    assert is_ground(points).all()
-
-
-def test_columns_of_another_order_in_memory_are_the_same():
-    points = np.random.default_rng(5).normal(0, 5, (500, 3)).astype(np.float32)
-    np.testing.assert_array_equal(is_ground(np.asfortranarray(points)), is_ground(points))
