@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import signal
 import socket
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -88,7 +89,8 @@ def _events_as_tasks_end(
 @contextmanager
 def _processes(num_workers: int) -> Iterator[Executor]:
     # Not fork: torch and CUDA do not survive it.
-    pool = ProcessPoolExecutor(num_workers, multiprocessing.get_context("spawn"))
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(num_workers, context, _end_with_parent)
 
     def execute(
         tasks: Sequence[EvaluationTask], options: EvaluationOptions
@@ -112,6 +114,17 @@ def _processes(num_workers: int) -> Iterator[Executor]:
         for worker in workers:
             worker.join(_ENDING_S)
             worker.kill()
+
+
+def _end_with_parent() -> None:
+    """Ends this worker when its parent is gone: after SIGKILL nobody else does."""
+
+    def wait() -> None:
+        if (parent := multiprocessing.parent_process()) is not None:
+            parent.join()
+            signal.raise_signal(signal.SIGKILL)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _events_in_process(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEvent]:
