@@ -9,7 +9,6 @@ import torch
 from box_street import BoxStreet, pose
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
-from mnsf_ros.errors import CancelledError
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.network_estimator import NetworkEstimator, NetworkMethod
@@ -72,17 +71,6 @@ def test_flow_of_what_stands_is_that_of_the_sensor(triplet, estimate):
     assert np.median(errors) < 0.05
 
 
-def test_sensor_frame_is_worse_where_the_sensor_is_fast(triplet, estimate):
-    settings = QUICK.changed({"ego_motion.removed": False})
-    other = make_method("mnsf", settings).estimate(triplet)
-    standing = rigid_flow(triplet.current.xyz, next_from_current(1))
-    common, sensor = (
-        np.linalg.norm(one.flow - standing, axis=1)[one.kept].mean() for one in (estimate, other)
-    )
-    assert common < 0.2 * sensor
-    assert other.over_ground is None
-
-
 def test_motion_over_ground_and_flow_belong_together(triplet, estimate):
     known, xyz = estimate.over_ground, triplet.current.xyz
     assert known.source == EgoSource.REGISTRATION.value
@@ -95,23 +83,8 @@ def test_motion_over_ground_and_flow_belong_together(triplet, estimate):
     assert np.isnan(known.confidence).all()
 
 
-def test_a_car_is_dynamic_more_often_than_what_stands(triplet):
-    settings = QUICK.changed({"optimization.max_iterations": 120})
-    known = make_method("mnsf", settings).estimate(triplet).over_ground
-    assert known.dynamic[-400:].mean() > known.dynamic[:-400].mean()
-
-
 def test_times_have_the_stages_of_both(estimate):
     assert {"ego motion", "prepare", "forward", "backward", "fusion"} <= estimate.times_ms.keys()
-
-
-def test_triplets_that_follow_each_other_share_a_world():
-    estimator = make_method("mnsf", QUICK)
-    sweeps = [sweep_at(index) for index in range(5)]
-    for index in range(1, 4):
-        result = estimator.estimate(SweepTriplet(*sweeps[index - 1 : index + 2]))
-        expected = np.linalg.inv(path(0)) @ path(index)
-        assert np.allclose(result.over_ground.world_from_sensor, expected, atol=0.05)
 
 
 def test_odometry_is_taken_where_it_is_wanted():
@@ -148,24 +121,6 @@ def test_older_triplet_starts_a_new_world():
     assert np.allclose(known.next_from_current, next_from_current(1), atol=0.02)
 
 
-def test_same_triplet_twice_gives_the_same(triplet):
-    estimator = make_method("mnsf", QUICK)
-    first, second = (estimator.estimate(triplet) for _ in range(2))
-    assert np.array_equal(first.flow, second.flow)
-
-
-def test_changed_settings_keep_the_world_and_the_networks():
-    settings = QUICK.changed({"warm_start.enabled": True})
-    estimator = make_method("mnsf", settings)
-    sweeps = [sweep_at(index) for index in range(4)]
-    estimator.estimate(SweepTriplet(*sweeps[:3]))
-    changed = estimator.with_settings(settings.changed({"optimization.max_iterations": 30}))
-    result = changed.estimate(SweepTriplet(*sweeps[1:]))
-    assert result.start.value == "warm"
-    expected = np.linalg.inv(path(0)) @ path(2)
-    assert np.allclose(result.over_ground.world_from_sensor, expected, atol=0.05)
-
-
 def test_switched_off_and_on_on_the_way(triplet):
     on = QUICK.changed({"warm_start.enabled": True})
     off = on.changed({"ego_motion.removed": False})
@@ -186,11 +141,6 @@ def test_poses_are_state(method):
     assert make_method(method, QUICK).traits.carries_state
     off = QUICK.changed({"ego_motion.removed": False})
     assert not make_method(method, off).traits.carries_state
-
-
-def test_it_can_be_abandoned(triplet):
-    with pytest.raises(CancelledError):
-        make_method("mnsf", QUICK).estimate(triplet, lambda: True)
 
 
 class KnownFlow:
@@ -242,9 +192,3 @@ def test_method_gets_all_sweeps_in_the_frame_of_the_current_one():
         expected = transformed(sweep.xyz, current_from_world @ sweep.odometry)
         assert np.allclose(got.xyz, expected, atol=1e-4)
         assert got.stamp_ns == sweep.stamp_ns
-
-
-def test_source_is_that_of_the_motion_to_the_next_sweep():
-    pair = SweepTriplet(None, told_sweep(0), told_sweep(1))
-    known = KnownFlow().estimate(pair).over_ground
-    assert known.source == EgoSource.ODOMETRY.value

@@ -95,12 +95,6 @@ def test_precision_that_is_asked_for(monkeypatch, triplet, stacked):
     assert np.array_equal(rounded, again)
 
 
-def test_methods_without_hidden_layers_have_no_precision(triplet):
-    settings = SHORT.changed({"compute.precision": "bfloat16", "linear.node_spacing_m": 20.0})
-    result = make_method("fnsf-linear", settings).estimate(pair_of(triplet))
-    assert result.precision == ""
-
-
 @pytest.mark.parametrize("distance", ["grid", "tree"])
 def test_two_sweeps_are_enough(scene, triplet, distance):
     settings = preset("online").changed(
@@ -114,36 +108,6 @@ def test_two_sweeps_are_enough(scene, triplet, distance):
     assert list(result.fits) == ["forward"]
 
 
-def test_previous_sweep_does_not_change_the_forward_field(triplet):
-    both = estimate(triplet), estimate(pair_of(triplet))
-    assert both[0].fits["forward"] == both[1].fits["forward"]
-
-
-def test_stages_and_words(triplet):
-    result = estimate(triplet)
-    assert list(result.times_ms) == ["prepare", "forward", "backward", "fusion"]
-    assert all(time_ms > 0 for time_ms in result.times_ms.values())
-    assert result.time_ms == pytest.approx(sum(result.times_ms.values()))
-    assert result.stop_reasons == dict.fromkeys(
-        ["forward", "backward", "fusion"], "iteration_limit"
-    )
-    assert {fit.iterations for fit in result.fits.values()} == {10}
-    assert result.start is Start.COLD_FIRST
-
-
-def test_time_budget_ends_every_stage(triplet):
-    settings = SHORT.changed(
-        {
-            "optimization.time_budget_ms": 0.001,
-            "optimization.max_iterations": 1000,
-            "fusion.max_iterations": 1000,
-        }
-    )
-    result = estimate(triplet, settings)
-    assert set(result.stop_reasons.values()) == {"time_budget"}
-    assert {fit.iterations for fit in result.fits.values()} == {1}
-
-
 def test_early_stopping_has_a_patience_for_the_fields_and_one_for_the_fusion(triplet):
     settings = SHORT.changed(
         {"early_stopping.patience": 2, "early_stopping.min_delta_m": 10, "fusion.patience": 4}
@@ -151,14 +115,6 @@ def test_early_stopping_has_a_patience_for_the_fields_and_one_for_the_fusion(tri
     result = estimate(triplet, settings)
     assert set(result.stop_reasons.values()) == {"converged"}
     assert [fit.iterations for fit in result.fits.values()] == [3, 3, 5]
-
-
-@pytest.mark.parametrize("kind", ["mean", "weighted_sum", "mlp"])
-def test_fusion_kinds(scene, triplet, kind):
-    settings = preset("online").changed({"optimization.time_budget_ms": 0, "fusion.kind": kind})
-    result = estimate(triplet, settings)
-    assert mean_errors(result.flow, scene)[0] < 0.1
-    assert (result.fits["fusion"].iterations == 0) is (kind == "mean")
 
 
 def test_unequal_intervals(make_scene):
@@ -177,13 +133,6 @@ def test_unequal_intervals(make_scene):
         *(Sweep.from_array(each.xyz) for each in (triplet.previous, triplet.current, triplet.next))
     )
     assert mean_errors(estimate(stampless, settings).flow, scene)[0] > 0.12
-
-
-def test_identical_sweeps_stand_still(scene):
-    sweep = Sweep.from_array(scene.current)
-    settings = preset("online").changed({"optimization.time_budget_ms": 0})
-    for triplet in (SweepTriplet(sweep, sweep, sweep), SweepTriplet(None, sweep, sweep)):
-        assert np.linalg.norm(estimate(triplet, settings).flow, axis=1).mean() < 0.02
 
 
 def test_one_row_for_each_point_in_its_order(triplet):
@@ -216,25 +165,6 @@ def test_every_point_gets_a_finite_flow(scene):
     np.testing.assert_array_equal(result.flow[5:], estimate(triplet_of(scene)).flow)
 
 
-def test_stray_point_inside_a_wide_crop_uses_the_tree(scene):
-    stray = np.vstack([scene.next, [(600, 600, 900)]])
-    triplet = SweepTriplet(None, Sweep.from_array(scene.current), Sweep.from_array(stray))
-    # A single point is its own ground: it must stay here.
-    grid = SHORT.changed({"distance.kind": "grid", "ground.remove": False})
-    wide = grid.changed({"crop.max_range_m": 1000, "crop.max_height_m": 1000})
-    assert estimate(triplet, wide).distance_kind == "tree"
-    assert estimate(triplet, grid).distance_kind == "grid"
-
-
-@pytest.mark.parametrize("batch_points", [0, 100, 10_000])
-@pytest.mark.parametrize("max_points", [0, 50, 10_000])
-def test_any_number_of_points_can_be_fitted_to(triplet, batch_points, max_points):
-    numbers = {"optimization.batch_points": batch_points, "optimization.max_points": max_points}
-    result = estimate(triplet, SHORT.changed(numbers))
-    assert result.flow.shape == triplet.current.xyz.shape
-    assert np.isfinite(result.flow).all()
-
-
 def test_largest_number_of_points_to_fit_to(triplet):
     whole = SHORT.changed({"optimization.batch_points": 0})
     num_kept = int(estimate(triplet, whole).kept.sum())
@@ -244,12 +174,6 @@ def test_largest_number_of_points_to_fit_to(triplet):
 
     np.testing.assert_array_equal(flow(num_kept), flow(0))
     assert not np.array_equal(flow(num_kept - 1), flow(0))
-
-
-def test_fitting_to_fewer_points_still_finds_the_flow(scene, triplet):
-    changes = {"optimization.time_budget_ms": 0, "optimization.max_points": 120}
-    moving, _ = mean_errors(estimate(triplet, preset("online").changed(changes)).flow, scene)
-    assert moving < 0.2
 
 
 def test_same_input_and_seed_give_the_same_bits(triplet, device):
@@ -292,13 +216,6 @@ def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
     assert estimator.with_settings(grid).estimate(triplet).distance_kind == "grid"
 
 
-def test_settings_of_the_estimator():
-    estimator = make_method("mnsf", SHORT)
-    assert estimator.settings == SHORT
-    assert estimator.with_settings(preset("paper")).settings == preset("paper")
-    assert estimator.settings == SHORT
-
-
 @pytest.mark.parametrize("which", ["previous", "current", "next"])
 @pytest.mark.parametrize("num_points", [0, 1])
 def test_sweep_with_too_few_points(triplet, which, num_points):
@@ -307,14 +224,6 @@ def test_sweep_with_too_few_points(triplet, which, num_points):
     text = rf"^sweep 42: 0 of {num_points} points are left after crop and ground removal"
     with pytest.raises(SweepError, match=text):
         estimate(SweepTriplet(**sweeps))
-
-
-def test_estimator_goes_on_after_an_error(triplet):
-    estimator = make_method("mnsf", SHORT)
-    empty = Sweep.from_array(np.zeros((0, 3)))
-    with pytest.raises(SweepError):
-        estimator.estimate(SweepTriplet(triplet.previous, triplet.current, empty))
-    np.testing.assert_array_equal(estimator.estimate(triplet).flow, estimate(triplet).flow)
 
 
 def test_cancelled_at_any_step(triplet):
@@ -356,13 +265,6 @@ def test_no_finite_flow_is_an_error_not_a_result(triplet, distance, max_iteratio
             estimate(each, settings)
 
 
-def test_explosion_gives_the_best_flow_before_it(triplet):
-    # All points in each step: there is a best one to return to.
-    result = estimate(triplet, EXPLOSIVE.changed({"optimization.batch_points": 0}))
-    assert result.stop_reasons["forward"] == "not_finite"
-    assert np.isfinite(result.flow).all()
-
-
 def test_estimator_recovers_from_an_explosion(triplet):
     estimator = make_method("mnsf", EXPLOSIVE)
     with pytest.raises(OptimizationError):
@@ -402,10 +304,3 @@ def test_neural_preset_leaves_what_is_static_and_goes_on_warm(make_scene):
         assert result.over_ground is not None
     assert list(first.fits) == ["forward", "backward", "fusion"]
     assert not any("time" in reason for reason in again.stop_reasons.values())
-
-
-def test_neural_preset_gives_the_same_digits_again(make_scene):
-    triplet = triplet_of(make_scene())
-    settings = preset("neural").changed({"compute.device": "cpu", "compute.num_threads": 1})
-    flows = [make_method("mnsf", settings).estimate(triplet).flow for _ in range(2)]
-    np.testing.assert_array_equal(*flows)

@@ -5,16 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
-from mnsf_ros.core.prepared_sweep import SweepPreparation
-from mnsf_ros.core.scene_flow_estimator import never
-from mnsf_ros.core.schedule import Schedules
-from mnsf_ros.core.warm_start import Learners, WarmStart
-from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.errors import CancelledError, SweepError
+from mnsf_ros.errors import CancelledError
 from mnsf_ros.methods import make_method
-from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
@@ -69,36 +62,6 @@ def estimator():
     return estimator
 
 
-def workbench(each, warm_start):
-    preparation = SweepPreparation(SMALL)
-    return Workbench(each, SMALL, torch.device("cpu"), preparation, 1, warm_start)
-
-
-def schedules(cancelled=never):
-    return Schedules.start_now(SMALL, is_warm=False, cancelled=cancelled)
-
-
-def num_steps(learner):
-    return {int(state["step"]) for state in learner.optimizer.state.values()}
-
-
-def test_networks_and_their_optimizers_go_on():
-    warm_start = WarmStart()
-    first, second, third = (workbench(triplet(10 + k / 10), warm_start) for k in range(3))
-    mnsf(first, schedules())
-    assert num_steps(first.learners.forward) == {5}
-    carried = [weight.clone() for weight in first.learners.forward.network.parameters()]
-    with pytest.raises(CancelledError):
-        mnsf(second, schedules(lambda: True))
-    assert second.learners is first.learners
-    for before, now in zip(carried, second.learners.forward.network.parameters(), strict=True):
-        assert torch.equal(before, now)
-    warm_start.keep(first.learners, triplet(10.1))
-    mnsf(third, schedules())
-    assert third.learners is first.learners
-    assert num_steps(third.learners.forward) == {5 + 3}
-
-
 def test_warm_start_has_its_own_number_of_steps(estimator):
     fits = estimator.estimate(triplet(10.1)).fits
     assert {stage: fit.iterations for stage, fit in fits.items()} == {
@@ -139,14 +102,6 @@ def test_warm_start_carries_on_where_the_last_triplet_ended(make_scene):
     assert error(cold) > 0.4
 
 
-def test_each_triplet_starts_from_its_predecessor(estimator):
-    assert starts(estimator, *(triplet(10 + 0.1 * k) for k in range(1, 4))) == [Start.WARM] * 3
-
-
-def test_same_triplet_again_is_a_warm_start(estimator):
-    assert starts(estimator, triplet(10)) == [Start.WARM]
-
-
 @pytest.mark.parametrize(
     ("seconds", "frame_id", "start"),
     [
@@ -161,16 +116,6 @@ def test_start_says_why_it_is_cold(stream, seconds, frame_id, start):
     assert stream.flow_of(triplet(seconds, frame_id)).start is start
     # And the next one goes on from there.
     assert stream.flow_of(triplet(seconds + 0.3, frame_id)).start is Start.WARM
-
-
-def test_gap_counts_from_the_last_triplet_not_from_the_first(stream):
-    found = [stream.flow_of(triplet(seconds)).start for seconds in (11.5, 13, 14.5)]
-    assert found == [Start.WARM] * 3
-
-
-def test_switched_off():
-    estimator = make_method("mnsf", SMALL.changed({"warm_start.enabled": False}))
-    assert starts(estimator, triplet(10), triplet(10.1)) == [Start.COLD_BY_SETTING] * 2
 
 
 def test_carried_fields_that_no_longer_fit():
@@ -192,50 +137,9 @@ def test_cancelled_estimate_leaves_nothing_to_start_from(estimator):
     assert starts(estimator, triplet(10.2), triplet(10.3)) == [Start.COLD_FIRST, Start.WARM]
 
 
-def test_cancelled_in_the_last_stage():
-    asked = []
-
-    def in_the_fusion():
-        asked.append(None)
-        return len(asked) > 5 + 5 + 1
-
-    estimator = make_method("mnsf", SMALL)
-    with pytest.raises(CancelledError):
-        estimator.estimate(triplet(10), in_the_fusion)
-    assert starts(estimator, triplet(10.1)) == [Start.COLD_FIRST]
-
-
-def test_refused_sweep_changes_nothing(estimator):
-    empty = Sweep.from_array(np.zeros((0, 3)))
-    with pytest.raises(SweepError):
-        estimator.estimate(SweepTriplet(triplet(10.1).previous, triplet(10.1).current, empty))
-    assert starts(estimator, triplet(10.2)) == [Start.WARM]
-
-
 def test_two_sweeps_leave_nothing_to_start_from(estimator):
     pair = SweepTriplet(None, triplet(10.1).current, triplet(10.1).next)
     assert starts(estimator, pair, triplet(10.2)) == [Start.WARM, Start.COLD_FIRST]
-
-
-def test_forgotten_networks_do_not_come_back():
-    warm_start = WarmStart()
-    learners = Learners.fresh(SMALL, torch.Generator(), torch.device("cpu"))
-    warm_start.keep(learners, triplet(10))
-    assert warm_start.carried(triplet(10.1), SMALL) == (learners, Start.WARM)
-    warm_start.forget()
-    assert warm_start.carried(triplet(10.1), SMALL) == (None, Start.COLD_FIRST)
-
-
-def test_fresh_networks_differ_from_each_other_but_not_from_seed_to_seed():
-    def weights(seed):
-        generator = torch.Generator().manual_seed(seed)
-        fresh = Learners.fresh(SMALL, generator, torch.device("cpu"))
-        return [next(each.network.parameters()) for each in fresh.fields]
-
-    (forward, backward), (again, _), (other, _) = weights(0), weights(0), weights(1)
-    assert torch.equal(forward, again)
-    assert not torch.equal(forward, backward)
-    assert not torch.equal(forward, other)
 
 
 @pytest.mark.parametrize(
