@@ -9,7 +9,6 @@ import pytest
 import tiny_world
 
 from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 BOXES = "per_sweep_annotations_amodal/tracked_object_labels"
@@ -62,8 +61,7 @@ def write_log(folder, order="<"):
 
 
 def convert(log, out):
-    write_recording(open_source("argoverse1", log), out)
-    return out
+    return tiny_world.convert("argoverse1", log, out)
 
 
 @pytest.mark.parametrize("order", "<>")

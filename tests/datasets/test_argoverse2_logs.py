@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 pa = pytest.importorskip("pyarrow")
@@ -75,8 +73,7 @@ def write_annotations(path, stamps):
 
 
 def convert(log, out, **options):
-    write_recording(open_source("argoverse2", log, **options), out)
-    return out
+    return tiny_world.convert("argoverse2", log, out, **options)
 
 
 def test_a_log_becomes_a_recording_with_truth(tmp_path):

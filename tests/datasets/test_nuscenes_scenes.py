@@ -14,7 +14,6 @@ from mnsf_ros.datasets import nuscenes
 from mnsf_ros.datasets.formats import TruthSettings, open_source
 from mnsf_ros.datasets.labelled_sweep import Box
 from mnsf_ros.datasets.nuscenes import Keyframe, boxes_at
-from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 hypothesis = pytest.importorskip("hypothesis")
@@ -96,8 +95,7 @@ def write_data(folder, tables=None, version="v1.0-mini"):
 
 
 def convert(source, out, sequence="scene-1"):
-    write_recording(open_source("nuscenes", source, sequence=sequence), out)
-    return out
+    return tiny_world.convert("nuscenes", source, out, sequence=sequence)
 
 
 def test_a_scene_becomes_a_recording_with_truth(tmp_path, monkeypatch):
@@ -126,8 +124,9 @@ def on_own_vehicle(xyz):
 
 def test_points_of_the_own_vehicle_are_there_but_not_valid(tmp_path):
     write_data(tmp_path / "data")
-    source = open_source("nuscenes", tmp_path / "data", sequence="scene-1")
-    write_recording(source, tmp_path / "out", TruthSettings(unlabelled_static=True))
+    settings = TruthSettings(unlabelled_static=True)
+    data = tmp_path / "data"
+    tiny_world.convert("nuscenes", data, tmp_path / "out", settings, sequence="scene-1")
     found = tiny_world.read(tmp_path / "out")
     xyz = tiny_world.sweep(0).xyz
     own = on_own_vehicle(xyz)

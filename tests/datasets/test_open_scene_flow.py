@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 h5py = pytest.importorskip("h5py")
@@ -42,8 +40,7 @@ def write_group(group, index, vehicle_from_lidar):
 
 
 def convert(source, out):
-    write_recording(open_source("opensceneflow", source), out)
-    return out
+    return tiny_world.convert("opensceneflow", source, out)
 
 
 @pytest.mark.parametrize("microseconds", [False, True])

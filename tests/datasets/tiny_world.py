@@ -12,6 +12,8 @@ from functools import cache
 
 import numpy as np
 
+from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.truth import read_sensor_poses, read_truth
 from msg_utils.point_cloud2 import decode_points, decode_xyz
@@ -64,7 +66,7 @@ class TinySweep:
 
 
 @cache
-def sweep(index, num_points=40, ground_step=0.5):
+def sweep(index, num_points=40):
     """One sweep; its points and those of the next one do not correspond."""
     rng = np.random.default_rng(index)
     inside = rng.uniform(-0.49, 0.49, (num_points, 3)) * SIZE * (1, 1, 0.5) + (0, 0, 0.3)
@@ -80,7 +82,7 @@ def sweep(index, num_points=40, ground_step=0.5):
         [rng.uniform(-12, 12, 4 * num_points), np.full(4 * num_points, 11.0),
          rng.uniform(0.5, 3, 4 * num_points)]
     )  # fmt: skip
-    steps = np.arange(-14, 14, ground_step)
+    steps = np.arange(-14, 14, 0.5)
     ground = np.stack(np.meshgrid(steps, steps, 0.0), -1).reshape(-1, 3)
     sweep_from_world = np.linalg.inv(world_from_sweep(index))
     found = boxes(index)
@@ -125,6 +127,12 @@ def check_truth(truth, index, xyz, part, *, tolerance=1e-4):
     assert not truth.ground[on_box].all()
 
 
+def convert(name, source, out, settings=None, **options):
+    """Writes the recording of a data set, and returns its path."""
+    write_recording(open_source(name, source, **options), out, settings)
+    return out
+
+
 def read(path):
     """Everything in a recording: stamps, points as columns, frames, truth, and poses."""
     with BagReader(path) as reader:
@@ -154,15 +162,15 @@ class Read:
     poses: dict
 
 
-def check_recording(path, frame_id, *, tolerance=1e-4, stamps=None, **sweep_options):
+def check_recording(path, frame_id, *, tolerance=1e-4):
     """Compares a whole recording of the tiny world; returns what was read."""
     found = read(path)
-    assert found.stamps == (stamps or [stamp_ns(index) for index in range(NUM_SWEEPS)])
+    assert found.stamps == [stamp_ns(index) for index in range(NUM_SWEEPS)]
     assert found.frames == {frame_id}
     assert list(found.poses) == found.stamps
     first = np.linalg.inv(found.poses[found.stamps[0]])
     for index, stamp in enumerate(found.stamps):
-        tiny = sweep(index, **sweep_options)
+        tiny = sweep(index)
         np.testing.assert_allclose(found.xyz[index], tiny.xyz, atol=tolerance)
         check_truth(found.truth[index], index, tiny.xyz, tiny.part, tolerance=tolerance)
         np.testing.assert_allclose(
