@@ -29,7 +29,7 @@ _UP: Final = 83_492_791
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How points lie on the surfaces of a map, and what would bring them closer.
+    """Residuals of points to the surfaces of a map, and the normal equations that reduce them.
 
     Attributes:
         num_on_surfaces: Points that are near enough to the surface of their cell.
@@ -64,7 +64,7 @@ class SurfaceMap:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no sweep was added yet."""
+        """True before the first sweep."""
         return self._num_added == 0
 
     def add(self, points: NDArray[np.float32], pose: NDArray[np.float64]) -> None:

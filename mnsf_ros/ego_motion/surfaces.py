@@ -165,7 +165,7 @@ def _add_equations(
     surfaces: NDArray[np.float64],
     equations: NDArray[np.float64],
 ) -> None:
-    """Adds what one point says; a turn moves it by its product with the arm to the sensor."""
+    """Adds the equation of one point; a turn moves it by its product with the arm to the sensor."""
     turn = _cross(arm, *pull)
     by_x = _cross(arm, surfaces[cell, 1, 0], surfaces[cell, 1, 1], surfaces[cell, 1, 2])
     by_y = _cross(arm, surfaces[cell, 2, 0], surfaces[cell, 2, 1], surfaces[cell, 2, 2])

@@ -68,7 +68,7 @@ class SweepMatcher:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing yet to match with."""
+        """True before the first sweep."""
         return self._map.is_empty
 
     def prepared(self, sweep: Sweep, motion: SweepMotion | None) -> Cloud | None:
@@ -152,7 +152,7 @@ class SweepMatcher:
         starts: Sequence[NDArray[np.float64]],
         expected: NDArray[np.float64] | None,
     ) -> tuple[NDArray[np.float64], Comparison]:
-        """The pose near one of several that explains most of what stands on the ground.
+        """The pose near one of several candidates that explains most points above the ground.
 
         By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
         by all that stands they do not.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What an estimate decided about the objects of a sweep, and from what."""
+"""Decision of an estimate about the objects of a sweep, and its evidence."""
 
 from __future__ import annotations
 
@@ -46,5 +46,5 @@ class Decision:
 
     @property
     def doubtful(self) -> Suspects:
-        """All suspects that are not said to move, those beyond the limits of the work included."""
+        """Suspects that are not called dynamic, with those beyond the limits of the work."""
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))

@@ -49,7 +49,7 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
 def evidence(
     suspects: Suspects, moving: JudgedMotions, seen: Visibility, are_parts: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Returns (K, F) what speaks for the motions of K objects, and against.
+    """Returns (K, F) features for and against the motions of K objects.
 
     Free space says nothing of a part of a long object: that its place was free is why it is one.
 

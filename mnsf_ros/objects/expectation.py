@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the tracks expect of the objects of a sweep."""
+"""Motions of objects as predicted by their tracks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS_PER_OBJECT: Final = 16
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What is known of K objects from the sweeps before.
+    """Predictions for K objects from the sweeps before.
 
     Attributes:
         is_known: (K,) whether an object has a track.
@@ -41,7 +41,7 @@ class Expectation:
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Expectation:
-        """Returns what tracks, as they are expected in the current sweep, say of its objects."""
+        """Returns the predictions of tracks, propagated to the current sweep, for its objects."""
         some = objects.thinner(_POINTS_PER_OBJECT)
         is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
@@ -57,5 +57,5 @@ class Expectation:
         return cls(is_known, motions, scores)
 
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
-        """Returns what is known of the objects of the (K,) mask."""
+        """Returns the predictions for the objects of the (K,) mask."""
         return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])

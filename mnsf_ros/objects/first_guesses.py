@@ -68,7 +68,7 @@ def first_guesses(
 def _motions_over_time(
     objects: ObjectPoints, past: Sequence[Target], interval_s: float, base: JudgedMotions
 ) -> list[NDArray[np.float32]]:
-    """Returns motions (K, 3), in metres to the next sweep, by which objects came from the past.
+    """Returns motions (K, 3), metres to the next sweep, of objects relative to older sweeps.
 
     They are found for slow objects, and for long ones whose sides look alike.
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which track each thing that moves belongs to, and what that makes of the tracks."""
+"""Association of movers with tracks, and the update of the tracks."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def follow(tracks: Tracks, seen: Sightings, next_id: int) -> tuple[Tracks, NDArr
 def _updated(
     tracks: Tracks, rows: NDArray[np.int64], seen: Sightings, things: NDArray[np.int64]
 ) -> Tracks:
-    """Returns the tracks with some rows corrected by what was seen (Kalman update)."""
+    """Returns the tracks with some rows corrected by sightings (Kalman update)."""
     prior, noise = tracks.covariances[rows], seen.variances[things]
     total = prior.copy()
     total[:, 0, 0] += noise[:, 0]

@@ -25,7 +25,7 @@ _STEEPEST: Final = np.float32(0.15)
 
 @dataclass(frozen=True, eq=False)
 class MotionField:
-    """What a fit found for K objects.
+    """Result of a fit for K objects.
 
     Attributes:
         flows: (K, 3) float32, metres, from the current sweep to the target, after the interval

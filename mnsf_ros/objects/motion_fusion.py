@@ -234,7 +234,7 @@ def fuse_motions(
 
 
 def beyond(start: NDArray[np.float32], fitted: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns motions (K, 3) in metres, as far beyond what was fitted as that is from its start.
+    """Returns motions (K, 3), metres, extrapolated from the start through the fit by its length.
 
     Rings on the side of a vehicle look alike: a fit along it may have come half the way only.
     """

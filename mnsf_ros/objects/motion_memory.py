@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Memory from one estimate to the next: the tracks of what moves."""
+"""Memory from one estimate to the next: the tracks of movers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, Stretch
 
 
 class MotionMemory:
-    """Remembers what moved, as long as the stretch of the stream goes on."""
+    """Remembers movers as long as the stretch of the stream goes on."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -54,7 +54,7 @@ class MotionMemory:
         are_clear: NDArray[np.bool_],
         interval_s: float,
     ) -> tuple[Tracks, NDArray[np.int64]]:
-        """Follows what moves into the current sweep.
+        """Associates movers of the current sweep with the tracks, and updates these.
 
         Args:
             current: The current sweep.
@@ -84,7 +84,7 @@ class MotionMemory:
     def expected(
         self, current: ObjectSweep, objects: ObjectPoints, interval_s: float
     ) -> Expectation:
-        """Returns what the tracks say of objects of the current sweep."""
+        """Returns the predictions of the tracks for objects of the current sweep."""
         tracks = self._expected_tracks(current, interval_s)
         return Expectation.of(objects, tracks, current.pose.world_from_sensor, interval_s)
 

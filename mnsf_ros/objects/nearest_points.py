@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Loops over the points of objects and what is nearest to them, by cells; see `point_grid`."""
+"""Compiled loops over points of objects and their nearest neighbours; see `point_grid`."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def rows_of_nearest(
     points: NDArray[np.float32],
     rows: NDArray[np.int32],
 ) -> NDArray[np.int64]:
-    """What `PointGrid.nearest` returns."""
+    """Loop of `PointGrid.nearest`."""
     found = np.empty(len(places), np.int64)
     for place in range(len(places)):
         x, y, z = places[place, 0], places[place, 1], places[place, 2]
@@ -158,7 +158,7 @@ def compared(
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """What `PointGrid.compared` returns."""
+    """Loop of `PointGrid.compared`."""
     distances = np.zeros(len(motions))
     vectors = np.zeros((len(motions), 3))
     counts = np.zeros(len(motions), np.int64)
@@ -252,7 +252,7 @@ def residuals_of(
     objects: Objects,
     targets: Targets,
 ) -> NDArray[np.float64]:
-    """What `PointGrids.residuals` returns."""
+    """Loop of `PointGrids.residuals`."""
     residuals = np.empty((len(limits_m), len(shifts)))
     for owner in range(len(limits_m)):
         _measure(residuals, owner, owner, 0, limits_m[owner], reach_m, shifts, objects, targets)
@@ -261,7 +261,7 @@ def residuals_of(
 
 @compiled("float64(float64[:, ::1], int64, int64)")
 def _total(residuals: NDArray[np.float64], row: int, num_near: int) -> float:
-    """The mean of the first residuals of a row, and that of the others."""
+    """Means of the first residuals of a row and of the others."""
     near, past, num_past = 0.0, 0.0, residuals.shape[1] - num_near
     for column in range(num_near):
         near += residuals[row, column]
@@ -285,7 +285,7 @@ def choose(
     objects: Objects,
     targets: Targets,
 ) -> None:
-    """What `PointGrids.choose` does, in `motions` and `residuals`."""
+    """Loop of `PointGrids.choose`; writes `motions` and `residuals`."""
     num_near = targets[1]
     trial = np.empty((1, residuals.shape[1]))
     for owner in range(len(motions)):

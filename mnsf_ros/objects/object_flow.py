@@ -70,7 +70,7 @@ class ObjectFlowEstimator:
         self._memory = MotionMemory(settings)
 
     def with_settings(self, settings: Settings) -> ObjectFlowEstimator:
-        """An estimator with other settings; it knows what this one does if that still holds."""
+        """An estimator with other settings; it keeps all state that still holds."""
         other = ObjectFlowEstimator(settings)
         is_same_world = self._sweeps.are_same_for(settings)
         other._sweeps = self._sweeps.with_settings(settings)
@@ -148,7 +148,7 @@ class ObjectFlowEstimator:
         )
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[Tracks, NDArray[np.int64]]:
-        """The tracks after this sweep, and the numbers of those of its movers."""
+        """The tracks after this sweep, and the track numbers of its movers."""
         may_move, is_moving = decision.may_move, decision.is_moving
         tracks, ids = self._memory.follow(
             scene.current,
@@ -186,7 +186,7 @@ class ObjectFlowEstimator:
 def _over_ground(
     scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
 ) -> OverGround:
-    """What the decision means for each point of the sweep."""
+    """The decision spread over the points of the sweep."""
     is_moving = decision.is_moving
     return scene.over_ground(
         decision.fitted.only(is_moving),

@@ -85,7 +85,7 @@ class ObjectSweep:
         return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
 
     def with_parts(self, rows: NDArray[np.int64], may_move: NDArray[np.bool_]) -> ObjectSweep:
-        """Returns the same sweep with some thinned points, and what is around them, as new objects.
+        """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
             rows: (P,) the points; touching ones are one object, which may move.
@@ -140,7 +140,7 @@ def _inside(
     high_x: float,
     high_y: float,
 ) -> NDArray[np.int64]:
-    """Returns which of the wanted points (N, 3) are inside a box, seen from above."""
+    """Returns the mask of points (N, 3) inside a box, seen from above."""
     rows = np.empty(len(points), np.int64)
     number = 0
     for point in range(len(points)):
@@ -155,7 +155,7 @@ def _inside(
 def sizes_of(
     points: NDArray[np.float32], objects: NDArray[np.int64], number: int
 ) -> NDArray[np.float32]:
-    """What `ObjectSweep.sizes` is, of points (N, 3) of objects (N,) from 0 to `number` - 1."""
+    """Sizes as of `ObjectSweep.sizes`, of points (N, 3) of objects (N,) from 0 to `number` - 1."""
     low = np.full((number, 2), np.float32(np.inf), np.float32)
     high = np.full((number, 2), np.float32(-np.inf), np.float32)
     for point in range(len(points)):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The points of a sweep in cells: how far, and in which direction, they are from objects."""
+"""Points of a sweep in cells: distance and direction from objects."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The last sweeps made ready, each once, in the order in which they came."""
+"""The last sweeps with ego motion, crop, ground and objects; each prepared once."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ReadySweeps:
     time_ms: float
 
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
-        """Older sweeps to test motions on, as far as there are any, the youngest first.
+        """Available older sweeps to test motions on, the youngest first.
 
         Args:
             current: The current sweep.
@@ -85,7 +85,7 @@ class PreparedSweeps:
         return other
 
     def are_same_for(self, settings: Settings) -> bool:
-        """Whether other settings make the same of a sweep."""
+        """Whether other settings prepare sweeps in the same way."""
         return _all_that_matters(settings) == _all_that_matters(self._settings)
 
     def ready(self, triplet: SweepTriplet) -> ReadySweeps:

@@ -36,7 +36,7 @@ class RangeView:
     def free_and_hidden(
         self, positions: NDArray[np.float32]
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Returns (P,) masks of the places (P, 3), in metres in the frame, by what is there.
+        """Returns (P,) masks of free and of hidden places (P, 3), metres, sensor frame.
 
         Places behind a surface are hidden. Directions without a return say nothing.
 

@@ -17,7 +17,7 @@ from mnsf_ros.settings import ObjectSettings
 
 @dataclass(frozen=True, eq=False)
 class Reasons:
-    """What an estimate knew of its objects; asked by calling it with points.
+    """Evidence of an estimate for and against its objects, by point.
 
     Attributes:
         current: The sweep.
@@ -30,7 +30,7 @@ class Reasons:
     decision: Decision
 
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
-        """Returns what became of the object that most of these rows of the sweep belong to."""
+        """Returns the verdict on the object that owns most of these rows of the sweep."""
         owners = self.current.objects()[rows]
         number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
         if number == 0:
@@ -72,7 +72,7 @@ class Reasons:
 
 
 def _residuals(motions: JudgedMotions, row: int) -> dict[str, float]:
-    """Name of each other sweep to what it leaves unexplained, metres."""
+    """Name of each other sweep to its residual, metres."""
     older = [f"{number} before" for number in range(2, 2 + motions.past.shape[1])]
     names = (*("next", "previous")[: motions.near.shape[1]], *older)
     values = (*motions.near[row].tolist(), *motions.past[row].tolist())

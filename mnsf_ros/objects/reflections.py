@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What goes along with the sensor: a window is seen only where it faces the sensor."""
+"""Reflections: apparent movers that keep pace with the sensor, such as windows."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, SweepTriplet
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What one estimate looks at.
+    """Input of one estimate: the current sweep and its targets.
 
     Attributes:
         current: The middle sweep.
@@ -84,7 +84,7 @@ class Scene:
         tracks: Tracks,
         ids: NDArray[np.int64],
     ) -> OverGround:
-        """Spreads what is known of objects over all points of the current sweep.
+        """Spreads the motions of objects over all points of the current sweep.
 
         Args:
             movers: Objects that move.
@@ -138,7 +138,7 @@ class Scene:
         )
 
     def _are_loose(self, doubtful: ObjectPoints) -> NDArray[np.bool_]:
-        """Returns (all objects,) whether an object is doubtful or too small to be fitted."""
+        """Returns the mask (all objects,) of those that are doubtful or too small to be fitted."""
         current = self.current
         counts = np.bincount(current.thinned_objects, minlength=current.num_objects)
         are_loose = counts < self.min_points
@@ -173,7 +173,7 @@ def _spread(
     doubts: NDArray[np.float32],
     confidence: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.int32]]:
-    """Returns motion, whether it moves, and number of the track of each of N points.
+    """Returns motion, dynamic flag, and track number of each of N points.
 
     Args:
         rows: (N,) the mover of each point; -1 for none.

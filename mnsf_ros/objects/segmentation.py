@@ -128,7 +128,7 @@ def _labels_at(
     labels: NDArray[np.int32],
     objects: NDArray[np.int32],
 ) -> NDArray[np.int64]:
-    """The objects at points; what is outside belongs to the outermost cells."""
+    """The objects at points; points outside belong to the outermost cells."""
     result = np.empty(len(points), np.int64)
     last_row, last_column = labels.shape[0] - 1, labels.shape[1] - 1
     for point in range(len(points)):

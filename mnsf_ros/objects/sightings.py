@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What one estimate saw moving: measurements for the tracks."""
+"""Sightings: measurements of one estimate for the tracks."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Sightings:
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Sightings:
-        """Returns what K movers are in the world.
+        """Returns the sightings of K movers, in the world frame.
 
         Args:
             movers: K objects that move.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What is long is not simply static: parts of it came lately, or all of it moves."""
+"""Splitting of long objects: a part in space that was free before is an object of its own."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def moves(
     interval_s: float,
     settings: ObjectSettings,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns (K,) whether objects may move, and whether they are said to.
+    """Returns masks (K,) of objects that may move, and of those called dynamic.
 
     Args:
         standing: How well K objects are explained as static.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""When a turning lidar measured which direction, and what it saw a second time."""
+"""Measuring time of each direction of a turning lidar, and the overlap at its seam."""
 
 from __future__ import annotations
 

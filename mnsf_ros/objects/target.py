@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Another sweep, seen from the current one: what moved points are measured against."""
+"""Target: another sweep in the frame of the current one, to measure moved points against."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Target:
     def pulls(
         self, objects: ObjectPoints, flows: NDArray[np.float32], reach_m: float
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """What leads objects to the nearest points of the target.
+        """Mean offsets from objects to the nearest points of the target.
 
         Args:
             objects: K objects.

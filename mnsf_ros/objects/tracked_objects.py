@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the tracks say of each object that moves: its box, velocity and age."""
+"""Tracked objects: box, velocity and age of each mover."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _at_stamp(
 
 
 def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: ObjectSweep) -> bool:
-    """Returns whether something is in front of the points (P, 3) where a track is expected."""
+    """Whether something occludes the points (P, 3) where a track is expected."""
     if tracks.num_seen[row] < _MIN_SEEN or len(points) == 0:
         return False
     _, is_hidden = current.view.free_and_hidden(points)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What is followed from sweep to sweep: identity, place, velocity, and how sure they are."""
+"""Tracks: identity, position, velocity and covariance of movers from sweep to sweep."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the other sweeps could see where objects are: free space, and what was hidden."""
+"""Visibility of objects in other sweeps: free space and occlusion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mnsf_ros.objects.reflections import reflections
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """What other sweeps saw where K objects are in the current one.
+    """Free and visible shares of K objects in other sweeps.
 
     A place that was seen through is evidence of motion. A place that was hidden is none: there a
     static object leaves a residual, too.
@@ -36,7 +36,7 @@ class Visibility:
     def of(
         cls, objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
     ) -> Visibility:
-        """Returns what the targets saw of K objects with motions (K, 3) in metres."""
+        """Returns the visibility in the targets of K objects with motions (K, 3), metres."""
         free = np.zeros(len(objects))
         visible_past = np.zeros((len(objects), len(targets.past)))
         for number, target in enumerate((*targets.past, *targets.near)):

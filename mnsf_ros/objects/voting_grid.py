@@ -46,7 +46,7 @@ class VotingGrid:
         self._shape = (rows, columns)
 
     def steps(self, shifts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(S,) what shifts (S, 2), in cells, add to the number of a column."""
+        """(S,) offsets in column numbers of shifts (S, 2), in cells."""
         return shifts[:, 0] * self._shape[1] + shifts[:, 1]
 
     def cells_of(self, points: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -104,7 +104,7 @@ class OnlinePipeline:
         self._stream.change_settings(settings)
 
     def reset(self) -> None:
-        """Forgets all sweeps and what was learned from them. An estimate under way is abandoned."""
+        """Forgets all sweeps and all state. An estimate under way is abandoned."""
         self._stream.reset()
         for worker in (self._preparing, self._estimating):
             if num_forgotten := worker.forget():

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What has happened so far: a count for every event, and the figures of recent estimates."""
+"""Counters of events, and figures of recent estimates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WINDOW = 100
 
 @dataclass(frozen=True)
 class RecentEstimate:
-    """What is remembered of one estimate."""
+    """Figures of one estimate."""
 
     finished_s: float  # of the steady clock
     latency_ms: float  # from the arrival of the next sweep to the publication of the flow
@@ -33,7 +33,7 @@ class RecentEstimate:
 
     @property
     def time_ms(self) -> float:
-        """What the estimate took, with the preparation of its newest sweep."""
+        """Run time with the preparation of its newest sweep."""
         return sum(self.times_ms.values())
 
 
@@ -54,7 +54,7 @@ class StatisticsSnapshot:
 
     @property
     def estimate_ms(self) -> float:
-        """Median of what the recent estimates took; NaN if there are none."""
+        """Median run time of recent estimates; NaN if there are none."""
         times_ms = [item.time_ms for item in self.recent]
         return float(np.median(times_ms)) if times_ms else float("nan")
 

@@ -70,7 +70,7 @@ class Stream:
     """
 
     def __init__(self, settings: Settings, method: str = "") -> None:
-        """Starts without any sweep. `method` is that of the settings unless given.
+        """Starts without any sweep. `method` defaults to the settings' `method.name`.
 
         Raises:
             SettingsError: There is no such method, or the settings ask for a device that is not

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the counts of a node tell: clouds that were missed, no flow and why, a computer too busy."""
+"""Diagnoses from counters: missed clouds, the reason for no flow, a busy computer."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class BusyWatch:
 
 
 def busy_text(num_flows: int, num_possible: int, estimate_ms: float, interval_ms: float) -> str:
-    """Says how many flows are missing, why, and what to do. Times that are NaN are left out."""
+    """Text on missing flows, their cause and the remedy. Times that are NaN are left out."""
     cores = os.cpu_count() or 1
     reasons = [
         f"an estimate takes {estimate_ms:.0f} ms" if math.isfinite(estimate_ms) else "",

@@ -22,14 +22,14 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class EstimatedSweep:
-    """The current sweep of a triplet, whose source is its cloud, and what was estimated."""
+    """A triplet, the source of whose current sweep is its cloud, with its estimate."""
 
     triplet: SweepTriplet
     estimate: FlowEstimate
 
 
 def estimated_sweeps(reader: BagReader, topic: str, settings: Settings) -> Iterator[EstimatedSweep]:
-    """Estimates the flow of the clouds of a topic; what has none is logged and left out.
+    """Estimates the flow of the clouds of a topic; failures are logged and left out.
 
     Raises:
         SettingsError: The method cannot be made with the settings.

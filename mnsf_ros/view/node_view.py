@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The topics of a running node, shown as they are: each only while somebody looks at it."""
+"""Topics of a running node, forwarded to viewers while they subscribe."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class NodeView:
         self._subscriptions: dict[str, Any] = {}
 
     def run(self) -> Iterator[int]:
-        """Hands on what comes; returns again and again how many topics are looked at."""
+        """Forwards messages; yields the number of topics with viewers."""
         while True:
             self._refresh()
             self._ros.spin_for(_REFRESH_S)

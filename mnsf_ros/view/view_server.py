@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What Foxglove and Lichtblick connect to: topics with messages of ROS 2, without ROS."""
+"""Server for Foxglove and Lichtblick: topics with messages of ROS 2, without ROS."""
 
 from __future__ import annotations
 

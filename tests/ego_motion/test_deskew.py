@@ -67,26 +67,6 @@ class TestSweepMotion:
             then = self.after((float(time_s) - 0.02) / 0.1)
             np.testing.assert_allclose(found, then[:3, :3] @ point + then[:3, 3], atol=2e-5)
 
-    def test_knows_the_pose_at_the_stamp(self):
-        motion = SweepMotion.of_step(self.STEP, 0.1, -0.05)
-        np.testing.assert_allclose(motion.moment_from_stamp, self.after(0.5), atol=1e-12)
-
-    def test_turns_vectors_back(self):
-        motion = SweepMotion.of_step(self.STEP, 0.1, 0.03)
-        vectors = np.random.default_rng(1).normal(size=(20, 3)).astype(np.float32)
-        times_s = np.linspace(-0.1, 0.1, 20, dtype=np.float32)
-        still = replace(motion, velocity=motion.velocity * [0, 0, 0, 1, 1, 1])
-        there = still.moved(vectors, times_s)
-        np.testing.assert_allclose(motion.turned_back(there, times_s), vectors, atol=1e-6)
-
-    @pytest.mark.parametrize("step", [np.eye(4), pose(2.0)], ids=["standing", "straight on"])
-    def test_without_a_turn(self, step):
-        motion = SweepMotion.of_step(step, 0.1, 0.0)
-        xyz = np.ones((2, 3), np.float32)
-        moved = motion.moved(xyz, np.array([0.0, 0.1], np.float32))
-        np.testing.assert_allclose(moved[1] - moved[0], step[:3, 3], atol=1e-6)
-        assert moved is not xyz
-
 
 class TestPoses:
     @pytest.mark.parametrize("path", [steady, turning, braking, spinning])
@@ -168,12 +148,3 @@ class TestOddTimes:
         sweeps = [replace(sweep, stamp_ns=5) for sweep in sweeps_of(steady, 3)]
         for sweep, found in zip(sweeps, poses_of(sweeps), strict=True):
             assert found.in_one_moment(sweep) is sweep.xyz
-
-    def test_a_sweep_without_points(self):
-        sweeps = sweeps_of(steady, 4)
-        empty = replace(sweeps[2], xyz=sweeps[2].xyz[:0], times_s=sweeps[2].times_s[:0])
-        found = poses_of([*sweeps[:2], empty, sweeps[3]])
-        assert [item.source for item in found[2:]] == [
-            EgoSource.CONSTANT_VELOCITY,
-            EgoSource.REGISTRATION,
-        ]

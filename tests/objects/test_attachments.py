@@ -40,9 +40,6 @@ class TestFragments:
         found = rows_of(CAR, FRAGMENT)
         assert (found[len(CAR) :] == 0).all()
 
-    def test_points_of_the_mover_itself_are_not_told_again(self):
-        assert (rows_of(CAR, FRAGMENT)[: len(CAR)] == -1).all()
-
     def test_one_that_is_farther_off_does_not(self):
         assert (rows_of(CAR, FRAGMENT + rows((0.5, 0, 0))) == -1).all()
 
@@ -62,24 +59,6 @@ class TestFragments:
         found = spread(attached(current, owners, movers, is_loose), len(owners))
         nearer = movers.numbers.tolist().index(owners[0])
         assert (found[owners == part] == nearer).mean() > 0.9
-
-    def test_without_movers_nothing_goes_anywhere(self):
-        current = prepared(CAR)
-        none = objects_of(current).only(np.zeros(1, dtype=bool))
-        loose = np.ones(current.num_objects, dtype=bool)
-        points, mover_rows = attached(current, current.objects(), none, loose)
-        assert len(points) == len(mover_rows) == 0
-
-    def test_far_beyond_everything_is_an_ordinary_place(self):
-        """Values that overflow the number of a cell."""
-        current = prepared(CAR, FRAGMENT)
-        objects, owners = objects_of(current), current.objects()
-        current.xyz = np.append(current.xyz, np.float32([[3e38, -3e38, 1], [-1e30, 0, -1e30]]), 0)
-        current.kept = np.append(current.kept, [False, False])
-        first = objects.only(np.arange(len(objects)) == owners[0] - 1)
-        loose = np.arange(current.num_objects) == owners[-1]
-        points, _ = attached(current, np.append(owners, [0, 0]), first, loose)
-        np.testing.assert_array_equal(points, np.arange(len(CAR), len(CAR) + len(FRAGMENT)))
 
 
 class TestBottoms:

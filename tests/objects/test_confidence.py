@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.confidence import moving_confidence
@@ -44,19 +43,6 @@ def test_a_car_with_ends_is_surer_than_a_side_without():
     assert side < confidence_of(CAR) - 0.05
 
 
-@pytest.mark.parametrize(
-    "worse",
-    [
-        {"motion": MOTION + np.array([0, 0, 0.15], np.float32)},
-        {"motion": MOTION + np.array([0.2, 0, 0], np.float32)},
-        {"expected": MOTION + np.array([0.3, 0, 0], np.float32)},
-    ],
-    ids=["climbs", "leaves a residual", "unexpected"],
-)
-def test_what_speaks_against_a_motion(worse):
-    assert confidence_of(CAR, **worse) < confidence_of(CAR)
-
-
 def test_the_longer_a_motion_the_more_places_match_by_chance():
     confidences = [
         confidence_of(CAR, motion=length * MOTION, moved=length * MOTION) for length in (1, 3, 6)
@@ -77,15 +63,3 @@ def test_far_off_a_small_residual_says_less():
     # Residuals count from the spacing of the points on, and that grows with the range.
     far = {**CAR, "center": (60.0, 6.0, 0.0)}
     assert confidence_of(far) < confidence_of(CAR)
-
-
-def test_no_movers():
-    current = prepared(surface((10.0, 0.0, 0.0)))
-    near = (target(current, current),)
-    objects = objects_of(current)
-    nothing = np.zeros(1, bool)
-    standing = judge(objects, Targets(near, ()), rows((0, 0, 0)))
-    expected = Expectation(nothing, rows((0, 0, 0)), np.zeros(1))
-    movers = Suspects(np.arange(1), objects, standing, expected).only(nothing)
-    found = moving_confidence(movers, standing.only(nothing), np.zeros(0), Targets(near, ()))
-    assert found.shape == (0,)

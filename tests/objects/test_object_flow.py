@@ -99,13 +99,6 @@ def test_each_triplet_of_a_drive_from_a_warm_start():
     assert starts == [Start.COLD_FIRST] + 4 * [Start.WARM]
 
 
-def test_two_sweeps_are_enough():
-    pair = SweepTriplet(None, *drive(1, 2))
-    result = estimate(pair)
-    assert_right(result, pair.current, 1, 2)
-    assert "backward" not in result.times_ms
-
-
 @pytest.mark.parametrize("indices", [(0, 1, 3), (0, 2, 3), (0, 1, 1.5)])
 def test_unequal_intervals(indices):
     each = triplet(*indices)
@@ -254,13 +247,6 @@ class TestManyMovers:
 
 
 class TestChangedSettings:
-    def test_that_change_nothing_about_objects_keep_what_is_known(self):
-        estimator, (first, second) = ObjectFlowEstimator(SETTINGS), triplets_of(drive(*range(4)))
-        estimator.estimate(first)
-        other = estimator.with_settings(SETTINGS.changed({"node.stale_after_s": 5.0}))
-        assert other.estimate(second).start is Start.WARM
-        assert other.settings.node.stale_after_s == 5.0
-
     @pytest.mark.parametrize(
         "change",
         [

@@ -57,18 +57,6 @@ class TestPointGrid:
         _, expected = cKDTree(points).query(places, distance_upper_bound=0.5)
         assert rows_found.tolist() == np.where(expected == number, -1, expected).tolist()
 
-    def test_nothing_is_nearest_to_nowhere(self):
-        places = rows((np.nan, 0, 0), (np.inf, 0, 0), (1e30, 0, 0), (0, 0, 0.1))
-        assert PointGrid(NOWHERE).nearest(places, 0.5).tolist() == [-1, -1, -1, 0]
-        assert PointGrid(rows()).nearest(places, 0.5).tolist() == [-1] * 4
-        assert PointGrid(NOWHERE).nearest(rows(), 0.5).tolist() == []
-
-    def test_distances_count_from_what_is_near_enough(self):
-        points, places = cloud(3000, 5.0), cloud(500, 6.0, seed=1)
-        distances, _, _ = compared(PointGrid(points), places, within_m=0.15)
-        exact = np.minimum(cKDTree(points).query(places)[0], 0.5)
-        np.testing.assert_allclose(distances, np.maximum(exact - 0.15, 0), atol=1e-6)
-
     def test_sums_over_the_points_of_each_object(self):
         points, places = cloud(3000, 5.0), cloud(100, 6.0, seed=1)
         grid, owners = PointGrid(points), np.sort(np.arange(100) % 7)
@@ -90,23 +78,6 @@ class TestPointGrid:
         expected = compared(PointGrid(points), there.astype(np.float32))
         np.testing.assert_allclose(found[0], expected[0], atol=1e-5)
         np.testing.assert_allclose(found[1], expected[1], atol=1e-5)
-
-    def test_of_no_objects_is_empty(self):
-        shapes = [part.shape for part in compared(PointGrid(NOWHERE), rows(), 0.5)]
-        assert shapes == [(0,), (0, 3), (0,)]
-
-    @pytest.mark.parametrize("points", [rows(), rows((40, 0, 0)), rows((1e20, 0, 0))])
-    def test_without_a_point_in_reach_nothing_is_found(self, points):
-        distances, vectors, counts = compared(PointGrid(points), cloud(10, 1.0))
-        assert distances.tolist() == [0.5] * 10
-        assert not vectors.any()
-        assert not counts.any()
-
-    def test_a_single_point_is_found(self):
-        distances, vectors, counts = compared(PointGrid(rows((5, 1, 0))), rows((5, 1, 0.25)))
-        assert distances.tolist() == [0.25]
-        assert vectors.tolist() == [[0, 0, -0.25]]
-        assert counts.tolist() == [1]
 
     @pytest.mark.parametrize("far_m", [1e8, 3e9, 1e19, 3e38, np.inf, np.nan])
     def test_huge_coordinates_are_nowhere(self, far_m):

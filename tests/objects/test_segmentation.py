@@ -29,21 +29,6 @@ def test_height_does_not_separate():
     assert labels_of([(0, 0, 0), (0.5, 0, 50)]) == (2, [1, 1])
 
 
-def test_one_point_is_an_object():
-    assert labels_of([(-7, 3, 1)]) == (2, [1])
-
-
-def test_negative_coordinates_are_cells_like_others():
-    assert labels_of([(-0.5, 0, 0), (0.4, 0, 0), (-5, -5, 0)]) == (3, [2, 2, 1])
-
-
-def test_other_points_are_asked_for_where_they_are():
-    segmentation = Segmentation(rows((0, 0, 0), (5, 0, 0)), 1.0)
-    asked = rows((0.9, 0.5, 9), (5.2, 0, -3), (2.5, 0, 0), (100, 0, 0), (-100, 0, 0))
-    # Between objects there is none; beyond the sweep the cell at its edge answers.
-    assert segmentation.objects_of(asked).tolist() == [1, 2, 0, 2, 1]
-
-
 @pytest.mark.parametrize("extent_m", [1e3, 1e6])
 def test_a_huge_extent_is_segmented_coarser(extent_m):
     points = rows((0, 0, 0), (0.5, 0, 0), (extent_m, extent_m, 0))
@@ -73,8 +58,3 @@ def test_numbers_are_those_of_connected_components_row_by_row(number, spread):
     found = Segmentation(points, 0.5)
     assert found.num_objects == num_labels + 1
     np.testing.assert_array_equal(found.objects_of(points), labels[tuple(cells.T)])
-
-
-def test_many_points_in_one_cell():
-    points = np.full((50_000, 3), 2.0, np.float32)
-    assert set(Segmentation(points, 0.15).objects_of(points)) == {1}

@@ -93,21 +93,6 @@ def test_a_few_jobs_wait_in_order_and_then_only_the_newest(work, wait_until):
     assert worker.close(PATIENCE_S)
 
 
-def test_load_is_idle_working_and_working_with_one_waiting(worker, work, wait_until):
-    assert worker.load == 0
-    worker.submit("first")
-    wait_until(lambda: work.started == ["first"])
-    assert worker.load == 1
-    worker.submit("second")
-    worker.submit("third")
-    assert worker.load == 2
-    work.open_gate(1)
-    wait_until(lambda: work.started == ["first", "third"])
-    assert worker.load == 1
-    work.open_gate(1)
-    wait_until(lambda: worker.load == 0)
-
-
 def test_jobs_run_one_at_a_time_in_one_thread(wait_until):
     threads, finished = set(), threading.Semaphore(0)
 
@@ -121,22 +106,6 @@ def test_jobs_run_one_at_a_time_in_one_thread(wait_until):
         assert finished.acquire(timeout=PATIENCE_S)
     assert threads == {"the one thread"}
     assert worker.close(PATIENCE_S)
-
-
-def test_false_is_a_job_like_any_other(worker, work, wait_until):
-    work.open_gate()
-    for job in (0, "", False, ()):
-        worker.submit(job)
-        wait_until(lambda: worker.load == 0)
-    assert work.finished == [0, "", False, ()]
-
-
-def test_close_ends_an_idle_worker(work):
-    worker = LatestOnlyWorker(work, "idle")
-    assert worker.is_closing is False
-    assert worker.close(PATIENCE_S) is True
-    assert worker.is_closing is True
-    assert worker.close(0.0) is True
 
 
 def test_close_forgets_the_waiting_job(worker, work, wait_until):
@@ -173,14 +142,6 @@ def test_a_long_job_can_see_that_it_should_give_up():
     assert gave_up.is_set()
 
 
-def test_no_job_runs_after_close(work):
-    worker = LatestOnlyWorker(work, "closed")
-    assert worker.close(PATIENCE_S)
-    assert worker.submit("late") is False
-    assert worker.load == 0
-    assert work.started == []
-
-
 def test_every_job_of_many_threads_is_run_or_replaced(wait_until):
     num_threads, num_jobs = 4, 500
     done, replaced = [], []
@@ -200,15 +161,4 @@ def test_every_job_of_many_threads_is_run_or_replaced(wait_until):
     for thread in range(num_threads):
         numbers = [number for owner, number in done if owner == thread]
         assert numbers == sorted(numbers)
-    assert worker.close(PATIENCE_S)
-
-
-def test_the_last_job_is_always_run(wait_until):
-    done = []
-    worker = LatestOnlyWorker(done.append, "last")
-    for round_ in range(200):
-        for number in range(3):
-            worker.submit((round_, number))
-        wait_until(lambda: worker.load == 0)
-        assert done[-1] == (round_, 2)
     assert worker.close(PATIENCE_S)
