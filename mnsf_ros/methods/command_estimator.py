@@ -1,11 +1,11 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Methods that are other programs: learned networks with weights that the user has.
+"""Methods that are other programs, such as learned networks with the user's weights.
 
 The command gets three more arguments, CURRENT.npy, NEXT.npy and FLOW.npy. The first two are
 float32 (N, 3) and (M, 3), metres, the cropped sweeps without ground. It must write the third,
-(N, 3) metres: row i is how far point i moves until the next sweep, in the sensor's frames as they
-are. A line `time_ms: 12.5` on its standard output, the last one counts, is how long the network
-itself took; otherwise the time is that of the whole program.
+(N, 3) metres: row i is the motion of point i until the next sweep, in the sensor's frames as they
+are. The last line `time_ms: 12.5` on its standard output is the run time of the network; without
+one, that of the whole program counts.
 """
 
 from __future__ import annotations
@@ -35,15 +35,10 @@ _TIME_LINE = re.compile(r"^time_ms: ([0-9.eE+]+)\s*$", re.MULTILINE)
 _MAX_MESSAGE = 300
 
 
-def variable_of(method: str) -> str:
-    """The environment variable that holds the command of a learned network."""
-    return f"MNSF_{method.upper()}"
-
-
 class CommandEstimator:
-    """Lets another program estimate the flow of the kept points.
+    """Runs another program to estimate the flow of the kept points.
 
-    The others get zero flow, or NaN where the caller has said which points it asks for.
+    Other points get zero flow, or NaN where the caller has marked the points that it asks for.
     """
 
     traits = MethodTraits(is_external=True)
@@ -55,10 +50,10 @@ class CommandEstimator:
 
         Args:
             command: Program and arguments, to which the three files are added. No shell.
-            settings: Crop, ground and the most points.
-            timeout_s: The program is ended after this time, seconds.
+            settings: Crop, ground and maximum number of points.
+            timeout_s: Limit of the program's run time, seconds.
         """
-        # The points go into files: whatever device the program takes, here they need none.
+        # The points go into files.
         self.settings = settings.changed({"compute.device": "cpu"})
         self._preparation = SweepPreparation(self.settings)
         self._command = list(command)
@@ -81,17 +76,17 @@ class CommandEstimator:
 
     @classmethod
     def from_environment(cls, method: str, settings: Settings) -> CommandEstimator:
-        """Makes the estimator of a learned network whose command an environment variable holds.
+        """Makes an estimator of the command in the environment variable of a learned network.
 
         Raises:
             SettingsError: If the variable is not set, or holds no command.
         """
-        variable = variable_of(method)
+        variable = f"MNSF_{method.upper()}"
         text = os.environ.get(variable, "")
         if not text.strip():
             raise SettingsError(
                 f"method {method!r} runs the command in the environment variable {variable}, "
-                "which is not set; docs/evaluation.md says what it has to be"
+                "which is not set; see docs/evaluation.md"
             )
         return cls.from_text(text, settings)
 
@@ -141,7 +136,7 @@ class CommandEstimator:
         except subprocess.TimeoutExpired as error:
             raise MethodError(f"{program}: not done after {self._timeout_s:g} s") from error
         if status:
-            lines = (complaint or output).strip().splitlines() or ["it said nothing"]
+            lines = (complaint or output).strip().splitlines() or ["no output"]
             last = lines[-1][:_MAX_MESSAGE]
             raise MethodError(f"{program}: ended with status {status}: {last}")
         return output

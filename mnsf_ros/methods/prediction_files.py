@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Predictions that another program wrote, as a method among the others: `file:FOLDER`.
+"""Predictions of another program in files, as a method: `file:FOLDER`.
 
 Two layouts are read. Both have one file for each sweep, named by its stamp in nanoseconds, in the
 folder itself or in a subfolder named as the recording is in the results, such as `street`, or
@@ -10,15 +10,15 @@ folder itself or in a subfolder named as the recording is in the results, such a
 
 Row i belongs to row i of the recorded cloud, with all of its points, whatever part of them is
 evaluated. A submission to Argoverse 2 has rows only for the points of the challenge's mask: name
-the folder of the masks, too (`file:FOLDER::MASKS`). Then it is scored on these points alone; other
-methods of the same run are scored on all of theirs, as the numbers of points in the tables tell.
+the folder of the masks, too (`file:FOLDER::MASKS`). It is scored on these points alone, other
+methods of the same run on all of theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,22 +32,6 @@ from mnsf_ros.sweeps_io.files import array_in, open_npz, read_feather_columns, r
 
 FILE_PREFIX: Final = "file:"
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
-
-
-class CloudRows(Protocol):
-    """Where the points of a sweep were in the recorded cloud: the `source` of its sweep."""
-
-    @property
-    def rows(self) -> NDArray[np.int64]:
-        """(N,) row of each point."""
-
-    @property
-    def num_points(self) -> int:
-        """Points of the cloud."""
-
-    @property
-    def recording(self) -> str:
-        """Name of the recording."""
 
 
 class PredictionFiles:
@@ -84,31 +68,28 @@ class PredictionFiles:
             MethodError: There is no prediction, or it does not fit the sweep.
         """
         current = triplet.current
-        cloud: CloudRows | None = current.source
-        if cloud is None or not hasattr(cloud, "rows"):
+        # The points of a recorded sweep know their rows in its cloud.
+        cloud: Any = current.source
+        if not hasattr(cloud, "rows"):
             raise MethodError("predictions from files are of recorded sweeps only")
+        mask = self._mask(current, cloud.num_points)
         file = _file_of(self._folder, current)
         flow = _read_flow(file)
-        if self._masks is None:
-            _check_rows(file, flow, cloud.num_points)
-            flow = flow[cloud.rows]
-            return FlowEstimate(flow, kept=_asked(current))
-        mask = self._mask(current, cloud.num_points)
         _check_rows(file, flow, int(np.count_nonzero(mask)))
         everywhere = np.full((cloud.num_points, 3), np.nan, dtype=np.float32)
         everywhere[mask] = flow
-        return FlowEstimate(everywhere[cloud.rows], kept=mask[cloud.rows] & _asked(current))
+        # Only the points whose flow is asked for need a finite prediction.
+        asked = np.ones(len(current), dtype=bool) if current.kept is None else current.kept
+        return FlowEstimate(everywhere[cloud.rows], kept=mask[cloud.rows] & asked)
 
     def _mask(self, current: Sweep, num_points: int) -> NDArray[np.bool_]:
-        file = _file_of(self._masks or self._folder, current)
-        mask = _read_columns(file, ("mask",))[:, 0] != 0
+        """The points (N,) of the cloud that have a prediction."""
+        if self._masks is None:
+            return np.ones(num_points, dtype=bool)
+        file = _file_of(self._masks, current)
+        mask: NDArray[np.bool_] = _read_columns(file, ("mask",))[:, 0] != 0
         _check_rows(file, mask, num_points)
-        return np.asarray(mask)
-
-
-def _asked(sweep: Sweep) -> NDArray[np.bool_]:
-    """The points (N,) whose flow is asked for: only these need a finite prediction."""
-    return np.ones(len(sweep), dtype=bool) if sweep.kept is None else sweep.kept
+        return mask
 
 
 def _existing(folder: str) -> Path:

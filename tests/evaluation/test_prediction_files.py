@@ -43,25 +43,24 @@ def submission(flow):
     return {**columns, "is_dynamic": np.zeros(len(flow), bool)}
 
 
-@pytest.mark.parametrize("subfolder", ["", "logs/drive"])
-def test_npz_has_a_row_for_each_point_of_the_cloud(tmp_path, triplet, subfolder):
-    folder = tmp_path / subfolder
-    folder.mkdir(parents=True, exist_ok=True)
-    np.savez(folder / f"{small.stamp(1)}.npz", flow=FLOW)
-    found = estimate(tmp_path, triplet)
-    assert found.flow.dtype == np.float32
-    assert np.array_equal(found.flow, FLOW[ROWS])
-    assert found.kept.all()
-
-
-def test_recordings_of_the_same_last_name_have_predictions_of_their_own(tmp_path, triplet):
-    for number, name in enumerate(("drive", "logs/drive", "data/drive")):
-        (tmp_path / name).mkdir(parents=True, exist_ok=True)
-        np.savez(tmp_path / name / f"{small.stamp(1)}.npz", flow=FLOW + number)
-    for number, name in enumerate(("drive", "logs/drive", "/data/drive", "../data/drive")):
+def test_npz_has_a_row_for_each_point_of_the_cloud(tmp_path, triplet):
+    """In the folder, or in that of the recording where several have the same last name."""
+    (tmp_path / "logs" / "drive").mkdir(parents=True)
+    for folder, flow in ((tmp_path, FLOW), (tmp_path / "logs" / "drive", FLOW + 1)):
+        np.savez(folder / f"{small.stamp(1)}.npz", flow=flow)
+    for name, expected in (
+        ("drive", FLOW),
+        ("logs/drive", FLOW + 1),
+        ("/logs/drive", FLOW + 1),
+        ("../logs/drive", FLOW + 1),
+    ):
         source = CloudRows(ROWS, 8, name)
-        named = replace(triplet, current=replace(triplet.current, source=source))
-        assert np.array_equal(estimate(tmp_path, named).flow, FLOW[ROWS] + min(number, 2))
+        found = estimate(
+            tmp_path, replace(triplet, current=replace(triplet.current, source=source))
+        )
+        assert found.flow.dtype == np.float32
+        assert np.array_equal(found.flow, expected[ROWS])
+        assert found.kept.all()
 
 
 def test_argoverse_2_submission(tmp_path, triplet):
@@ -88,13 +87,9 @@ def assert_refused(tmp_path, triplet, text):
     assert "\n" not in str(caught.value)
 
 
-def test_no_such_folder(tmp_path, triplet):
+def test_predictions_that_are_not_there(tmp_path, triplet):
     assert_refused(tmp_path / "nowhere", triplet, "there is no such folder of predictions")
-    with pytest.raises(MethodError, match="no such folder"):
-        PredictionFiles("", Settings())
-
-
-def test_no_prediction_for_the_sweep(tmp_path, triplet):
+    assert_refused("", triplet, "there is no such folder of predictions")
     assert_refused(tmp_path, triplet, f"no prediction for stamp {small.stamp(1)}; expected")
 
 
@@ -113,8 +108,9 @@ def test_npz_that_does_not_fit(tmp_path, triplet, arrays, text):
     assert_refused(tmp_path, triplet, text)
 
 
-@pytest.mark.parametrize("content", [b"", b"x", b"PK\x03\x04garbage"])
-@pytest.mark.parametrize("suffix", ["npz", "feather"])
+@pytest.mark.parametrize(
+    ("suffix", "content"), [("npz", b""), ("npz", b"PK\x03\x04garbage"), ("feather", b"x")]
+)
 def test_file_of_something_else(tmp_path, triplet, content, suffix):
     pytest.importorskip("pyarrow")
     (tmp_path / f"{small.stamp(1)}.{suffix}").write_bytes(content)

@@ -58,16 +58,14 @@ def test_flow_is_what_the_program_writes(script, triplet):
     assert result.fits == {}
 
 
-def test_exactly_the_points_asked_for_are_given_and_the_others_are_open(script, triplet):
+def test_exactly_the_points_that_count_are_given(script, triplet):
     asked = np.arange(20) % 2 == 0
     given = SweepTriplet(None, replace(triplet.current, kept=asked), triplet.next)
     result = estimate(script(NETWORK), given)
     assert result.kept.tolist() == asked.tolist()
     np.testing.assert_array_equal(result.flow[asked], triplet.current.xyz[asked] * np.float32(30))
     assert np.isnan(result.flow[~asked]).all()
-
-
-def test_points_outside_the_crop_are_not_given_and_get_none(script, triplet):
+    # Outside of the crop.
     more = np.vstack([[(300.0, 0.0, 0.0)], triplet.current.xyz])
     result = estimate(script(NETWORK), SweepTriplet(None, as_sweep(more), triplet.next))
     assert result.kept.tolist() == [False] + [True] * 20
@@ -75,24 +73,16 @@ def test_points_outside_the_crop_are_not_given_and_get_none(script, triplet):
     np.testing.assert_array_equal(result.flow[1:], triplet.current.xyz * np.float32(30))
 
 
-def test_whole_numbers_and_double_precision_are_flow_too(script, triplet):
-    for kind in ("np.int64", "np.float64"):
-        code = START + f"np.save(flow, np.ones((20, 3), {kind}))\n"
-        assert (estimate(script(code), triplet).flow == 1).all()
-
-
-def test_time_that_the_program_tells(script, triplet):
-    told = NETWORK + "print('time_ms: 3'); print('loading'); print('time_ms: 12.5'); print('bye')\n"
-    assert estimate(script(told), triplet).times_ms == {"network": 12.5}
-
-
-def test_arguments_come_first(script, triplet, tmp_path):
+def test_arguments_come_first_and_time_is_what_the_program_tells(script, triplet, tmp_path):
     code = START + (
         "import json; json.dump(sys.argv[1:-3], open(sys.argv[2], 'w'))\n"
-        "np.save(flow, np.zeros((20, 3)))\n"
+        "np.save(flow, np.ones((20, 3), np.int64))\n"
+        "print('time_ms: 3'); print('loading'); print('time_ms: 12.5'); print('bye')\n"
     )
     said = tmp_path / "said"
-    estimate([*script(code), "--weights", str(said), "$HOME;"], triplet)
+    result = estimate([*script(code), "--weights", str(said), "$HOME;"], triplet)
+    assert (result.flow == 1).all()
+    assert result.times_ms == {"network": 12.5}
     assert said.read_text() == f'["--weights", "{said}", "$HOME;"]'
 
 
@@ -102,7 +92,7 @@ def test_command_in_the_name(script, triplet):
     assert result.flow.any()
 
 
-@pytest.mark.parametrize("name", ["flot", "3dflow", "gmsf", "scoop"])
+@pytest.mark.parametrize("name", ["flot", "3dflow"])
 def test_learned_network_from_its_environment_variable(script, triplet, monkeypatch, name):
     variable = f"MNSF_{name.upper()}"
     monkeypatch.delenv(variable, raising=False)
@@ -128,17 +118,14 @@ def test_command_line_that_is_none(text, complaint):
     [
         ("import sys; print('no GPU', file=sys.stderr); sys.exit(3)", "status 3: no GPU$"),
         ("raise ValueError('bad\\nweights')", "status 1: weights$"),
-        ("import os; os._exit(1)", "status 1: it said nothing$"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "status -9: it said nothing$"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "status -9: no output$"),
         ("", "wrote no flow.npy$"),
-        (START + "open(flow, 'w').close()", "flow.npy cannot be read: "),
         (START + "open(flow, 'w').write('x' * 99)", "flow.npy cannot be read: "),
         (START + "np.save(flow, np.zeros((20, 3)).astype(object))", "flow.npy cannot be read: "),
         (
             START + "np.save(flow, np.zeros((19, 3)))",
             r"shape \(19, 3\) of float64, expected \(20, 3\)",
         ),
-        (START + "np.save(flow, np.zeros(60))", r"shape \(60,\) of float64, expected \(20, 3\)"),
         (START + "np.save(flow, np.zeros((20, 3), complex))", r"of complex128, expected"),
         (START + "np.save(flow, np.eye(20, 3) / 0)", "20 of 20 rows of flow are not finite$"),
         (START + "np.save(flow, np.eye(20, 3) * 1e300)", "3 of 20 rows of flow are not finite$"),
