@@ -102,7 +102,7 @@ pins: $(COMPLETE)
 	done
 	$(BIN)/uv pip compile --quiet --no-annotate --custom-compile-command 'make pins' \
 		--universal --python-version 3.10 --constraint constraints.txt --generate-hashes \
-		$(patsubst %,--extra %,wheels view datasets tune) --output-file locked.txt setup.py
+		$(patsubst %,--extra %,wheels evaluation view datasets tune) --output-file locked.txt setup.py
 
 # Licences of all that is installed, and known vulnerabilities of what locked.txt installs, by
 # PyPI's database.

@@ -23,6 +23,9 @@ ROS_WHEELS = [
     "ros-rclpy[fastrtps]>=7.1,<8",
 ]
 
+# For `mnsf evaluate`, `report`, `study` and `demo`: rows, tables of errors, charts and the report.
+EVALUATION = ["cattrs>=23.2", "Jinja2>=3.1", "matplotlib>=3.6", "pandas>=2.2"]
+
 setup(
     name=PACKAGE,
     version=VERSION,
@@ -76,23 +79,17 @@ setup(
         "lz4>=4",
         "ruamel.yaml>=0.17",
         'backports.zstd>=1; python_version < "3.14"',
-        "cattrs>=23.2",
-        "Jinja2>=3.1",
-        "matplotlib>=3.6",
         "rich>=13",
     ],
     extras_require={
         "wheels": ROS_WHEELS,
-        # For `mnsf evaluate`, `report`, `study`, `tune` and `demo`, which print tables of errors.
-        "evaluation": ["pandas>=2.2"],
+        "evaluation": EVALUATION,
         # For the methods with networks (mnsf, fnsf, nsfp); online does without.
         "networks": ["torch>=2.4", "edt>=2.4"],
         "datasets": ["pyarrow>=14", "h5py>=3.10", "protobuf>=4.22", "pypcd4>=1.4,<2"],
-        "ray": ["ray>=2.40"],
-        # For `mnsf tune`.
-        "tune": ["optuna>=5,<6"],
-        # For `mnsf view`.
-        "view": ["foxglove-sdk>=0.20,<0.40"],
+        "ray": [*EVALUATION, "ray>=2.40"],
+        "tune": [*EVALUATION, "optuna>=5,<6"],
+        "view": ["foxglove-sdk>=0.20,<0.40", "matplotlib>=3.6"],
         "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "websockets>=12", "hypothesis>=6.100"],
         "lint": ["ruff", "mypy", "import-linter>=2"],
         # What `make benchmark-online` compares the cost with.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Final
 
 
 class MnsfError(Exception):
@@ -58,23 +59,25 @@ class EvaluationError(MnsfError, ValueError):
     """Flows, masks, table rows or the files of a run do not fit together, or cannot be scored."""
 
 
+# Library to the extra of setup.py that installs it.
+_EXTRAS: Final = {
+    **dict.fromkeys(("cattrs", "jinja2", "matplotlib", "pandas"), "evaluation"),
+    **dict.fromkeys(("torch", "edt"), "networks"),
+    "optuna": "tune",
+    "ray": "ray",
+}
+
+
 def library_missing(error: ModuleNotFoundError) -> str:
     """Returns which library is not installed, for which Python, and what to do: one line."""
     name = (error.name or str(error)).partition(".")[0]
-    networks = (
-        "see PyTorch in docs/installation.md (in the checkout: make complete), or use a method "
-        "without networks, for example online"
-    )
-    remedies = {
-        "torch": networks,
-        "edt": networks,
-        "optuna": "pip install 'optuna>=5,<6'",
-        "ray": "in the checkout: pip install '.[ray]'",
-        "pandas": "pip install 'pandas>=2.2'",
-    }
-    remedy = remedies.get(
-        name,
+    extra = _EXTRAS.get(name)
+    remedy = (
         "see Install in README.md; in a workspace of ROS 2, build with 'python3 -m colcon build' "
-        "in the virtual environment that has it",
+        "in the virtual environment that has it"
+        if extra is None
+        else f"in the checkout: pip install '.[{extra}]'"
     )
+    if extra == "networks":
+        remedy += " (or use a method without networks, for example online)"
     return f"the Python library {name!r} is not installed for {sys.executable}: {remedy}"

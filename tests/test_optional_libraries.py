@@ -47,6 +47,7 @@ for module in modules.split(","):
     [
         (["errors", "settings", "presets"], ["torch", "numpy", "scipy", "rosbags", *_ROS]),
         (["cli", "evaluation", "report", "datasets"], ["torch", *_ROS]),
+        (["view", "simulation", "online"], ["torch", "cattrs", "jinja2", "pandas"]),
     ],
     ids=lambda names: names[0],
 )
