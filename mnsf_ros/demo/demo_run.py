@@ -67,8 +67,6 @@ def run_demo(
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
     console.print(figures_table(log))
-    if hint := drop_hint(log):
-        console.print(hint, style="yellow", markup=False, highlight=False)
     console.print("scoring and drawing the flow")
     errors = _score_and_draw(recording, flow_bag, settings, picture)
     if errors is not None:
@@ -199,25 +197,17 @@ def figures_table(log: ReplayLog) -> TextTable:
 
 
 def verdict(log: ReplayLog) -> str:
-    """Returns one line: number and latency of the flows, and whether the node keeps up."""
+    """Returns one line: number and latency of the flows, and why some are missing."""
     flows = f"{len(log.arrived_s)} of {log.num_possible} flows"
-    latencies_ms = log.latencies_ms
-    late = f", p95 {np.percentile(latencies_ms, 95):.0f} ms" if latencies_ms else ""
+    if log.latencies_ms:
+        flows += f", p95 {np.percentile(log.latencies_ms, 95):.0f} ms"
     if len(log.arrived_s) >= _ENOUGH * log.num_possible:
-        return f"{flows}{late}: keeps up"
+        return f"{flows}: keeps up"
     if log.num_dropped:
-        used = f"the node used {log.cores_used:.1f} of {os.cpu_count() or 1} cores"
-        return f"{flows}{late}: this machine is too busy; {used}"
+        num_flows, num_possible = len(log.arrived_s), log.num_possible
+        return busy_text(num_flows, num_possible, log.estimate_ms, log.interval_ms)
     others = [f"{count} {name}" for name, count in log.losses.items() if count > 0]
-    return f"{flows}{late}: {', '.join(others) or 'the node did not say why'}"
-
-
-def drop_hint(log: ReplayLog) -> str | None:
-    """Returns advice about dropped sweeps; None if there are none."""
-    if not log.num_dropped:
-        return None
-    text = busy_text(len(log.arrived_s), log.num_possible, log.estimate_ms, log.interval_ms)
-    return f"{text} See docs/tuning.md#faster."
+    return f"{flows}: {', '.join(others) or 'no reason on /diagnostics'}"
 
 
 def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:

@@ -39,7 +39,6 @@ class ReplayLog:
         counts: Event -> number, as counted on /diagnostics.
         last_failure: Text of the last failed estimate on /diagnostics.
         estimate_ms: Median time of an estimate on /diagnostics; NaN if unknown.
-        cores_used: CPU time of the node over the duration of the sweeps; NaN if unknown.
     """
 
     published_s: dict[int, float] = field(default_factory=dict)
@@ -47,7 +46,6 @@ class ReplayLog:
     counts: Mapping[str, int] = field(default_factory=dict)
     last_failure: str = "unknown"
     estimate_ms: float = math.nan
-    cores_used: float = math.nan
 
     @property
     def num_possible(self) -> int:
@@ -144,15 +142,12 @@ def replay(
     with ReplayLink(names[0], names[1], on_flow, on_diagnostics, names[2]) as link:
         link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
         wait_for_node(link, node)
-        start_s, cpu_before_s = time.monotonic(), node.cpu_s
         pace = Pace(clock=time.monotonic)
         for _, raw in in_time(reader.raw_messages(topic), pace, link.spin_for):
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s
             progress(len(log.published_s), len(log.arrived_s))
-        if time.monotonic() > start_s:
-            log.cores_used = (node.cpu_s - cpu_before_s) / (time.monotonic() - start_s)
         _wait_for_last_flow(link, node, log)
         progress(len(log.published_s), len(log.arrived_s))
         log.last_failure = link.flow_values.get("last failure", log.last_failure)

@@ -9,15 +9,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
@@ -49,6 +43,7 @@ class SceneFlowPeer:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._clients = {}
+        self._parameters = AsyncParameterClient(self.node, node_name)
         self._publisher = None
         self._flow_subscription = None
         self.flows = {}
@@ -165,34 +160,34 @@ class SceneFlowPeer:
 
     def set(self, changes):
         """Sets parameters one by one; the results in their order."""
-        request = SetParameters.Request(parameters=_parameter_messages(changes))
-        return self.call(SetParameters, "set_parameters", request).results
+        return self._answer("set_parameters", _parameters(changes)).results
 
     def set_atomically(self, changes):
         """Sets parameters all at once or not at all; the result."""
-        request = SetParametersAtomically.Request(parameters=_parameter_messages(changes))
-        return self.call(SetParametersAtomically, "set_parameters_atomically", request).result
+        return self._answer("set_parameters_atomically", _parameters(changes)).result
 
     def set_without_waiting(self, changes):
         """Sets parameters by a request that the node may never answer."""
-        request = SetParameters.Request(parameters=_parameter_messages(changes))
-        self.call_without_waiting(SetParameters, "set_parameters", request)
+        self._parameters.set_parameters(_parameters(changes))
 
     def get(self, name):
         """Value of a parameter."""
-        response = self.call(GetParameters, "get_parameters", GetParameters.Request(names=[name]))
-        message = ParameterMessage(name=name, value=response.values[0])
-        return Parameter.from_parameter_msg(message).value
+        (value,) = self._answer("get_parameters", [name]).values
+        return parameter_value_to_python(value)
 
     def describe(self, name):
         """Descriptor of a parameter."""
-        request = DescribeParameters.Request(names=[name])
-        return self.call(DescribeParameters, "describe_parameters", request).descriptors[0]
+        return self._answer("describe_parameters", [name]).descriptors[0]
 
     def parameter_names(self):
         """Names of all parameters of the node."""
-        response = self.call(ListParameters, "list_parameters", ListParameters.Request())
-        return set(response.result.names)
+        return set(self._answer("list_parameters").result.names)
+
+    def _answer(self, request, *arguments):
+        self.spin_until(self._parameters.services_are_ready, "the parameter services")
+        future = getattr(self._parameters, request)(*arguments)
+        self.spin_until(future.done, f"an answer of {request}")
+        return future.result()
 
     # Waiting
 
@@ -285,12 +280,12 @@ class SceneFlowPeer:
             self.diagnostics.append(own)
 
 
-def _parameter_messages(changes):
+def _parameters(changes):
     """Parameters as they are sent; a value may be a ParameterValue with any contents."""
     return [
         ParameterMessage(name=name, value=value)
         if isinstance(value, ParameterValue)
-        else Parameter(name, value=value).to_parameter_msg()
+        else Parameter(name, value=value)
         for name, value in changes.items()
     ]
 

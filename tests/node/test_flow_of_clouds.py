@@ -147,7 +147,7 @@ def unaligned_message(index, drive, *, order, row_padding=0):
     return message
 
 
-@pytest.mark.parametrize(("order", "row_padding"), [("<", 13), (">", 0)])
+@pytest.mark.parametrize(("order", "row_padding"), [("<", 13), (">", 5)])
 def test_any_layout_and_byte_order(peer, drive, order, row_padding):
     messages = [
         unaligned_message(index, drive, order=order, row_padding=row_padding) for index in range(3)
@@ -181,14 +181,6 @@ def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(p
     assert not column(received, "dynamic").any()
     assert not velocity_columns(received).any()
     assert (column(received, "confidence") <= 1).all()
-
-
-def test_unequal_intervals(peer, drive):
-    messages = [drive.sweep(index) for index in (0, 1, 3)]
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
-    errors_m = np.linalg.norm(flow_columns(received) - 2 * MOTION, axis=1)
-    assert np.median(errors_m) < 0.1
 
 
 def test_the_compact_layout_can_be_asked_for_while_the_node_runs(peer, drive):
