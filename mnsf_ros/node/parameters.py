@@ -38,7 +38,6 @@ class NodeParameters:
         Raises:
             SettingsError: If a given value does not fit; one line that names the parameter.
         """
-        self._node = node
         self.settings = _declared(node, has_life_cycle=has_life_cycle)
         self._on_change: SettingsChange | None = None
         node.add_on_set_parameters_callback(self._set)
@@ -55,19 +54,12 @@ class NodeParameters:
                 _check_fixed(self.settings, settings)
                 self._on_change(settings)
         except SettingsError as error:
-            return self._refused(parameters, str(error))
-        except Exception as error:  # noqa: BLE001 - whatever escapes here ends the node
-            return self._refused(parameters, f"{type(error).__name__}: {error}")
+            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # noqa: BLE001 - the client gets no answer otherwise
+            reason = f"{type(error).__name__}: {error}"
+            return SetParametersResult(successful=False, reason=reason)
         self.settings = settings
         return SetParametersResult(successful=True)
-
-    def _refused(self, parameters: list[Parameter], reason: str) -> SetParametersResult:
-        for item in parameters:
-            # rclpy has described the new type already.
-            if self._node.has_parameter(item.name):
-                kept = self._node.get_parameter(item.name)
-                self._node.describe_parameter(item.name).type = kept.type_.value
-        return SetParametersResult(successful=False, reason=reason)
 
 
 def _check_fixed(before: Settings, after: Settings) -> None:

@@ -161,9 +161,7 @@ def test_ego_motion_is_the_pose_and_the_twist_of_the_sensor(heard, clouds):
     linear = (twist.linear.x, twist.linear.y, twist.linear.z)
     np.testing.assert_allclose(linear, 10 * STEP_M * path(4)[0, :3], atol=0.15)
     assert twist.angular.z == pytest.approx(np.radians(10 * TURN_DEG), abs=0.02)
-
-
-def test_covariance_of_the_ego_motion_grows_with_the_way(heard, clouds):
+    # The uncertainty grows with the way.
     early, late = (heard["ego_motion"].of(clouds[index]) for index in (1, 5))
     for message in (early, late):
         twist = np.reshape(message.twist.covariance, (6, 6))

@@ -108,15 +108,3 @@ def test_lidar_that_fails_is_told_and_stops_nobody(two):
     assert set(column(flows[-1], "lidar").tolist()) == {1, 2}
     two.wait_for_diagnostics()
     assert two.status("input").level == DiagnosticStatus.OK
-
-
-def test_clouds_that_cannot_be_decoded_are_as_none(two):
-    drive_on(two, range(3), drive=2)
-    before = two.count("clouds_undecodable")
-    for index in range(3, 6):
-        bad = half_street(index, 1, drive=2)
-        bad.fields = bad.fields[:2]
-        two.rear.publish(bad)
-        two.spin_until(lambda: two.count("clouds_undecodable") > before, "it to be counted")
-        drive_on(two, [index], drive=2, lidars=(0,))
-    assert two.status("input").level == DiagnosticStatus.WARN

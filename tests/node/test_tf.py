@@ -223,28 +223,6 @@ class TestWithTf2:
         assert "degraded: no tf" in robot.peer.status("ego motion").message
         assert f"no transform from '{robot.lidar}' to '{robot.odom}'" in robot.peer.process.log
 
-    def test_transforms_of_another_clock_are_no_motion(self, robot):
-        robot.mount()
-        before = robot.peer.count(MISSING)
-        assert robot.peer.set({"tf.timeout_s": 0.05})[0].successful
-        self.drive(
-            robot,
-            send_transform=lambda index: robot.odometry_transform(index, stamp_ns=10**9 + index),
-        )
-        assert robot.peer.count(MISSING) > before
-        assert robot.peer.values("ego motion")["source"] == "registration"
-
-    @pytest.mark.parametrize("bad", [np.nan, 1e12])
-    def test_a_mount_that_makes_no_sense_is_not_used(self, robot, bad):
-        matrix = MOUNT.copy()
-        matrix[0, 3] = bad
-        robot.mount(matrix)
-        before = robot.peer.count(MISSING)
-        assert robot.peer.set({"tf.timeout_s": 0.05})[0].successful
-        self.drive(robot, send_transform=robot.odometry_transform)
-        assert robot.peer.count(MISSING) > before
-        assert robot.peer.values("ego motion")["source"] == "registration"
-
     def test_mount_of_odometry_is_looked_up(self, robot, heard):
         robot.mount()
         peer = robot.peer
