@@ -82,12 +82,12 @@ def test_poses_end_where_neither_flow_nor_the_file_tells_them(tmp_path):
     check_poses(tiny_world.read(convert(path, tmp_path / "out")), num_sweeps=2)
     remove(path, f"{tiny_world.stamp_ns(0)}/flow")
     check_poses(tiny_world.read(convert(path, tmp_path / "none")), num_sweeps=1)
-
-
-def test_poses_of_the_file_that_agreed_with_flow_fill_its_gaps(tmp_path):
-    path = write_sequence(tmp_path / "log.h5", vehicle_from_lidar=np.eye(4))
+    # Poses of the file that agreed with all flow fill the gap.
+    path = write_sequence(tmp_path / "same.h5", vehicle_from_lidar=np.eye(4))
     remove(path, f"{tiny_world.stamp_ns(1)}/flow")
-    check_poses(tiny_world.read(convert(path, tmp_path / "out")))
+    found = tiny_world.read(convert(path, tmp_path / "same"))
+    check_poses(found)
+    assert [truth.valid.any() for truth in found.truth] == [True, False, False]
 
 
 def test_flow_of_a_few_standing_points_tells_no_pose(tmp_path):

@@ -44,10 +44,7 @@ def part(index=0):
 def test_points_move_with_their_box_and_all_others_with_the_vehicle():
     truth = sweep_truth(labelled(0), labelled(1), SETTINGS)
     tiny_world.check_truth(truth, 0, tiny_world.sweep(0).xyz, part())
-
-
-def test_ground_below_a_box_stays_where_it_is():
-    truth = sweep_truth(labelled(0), labelled(1), SETTINGS)
+    # The ground below a box stays.
     local = tiny_world.carried(np.linalg.inv(tiny_world.boxes(0)["mover"]), labelled(0).xyz)
     below = (np.abs(local[:, :2]) < tiny_world.SIZE[:2] / 2).all(axis=1) & (local[:, 2] < -0.8)
     assert below.sum() > 10

@@ -82,21 +82,6 @@ def test_clouds_of_any_shape(shape, is_dense):
     assert decode_points(message).shape == shape
 
 
-def test_a_cloud_with_further_columns():
-    source = deserialize_message(
-        serialized_cloud(
-            header(), encoding_of_columns(columns(9_000, "x", "y", "z"), 3, 3_000), is_dense=True
-        ),
-        PointCloud2,
-    )
-    added = columns(9_000, "flow_x") | {"dynamic": RANDOM.integers(0, 2, 9_000).astype(np.uint8)}
-    message = assert_same(encoding_with_columns(source, added, clash_prefix="s_"))
-    points = decode_points(message).ravel()
-    np.testing.assert_array_equal(points["flow_x"], added["flow_x"])
-    np.testing.assert_array_equal(points["dynamic"], added["dynamic"])
-    np.testing.assert_array_equal(points["y"], decode_points(source).ravel()["y"])
-
-
 def test_a_cloud_of_many_rows_with_padding():
     """Rows of fewer points than are written at once, and wider ones."""
     for height, width in ((200, 37), (3, 5_000)):

@@ -101,6 +101,7 @@ UNFIT = {
     "NaN": with_value(np.nan),
     "infinite": with_value(-np.inf),
     "huge": with_value(1e300, np.float64),
+    "one stray value": with_value(7.0),
     "largest": np.finfo(np.float64).max * (-1.0) ** np.arange(NUM),
     "temperature": np.linspace(20, 35, NUM, dtype=np.float32),
     "wrapped round": (SWEEP_S * 1e9 + 4.25e9).astype(np.uint64).astype(np.uint32),
@@ -115,10 +116,6 @@ def test_what_cannot_be_times_is_told(kind):
     assert times.times_s is None
     assert times.source == "none"
     assert "'t'" in times.fault
-
-
-def test_one_stray_value_is_enough():
-    assert decoded(time=with_value(7.0)).times_s is None
 
 
 def test_clouds_without_such_a_field_have_no_fault():

@@ -11,7 +11,7 @@ import pytest
 from box_street import BoxStreet, pose
 
 from mnsf_ros.cli import flow
-from mnsf_ros.errors import MnsfError, SettingsError, SweepError, SweepFileError
+from mnsf_ros.errors import SettingsError, SweepError, SweepFileError
 
 FAST = [
     *("--preset", "paper"),
@@ -138,16 +138,16 @@ def test_ego_motion_from_poses(run, tmp_path):
     np.testing.assert_allclose(np.load(tmp_path / "out.npy"), [[-1, 0, 0]] * 2, atol=1e-6)
 
 
-def test_ego_motion_without_poses(run, files, tmp_path):
-    with pytest.raises(SweepFileError, match=r"'ego' needs the poses .* a pose"):
-        run(*files[1:], "-o", tmp_path / "out.npy", "--method", "ego")
-
-
-def test_sweeps_out_of_order(run, tmp_path):
+def test_unusable_sweeps(run, files, tmp_path):
     for name, stamp_ns in (("a", 10), ("b", 20)):
         np.savez(tmp_path / f"{name}.npz", xyz=np.ones((20, 3)), stamp_ns=stamp_ns)
-    with pytest.raises(SweepFileError, match=r"not in the order of time: \[20, 10\] ns$"):
-        run(tmp_path / "b.npz", tmp_path / "a.npz", "-o", tmp_path / "out.npy")
+    for arguments, text in (
+        (files[:1], r"^got 1 sweep, expected CURRENT and NEXT at least$"),
+        ((*files[1:], "--method", "ego"), r"'ego' needs the poses .* a pose"),
+        ((tmp_path / "b.npz", tmp_path / "a.npz"), r"not in the order of time: \[20, 10\] ns$"),
+    ):
+        with pytest.raises(SweepFileError, match=text):
+            run(*arguments, "-o", tmp_path / "out.npy")
 
 
 @pytest.mark.parametrize(
@@ -176,11 +176,6 @@ def test_output_is_checked_before_the_work(run, files, tmp_path):
             run("missing.npy", "missing.npy", "-o", out)
     run(*files[2:], "-o", tmp_path / "out.npy", "--force", *FAST)
     assert np.load(tmp_path / "out.npy").shape[1] == 3
-
-
-def test_one_sweep_is_not_enough(run, files, tmp_path):
-    with pytest.raises(MnsfError, match=r"^got 1 sweep, expected CURRENT and NEXT at least$"):
-        run(files[0], "-o", tmp_path / "out.npy")
 
 
 @pytest.mark.parametrize("empty", [np.zeros((0, 3)), np.full((20, 3), np.nan)])
