@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The errors that callers of this package may catch. All of them say what was found."""
+"""The errors that callers of this package may catch."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class OvertakenError(CancelledError):
 
 
 class RecordingError(MnsfError):
-    """A recording is missing, damaged, or does not hold what was asked of it."""
+    """A recording is missing, damaged, or lacks the requested data."""
 
 
 class NoIndexError(RecordingError):

@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Named sets of settings: `online`, the default; `neural`, the networks of the paper made fast.
 
-And for comparison `paper`, the published method, and `authors`, what their code does.
+For comparison: `paper`, the published method, and `authors`, their released code.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _PAPER: dict[str, SettingValue] = {
     "warm_start.enabled": False,
 }
 
-# The networks of the paper, live: of what the ego motion leaves, so many steps in each sweep.
+# The networks of the paper, live: ego motion removed, a fixed number of steps in each sweep.
 _NEURAL: dict[str, SettingValue] = {
     "method.name": "mnsf",
     "ego_motion.removed": True,
@@ -93,7 +93,7 @@ def nearest_preset(
     """Returns the name of the preset with fewest differences, and the settings that differ.
 
     Args:
-        settings: What to compare.
+        settings: The settings to compare.
         ignored: Names of settings that are not compared.
         named: Names of those that count as different whatever their value.
     """
@@ -107,7 +107,7 @@ def nearest_preset(
 
 
 class UsedSettings(NamedTuple):
-    """The settings that a method got, the nearest preset, and what is not as it has it."""
+    """The settings of a method, the nearest preset, and the differences to it."""
 
     settings: Settings
     preset: str
@@ -115,7 +115,7 @@ class UsedSettings(NamedTuple):
 
 
 def used_settings(method: str, settings: Settings, ignored: Collection[str]) -> UsedSettings:
-    """Returns what a method that is asked for by name gets; see `settings_for`.
+    """Returns the settings of a method by its name; see `settings_for`.
 
     Settings count as changed if they were set explicitly, whatever their value, and not if they are
     `ignored`.
@@ -125,17 +125,17 @@ def used_settings(method: str, settings: Settings, ignored: Collection[str]) -> 
 
 
 def settings_for(method: str, settings: Settings) -> Settings:
-    """Returns the settings that a method gets when it is asked for by name.
+    """Returns the settings of a method by its name.
 
-    A variant, see `variant_of`, gets those of its method with its own changes.
+    A variant, see `variant_of`, has those of its method with its own changes.
 
-    A method with a preset of its own name, which `online` has, gets that preset in place of
-    another method's, and on top of it what was set explicitly. So `mnsf evaluate --preset paper`
-    runs `online` as the robot does, and `--set` still holds for it, whatever the value.
+    A method with a preset of its own name, such as `online`, gets that preset in place of another
+    method's, and the explicit settings on top. So `mnsf evaluate --preset paper` runs `online` as
+    the robot does, and `--set` still holds for it, whatever the value.
 
     Args:
         method: Name of a method or variant.
-        settings: A preset, possibly with changes. `method.name` says for which method it is.
+        settings: A preset, possibly with changes. `method.name` is the method that it is made for.
     """
     method, changes = variant_of(method)
     is_for_method = settings.method.name == method and "method.name" not in settings.explicit

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""One setting: what is declared of it, and what it accepts."""
+"""One setting: its declaration, and the check of its values."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Setting:
     minimum: float | None  # numbers only, as the maximum
     maximum: float | None
     choices: tuple[str, ...]  # the words allowed, strings only
-    fixed: bool  # it cannot change while a node runs
-    tuned: tuple[float, float] | None  # where `mnsf tune` searches, numbers only
+    fixed: bool  # constant while a node runs
+    tuned: tuple[float, float] | None  # range that `mnsf tune` searches, numbers only
 
     @property
     def group(self) -> str:
@@ -43,7 +43,7 @@ class Setting:
 
     @property
     def unit(self) -> str:
-        """Unit of the value, which the name ends with; empty where it has none."""
+        """Unit of the value, the end of the name; empty without one."""
         return next((unit for end, unit in _UNITS.items() if self.name.endswith(end)), "")
 
     def checked(self, value: object) -> SettingValue:
@@ -125,7 +125,7 @@ def declared(
 
 
 def settings_of(group: type, prefix: str = "") -> Iterator[Setting]:
-    """Yields what the fields of a dataclass declare, in order; the prefix is put before names."""
+    """Yields the declarations of a dataclass in order, with a prefix before their names."""
     kinds = get_type_hints(group)
     for item in fields(group):
         default = getattr(group, item.name)

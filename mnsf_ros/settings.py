@@ -19,48 +19,47 @@ from mnsf_ros.setting import Setting, SettingValue, declared, settings_of
 
 @dataclass(frozen=True)
 class MethodSettings:
-    """Which method the node runs."""
+    """The method of the node."""
 
     name: str = declared(
         "online",
-        "Method that estimates the flow. online: ego motion plus one rigid motion per object, in "
-        "about 0.1 s on a CPU; mnsf: the networks of the paper; or any other method listed in "
-        "docs/evaluation.md or provided by an installed package",
+        "Method that estimates the flow. online: ego motion plus one rigid motion per object, "
+        "about 0.1 s on a CPU; mnsf: the networks of the paper; others: see docs/evaluation.md",
         fixed=True,
     )
 
 
 @dataclass(frozen=True)
 class TimeSettings:
-    """Where a cloud says when each of its points was measured."""
+    """Times of the points of a cloud."""
 
     field: str = declared(
         "auto",
-        "Field of the cloud with the time of each point. auto: t, time, timestamp, time_stamp or "
-        "offset_time, if its values can be times; none: do not read any",
+        "Field with the time of each point. auto: t, time, timestamp, time_stamp or offset_time, "
+        "if its values can be times; none: no times are read",
     )
     unit: str = declared(
         "auto",
-        "Unit of that field. auto: the one in which a sweep takes 0.002 to 2 s",
+        "Unit of that field. auto: the unit in which a sweep takes 0.002 to 2 s",
         choices=("auto", "s", "ms", "us", "ns"),
     )
     stamp: str = declared(
         "auto",
-        "What the stamp of a cloud is. auto: found from the values; start: time of the first "
-        "point; end: time of the last point",
+        "Time of the stamp of a cloud. auto: found from the values; start: first point; end: last"
+        " point",
         choices=("auto", "start", "end"),
     )
 
 
 @dataclass(frozen=True)
 class CropSettings:
-    """Which points methods are fitted to. Points outside still get a flow."""
+    """Points that methods are fitted to. Points outside still get a flow."""
 
     min_range_m: float = declared(
         0.5, "Exclude points nearer than this, for example on the robot itself", 0, 1000
     )
     max_range_m: float = declared(
-        80.0, "Exclude points farther than this, measured in the horizontal plane", 1, 1000
+        80.0, "Exclude points farther than this, in the horizontal plane", 1, 1000
     )
     min_height_m: float = declared(
         -20.0, "Exclude points below this height in the sensor frame", -1000, 1000
@@ -72,7 +71,7 @@ class CropSettings:
 
 @dataclass(frozen=True)
 class GroundSettings:
-    """How ground points are found. They carry no information about the motion of objects."""
+    """Ground detection. Ground carries no information about the motion of objects."""
 
     remove: bool = declared(
         True,
@@ -95,30 +94,30 @@ class GroundSettings:
 
 @dataclass(frozen=True)
 class EgoMotionSettings:
-    """How the ego motion is estimated, and whether networks see it removed."""
+    """Ego motion: its estimation, and its removal for networks."""
 
     removed: bool = declared(
         False,
-        "Remove the ego motion before networks are fitted: all sweeps are transformed into the "
-        "frame of the current one. The method online always does so",
+        "Remove the ego motion before networks are fitted: all sweeps in the frame of the current"
+        " one. Always so with the method online",
     )
     source: str = declared(
         "registration",
-        "registration: align each sweep with a local map of recent sweeps; odometry: use the "
-        "robot's odometry, and registration where it is missing; tf: the same with the transform "
-        "of the cloud's frame in tf.fixed_frame (node only, needs tf2_ros)",
+        "registration: align each sweep with a local map; odometry: use the robot's odometry, "
+        "registration where it is missing; tf: the same with the transform to tf.fixed_frame "
+        "(node only, needs tf2_ros)",
         choices=("registration", "odometry", "tf"),
     )
     sensor_pose: str = declared(
         "parameters",
-        "Where the lidar is in the odometry's child frame. parameters: sensor_x_m to "
+        "Pose of the lidar in the odometry's child frame. parameters: sensor_x_m to "
         "sensor_yaw_deg; tf: look it up (node only, needs tf2_ros)",
         choices=("parameters", "tf"),
     )
     deskew: bool = declared(
         True,
-        "Where the time of each point is known, move points to where they would have been measured "
-        "in the middle of the sweep. Disable for clouds that are already motion compensated",
+        "Motion compensation by the time of each point, to the middle of the sweep. Disable for "
+        "clouds that are already compensated",
     )
     max_range_m: float = declared(80.0, "Maximum range of points used for registration", 1, 1000)
     max_points: int = declared(
@@ -126,8 +125,8 @@ class EgoMotionSettings:
     )
     thinning_m: float = declared(
         0.3,
-        "Cell size for thinning before registration: one point per cell is kept; cells near the "
-        "ground are 1.7 times as large",
+        "Cell size for thinning before registration: one point per cell; near the ground 1.7 "
+        "times as large",
         0.05,
         5,
         tuned=(0.15, 0.6),
@@ -155,15 +154,15 @@ class TfSettings:
         "continuous: odom rather than map",
     )
     timeout_s: float = declared(
-        0.1, "A sweep waits this long for its transform, then it is registered instead", 0, 1
+        0.1, "Longest wait of a sweep for its transform; after it the sweep is registered", 0, 1
     )
     broadcast: bool = declared(
         False, "Publish the pose of ~/ego_motion on /tf, too (needs tf2_ros)", fixed=True
     )
     base_frame: str = declared(
         "",
-        "Frame of the robot whose pose is broadcast in node.odom_frame, for example base_link; "
-        "empty: the frame of the clouds",
+        "Robot frame that is broadcast in node.odom_frame, for example base_link; empty: the "
+        "frame of the clouds",
         fixed=True,
     )
 
@@ -174,8 +173,8 @@ class LidarsSettings:
 
     count: int = declared(
         1,
-        "Number of lidars. With more than one, the clouds on ~/points, ~/points_2, ~/points_3 and "
-        "~/points_4 are merged into one",
+        "Number of lidars. Clouds on ~/points, ~/points_2, ~/points_3 and ~/points_4 are merged "
+        "into one",
         1,
         4,
         fixed=True,
@@ -187,18 +186,18 @@ class LidarsSettings:
     )
     poses: str = declared(
         "tf",
-        "Where the lidars are in that frame. tf: look it up (needs tf2_ros); parameters: "
+        "Poses of the lidars in that frame. tf: look them up (needs tf2_ros); parameters: "
         "lidar_1.x_m to lidar_4.yaw_deg",
         choices=("tf", "parameters"),
         fixed=True,
     )
     tolerance_s: float = declared(
-        0.06, "Stamps of clouds that are merged differ by this at most", 0, 1
+        0.06, "Largest difference of the stamps of clouds that are merged", 0, 1
     )
     max_wait_s: float = declared(
         0.2,
-        "Clouds wait this long for those of another lidar, which is then left out until it sends "
-        "again; longer than one revolution",
+        "Longest wait for the cloud of another lidar, more than one revolution; then that lidar "
+        "is left out until it sends again",
         0.01,
         1,
     )
@@ -206,7 +205,7 @@ class LidarsSettings:
 
 @dataclass(frozen=True)
 class LidarSettings:
-    """Where one of several lidars is, with lidars.poses: parameters."""
+    """Pose of one of several lidars, with lidars.poses: parameters."""
 
     x_m: float = declared(0.0, "Position of this lidar in lidars.frame, x", -100, 100)
     y_m: float = declared(0.0, "Position of this lidar in lidars.frame, y", -100, 100)
@@ -218,7 +217,7 @@ class LidarSettings:
 
 @dataclass(frozen=True)
 class ObjectSettings:
-    """How points are grouped into objects, and which objects are dynamic (method `online`)."""
+    """Grouping of points into objects, and the decision for dynamic (method `online`)."""
 
     cell_size_m: float = declared(
         0.15,
@@ -242,7 +241,8 @@ class ObjectSettings:
     )
     max_size_m: float = declared(
         12.0,
-        "Longer objects count as static (walls, hedges, terrain), unless part of one came lately",
+        "Longer objects count as static (walls, hedges, terrain), unless part of it occupies "
+        "space that was free before",
         1,
         100,
         tuned=(6, 25),
@@ -257,16 +257,16 @@ class ObjectSettings:
     max_iterations: int = declared(4, "Iterations when the motion of an object is fitted", 1, 100)
     min_probability: float = declared(
         0.5,
-        "An object is dynamic only if it moves with at least this probability. Higher: fewer false "
-        "positives, more missed movers",
+        "Minimum probability of motion of a dynamic object. Higher: fewer false positives, more "
+        "missed movers",
         0.01,
         0.99,
         tuned=(0.1, 0.9),
     )
     max_unexplained: float = declared(
         0.85,
-        "An object is dynamic only if its motion leaves less than this share of the residual that "
-        "it would have as a static object. Lower: fewer false positives, more missed movers",
+        "Maximum residual of a dynamic object's motion, as a share of its residual as a static "
+        "object. Lower: fewer false positives, more missed movers",
         0.05,
         1,
         tuned=(0.4, 1.0),
@@ -275,7 +275,7 @@ class ObjectSettings:
 
 @dataclass(frozen=True)
 class BufferSettings:
-    """Which sweeps form a triplet."""
+    """Limits of the intervals between sweeps."""
 
     min_interval_s: float = declared(
         0.001, "A sweep sooner than this after the last one is a duplicate", 0.000001, 1
@@ -291,8 +291,8 @@ class DistanceSettings:
 
     kind: str = declared(
         "tree",
-        "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a CPU "
-        "for few points; auto: grid on CUDA, tree on a CPU",
+        "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a "
+        "CPU for few points; auto: grid on CUDA, tree on a CPU",
         choices=("grid", "tree", "auto"),
     )
     cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
@@ -303,14 +303,10 @@ class DistanceSettings:
         2_000_000_000,
     )
     truncation_m: float = declared(
-        2.0, "Distances are limited to this value, against outliers; 0: unlimited", 0, 1000
+        2.0, "Larger distances count as this value, against outliers; 0: unlimited", 0, 1000
     )
     dead_zone_m: float = declared(
-        0.0,
-        "Distances below this value count as this value: so far apart are the points of one "
-        "surface, whether it moves or not",
-        0,
-        10,
+        0.0, "Smaller distances count as this value: the spacing of points on one surface", 0, 10
     )
 
 
@@ -320,8 +316,8 @@ class NsfpSettings:
 
     truncation_m: float = declared(
         1.41421356,
-        "Point pairs farther apart are ignored in the Chamfer distance; NSFP's code compares "
-        "squared distances with 2",
+        "Point pairs farther apart are ignored in the Chamfer distance; NSFP's code: squared "
+        "distance 2",
         0.01,
         1000,
     )
@@ -369,26 +365,22 @@ class FieldSettings:
     hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
     zero_start: bool = declared(
         False,
-        "Start from a flow of zero everywhere, which is that of static points where the ego motion "
-        "is removed; false: from a random one",
+        "Start from zero flow, which is that of static points where the ego motion is removed; "
+        "false: from a random one",
     )
     rest_is_static: bool = declared(
         False,
-        "With ego_motion.removed: points that fields are not fitted to, which are ground or beyond "
-        "the crop, are static; false: they have the flow of the fields, too",
+        "With ego_motion.removed: ground and points beyond the crop are static; false: they have "
+        "the flow of the fields",
     )
     cell_size_m: float = declared(
-        0.0,
-        "Evaluate the fitted networks once per cell of this size, for all its points; 0: for each "
-        "point",
-        0,
-        10,
+        0.0, "Evaluate the fitted networks once per cell of this size; 0: for each point", 0, 10
     )
 
 
 @dataclass(frozen=True)
 class OptimizationSettings:
-    """How a field is fitted to a pair of sweeps, by Adam."""
+    """Fit of a field to a pair of sweeps, by Adam."""
 
     learning_rate: float = declared(0.008, "Learning rate of Adam after a cold start", 1e-7, 1)
     decay: bool = declared(True, "Let the learning rate decay to zero along a cosine")
@@ -399,8 +391,8 @@ class OptimizationSettings:
     )
     stacked: bool = declared(
         False,
-        "Fit the fields, each on its own, in the same steps as one stack of networks, to the same "
-        "random points. On CUDA always",
+        "Fit all fields in the same steps as one stack of networks, to the same random points. On"
+        " CUDA always",
     )
     max_iterations: int = declared(
         150, "Maximum number of iterations per field after a cold start", 1, 100_000
@@ -418,7 +410,7 @@ class OptimizationSettings:
 
 @dataclass(frozen=True)
 class EarlyStoppingSettings:
-    """When a fit has converged."""
+    """Convergence of a fit."""
 
     patience: int = declared(
         0, "Stop a field after this many iterations without improvement; 0: never", 0, 100_000
@@ -430,7 +422,7 @@ class EarlyStoppingSettings:
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How forward flow f and inverted backward flow f' are fused."""
+    """Fusion of forward flow f and inverted backward flow f'."""
 
     kind: str = declared(
         "mlp",
@@ -445,8 +437,8 @@ class FusionSettings:
     )
     fields: str = declared(
         "best",
-        "Weights of the fields whose flow is fused. best: those with the lowest loss; last: those "
-        "of the last iteration (the authors' code)",
+        "Weights of the fields whose flow is fused. best: those with the lowest loss; last: those"
+        " of the last iteration (the authors' code)",
         choices=("best", "last"),
     )
     inversion: bool = declared(
@@ -454,9 +446,7 @@ class FusionSettings:
     )
     num_hidden_layers: int = declared(3, "Number of hidden layers of the fusion network", 1, 64)
     hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
-    zero_start: bool = declared(
-        False, "Start the mlp from a flow of zero, whatever its input; false: from a random one"
-    )
+    zero_start: bool = declared(False, "Start the mlp from zero flow; false: from a random one")
     max_iterations: int = declared(
         100, "Maximum number of iterations after a cold start", 1, 100_000
     )
@@ -467,7 +457,7 @@ class FusionSettings:
 
 @dataclass(frozen=True)
 class WarmStartSettings:
-    """What an estimate takes over from the last one: motions, networks and optimizer states."""
+    """Start from the last estimate: its motions, networks and optimizer states."""
 
     enabled: bool = declared(
         True, "Start from the motions or networks of the last estimate; false: from scratch"
@@ -498,14 +488,14 @@ class ComputeSettings:
     )
     precision: str = declared(
         "float32",
-        "Precision of the products between hidden layers of the networks. bfloat16: faster where "
-        "the processor or GPU computes in it, else float32 is used; all else is float32",
+        "Precision of the products between hidden layers. bfloat16: faster where the processor or"
+        " GPU computes in it, else float32 is used",
         choices=("float32", "bfloat16"),
     )
     num_threads: int = declared(
         0,
-        "Number of CPU threads. 0: one less than cores in the node, 1 in mnsf evaluate, "
-        "elsewhere the default of PyTorch",
+        "Number of CPU threads. 0: one less than cores in the node, 1 in mnsf evaluate, elsewhere"
+        " PyTorch's default",
         0,
         512,
     )
@@ -517,17 +507,16 @@ class ComputeSettings:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """What the clouds of the node are made of."""
+    """Fields of the clouds of the node."""
 
     layout: str = declared(
         "full",
         "Fields of the clouds with flow. full: those of the input, then flow, velocity, dynamic, "
-        "confidence, speed and colour; compact: x, y, z, flow and dynamic only, for slow links",
+        "confidence, speed and colour; compact: x, y, z, flow and dynamic, for slow links",
         choices=("full", "compact"),
     )
     rgb: bool = declared(
-        True,
-        "With the field rgb, by which RViz and Foxglove colour the clouds: direction and speed",
+        True, "Add the field rgb: colour by direction and speed, for RViz and Foxglove"
     )
 
 
@@ -538,8 +527,8 @@ class NodeSettings:
     always_estimate: bool = declared(False, "Estimate even if nobody subscribes to any output")
     input_reliability: str = declared(
         "auto",
-        "Reliability of the input subscription. auto: reliable if every publisher offers it, else "
-        "best effort",
+        "Reliability of the input subscription. auto: reliable if every publisher offers it, else"
+        " best effort",
         choices=("auto", "reliable", "best_effort"),
         fixed=True,
     )
@@ -554,10 +543,7 @@ class NodeSettings:
         3600,
     )
     max_latency_ms: float = declared(
-        0.0,
-        "Warn if the 95th percentile of the latency is above this; 0 for no limit",
-        0,
-        3_600_000,
+        0.0, "Warn if the 95th percentile of the latency is above this; 0: no limit", 0, 3_600_000
     )
     max_failures: int = declared(
         3, "Report an error if more estimates than this fail in a row", 0, 1000
@@ -575,8 +561,8 @@ class Settings:
 
     Attributes:
         explicit: Full names of the settings that were set on top of a preset, to whatever value.
-            Not compared: settings with the same values are equal. Who stores settings stores these,
-            too, because `presets.settings_for` reads them.
+            Not compared: settings with the same values are equal. Stored with the settings, for
+            `presets.settings_for`.
     """
 
     method: MethodSettings = MethodSettings()
@@ -673,8 +659,6 @@ def declared_setting(name: str) -> Setting:
     import difflib
 
     by_name = {setting.name: setting for setting in declared_settings()}
-    if name in REPLACED:
-        raise SettingsError(f"unknown setting {name!r}: {REPLACED[name]}")
     if name not in by_name:
         near = difflib.get_close_matches(name, by_name, n=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
@@ -697,9 +681,3 @@ def parse_assignments(texts: Iterable[str]) -> dict[str, SettingValue]:
         setting = declared_setting(name.strip())
         values[setting.name] = setting.parsed(value.strip())
     return values
-
-
-# Settings of earlier versions, and what to do instead.
-REPLACED = {
-    "field.kind": "set method.name instead, to online (it was objects) or to mnsf (it was network)"
-}

@@ -23,7 +23,7 @@ from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
 from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
-from mnsf_ros.settings import REPLACED, Settings
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
@@ -122,9 +122,8 @@ class SceneFlowParts:
 
     def _greet(self) -> None:
         reliability = f"qos_overrides.{self._input.state.topic}.subscription.reliability"
-        replaced = REPLACED | {reliability: "set node.input_reliability"}
         for name in undeclared_overrides(self._node):
-            instead = f"; {replaced[name]}" if name in replaced else ""
+            instead = "; set node.input_reliability" if name == reliability else ""
             self._logger.warning(f"unknown parameter {name!r} is ignored{instead}")
         self._logger.info(greeting(_with_node_threads(self._settings)))
         self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
