@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What was noticed while a recording was read: counts of events, and damage."""
+"""Findings of a pass over a recording: counts of events, and damage."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
-# A recording that is rubbish from end to end must not fill the memory with reports of it.
+# Enough of a recording that is damaged from end to end.
 _MAX_DAMAGES: Final = 100
 
 
 class Event(Enum):
-    """What is counted while a recording is read: its name in `tasks.jsonl`, and for people."""
+    """An event that is counted while a recording is read, with its name in `tasks.jsonl`."""
 
     text: str
 
@@ -30,7 +30,7 @@ class Event(Enum):
     )
     SWEEPS_TIMES_UNUSED = (
         "sweeps_times_unused",
-        "sweeps whose field of times cannot be read as such; they count as taken in one moment "
+        "sweeps whose times per point cannot be read; they count as taken in one moment "
         "(time.field, time.unit)",
     )
     SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth", "sweeps without truth"
@@ -46,7 +46,7 @@ class Event(Enum):
     INTERRUPTIONS = "interruptions", "missing sweeps; no triplet spans the gap"
     SWEEPS_MISSING = (
         "sweeps_missing",
-        "sweeps missing by the stamps of the others, though no damage was found there",
+        "sweeps missing by the stamps of their neighbours, without damage found there",
     )
     SIZES_JUMP = (
         "sizes_jump",
@@ -69,13 +69,13 @@ class Event(Enum):
     )
 
     def __new__(cls, value: str, text: str) -> Event:
-        """Makes an event of its value and its text."""
+        """Returns an event with its text."""
         event = object.__new__(cls)
         event._value_, event.text = value, text
         return event
 
 
-# What the buffer of sweeps, the same as in the node, found odd about a sweep.
+# Arrivals at the sweep buffer that are counted.
 ARRIVAL_EVENTS: Final = {
     Arrival.DUPLICATE: Event.SWEEPS_DUPLICATE,
     Arrival.OUT_OF_ORDER: Event.SWEEPS_OUT_OF_ORDER,
@@ -87,11 +87,11 @@ ARRIVAL_EVENTS: Final = {
 
 @dataclass
 class Findings:
-    """What was noticed in one pass over a recording.
+    """Counts and damage of one pass over a recording.
 
     Attributes:
-        counts: Event to how often it happened.
-        damages: What could not be read, each place once.
+        counts: Event to number of occurrences.
+        damages: Unreadable parts, each place once.
     """
 
     counts: Counter[Event] = field(default_factory=Counter)
@@ -109,7 +109,7 @@ class Findings:
 
     @property
     def warnings(self) -> dict[Event, int]:
-        """The counts that somebody should know of."""
+        """The counts of all events but sweeps that were read."""
         return {event: count for event, count in self.counts.items() if event != Event.SWEEPS_READ}
 
 
@@ -119,14 +119,13 @@ _MIN_SWEEPS: Final = 5
 
 
 class Continuity:
-    """Collects stamps and sizes of the sweeps of a recording in the order of their stamps.
+    """Finds missing and damaged sweeps by stamps and sizes, in the order of the stamps.
 
-    Recordings without checksums can lose or change messages without any sign of damage, but then
-    sweeps do not fit their neighbours.
+    Recordings without checksums can lose or change messages without any sign of damage.
     """
 
     def __init__(self, max_interval_s: float) -> None:
-        """Leaves longer intervals to those who count gaps."""
+        """Ignores longer intervals, which are counted as gaps."""
         self._max_interval_ns = max_interval_s * 1e9
         self._stamps: list[int] = []
         self._sizes: list[int] = []
@@ -139,12 +138,12 @@ class Continuity:
         self._sizes.append(num_points)
 
     def interrupt(self) -> None:
-        """Says that sweeps are known to be missing here."""
+        """Marks a place where sweeps are known to be missing."""
         self._interrupted.append(len(self._stamps) - 1)
 
     @property
     def num_missing(self) -> int:
-        """Sweeps that are missing by the usual interval, the median, and were not known to be."""
+        """Sweeps that are missing by the median interval, apart from the known ones."""
         intervals = self._intervals()
         if len(intervals) < _MIN_SWEEPS:
             return 0

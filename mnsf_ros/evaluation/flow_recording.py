@@ -34,7 +34,7 @@ Columns = dict[str, NDArray[Any]]
 
 
 class FlowRecorder:
-    """Writes clouds into a recording, if there is one to write to."""
+    """Writes clouds into a recording; without a writer, nowhere."""
 
     def __init__(self, writer: BagWriter | None) -> None:
         self._writer = writer
@@ -73,8 +73,7 @@ class FlowRecorder:
 def flow_recorder(folder: Path | None, recording: str, method: str) -> Iterator[FlowRecorder]:
     """Opens the recording of a task's flow in a folder; it appears when all is done.
 
-    What is there of the same task is replaced: a task that is run again was lost before it could
-    say that it was finished. Without a folder, nothing is written.
+    A recording of the same task is replaced. Without a folder, nothing is written.
 
     Raises:
         RecordingError: Something else is there, or it cannot be written.
@@ -83,7 +82,7 @@ def flow_recorder(folder: Path | None, recording: str, method: str) -> Iterator[
     if path is None:
         yield FlowRecorder(None)
         return
-    # What a process that was killed while it wrote the same has left behind.
+    # Left behind by a process that was killed while it wrote the same.
     for leftover in path.parent.glob(f".{escape(path.name)}.*.partial"):
         shutil.rmtree(leftover, ignore_errors=True)
     with BagWriter(path, overwrite=True) as writer:
@@ -100,7 +99,7 @@ class RecordedFlow(NamedTuple):
 
 
 def recorded_flow(path: Path, stamp_ns: int) -> RecordedFlow | None:
-    """Reads the flow of a sweep; None if it is not there, also after an interrupted run."""
+    """Reads the flow of a sweep; None if it is missing or unreadable."""
     with suppress(MnsfError, OSError), BagReader(path) as reader:
         clouds = {topic: _cloud(reader, topic, stamp_ns) for topic in reader.topics}
         cloud, error, truth = (clouds.get(one) for one in (FLOW_TOPIC, ERROR_TOPIC, TRUTH_TOPIC))
@@ -127,7 +126,7 @@ def _columns(points: NDArray[np.void], names: Iterable[str]) -> NDArray[np.float
 
 
 def flow_path(folder: Path | None, recording: str, method: str) -> Path | None:
-    """Returns where the recording of a task's flow is made; None if none is."""
+    """Returns the path of the recording of a task's flow; None without a folder."""
     return None if folder is None else folder / folder_name(recording, method)
 
 
@@ -135,7 +134,7 @@ def folder_name(recording: str, method: str) -> str:
     """Returns a name for the folder of a task that any file system can have."""
     plain = f"{recording}.{method}"
     safe = re.sub(r"[^\w.-]+", "_", plain).strip("._")[:100]
-    # What was lost must not make two tasks one.
+    # Two tasks must not share a name.
     return safe if safe == plain else f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
 
 
