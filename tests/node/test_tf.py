@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Poses by TF: what was measured on which frame, with the real tf2 where it is installed."""
+"""Poses by TF and on TF, with the real tf2 where it is installed; see test_sweep_input, too."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from scene_flow_process import QUICK
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2
-from synthetic_clouds import column, xyz_columns, xyz_message
+from synthetic_clouds import xyz_message
 
 HAS_TF2 = importlib.util.find_spec("tf2_ros") is not None
 STREET = BoxStreet()
@@ -85,11 +84,11 @@ class Robot:
         xyz = STREET.xyz(lidar_pose, seed=index)
         return xyz_message(xyz, stamp_ns=self.stamp_ns(index), frame_id=self.lidar)
 
-    def mount(self, matrix=MOUNT):
-        self._transforms.fixed(transform(self.base, self.lidar, matrix))
+    def mount(self):
+        self._transforms.fixed(transform(self.base, self.lidar, MOUNT))
 
-    def odometry_transform(self, index, stamp_ns=None):
-        stamp_ns = self.stamp_ns(index) if stamp_ns is None else stamp_ns
+    def odometry_transform(self, index):
+        stamp_ns = self.stamp_ns(index)
         self._transforms.send(transform(self.odom, self.base, base_pose(index), stamp_ns))
 
     def wanted_motion(self, first, second):
@@ -149,13 +148,9 @@ class TestWithTf2:
         tf_peer.spin_until(lambda: tf_peer.node.count_publishers("/tf/ego_motion"), "a publisher")
         return poses
 
-    def drive(self, robot, num_sweeps=5, *, send_odometry=None, send_transform=None):
+    def drive(self, robot, num_sweeps=5, *, send_transform=None):
         clouds = [robot.cloud(index) for index in range(num_sweeps)]
         for index, cloud in enumerate(clouds):
-            if send_odometry is not None:
-                send_odometry(index)
-                # Two topics have no order between each other.
-                robot.peer.wait_for_diagnostics()
             robot.peer.publish(cloud)
             # The transform of a sweep comes after it: the sweep waits.
             robot.peer.spin_for(0.05)
@@ -212,81 +207,3 @@ class TestWithTf2:
         finally:
             listener.unregister()
             assert robot.peer.set({"ego_motion.source": "tf"})[0].successful
-
-    def test_without_transforms_it_registers_and_says_so(self, robot):
-        before = robot.peer.count(MISSING)
-        assert robot.peer.set({"tf.timeout_s": 0.05})[0].successful
-        clouds = self.drive(robot)
-        assert robot.peer.count(MISSING) >= before + len(clouds)
-        assert robot.peer.values("ego motion")["source"] == "registration"
-        assert robot.peer.status("ego motion").level == DiagnosticStatus.WARN
-        assert "degraded: no tf" in robot.peer.status("ego motion").message
-        assert f"no transform from '{robot.lidar}' to '{robot.odom}'" in robot.peer.process.log
-
-    def test_mount_of_odometry_is_looked_up(self, robot, heard):
-        robot.mount()
-        peer = robot.peer
-        odometry = peer.node.create_publisher(Odometry, "/tf/odometry", 100)
-        changes = {"ego_motion.sensor_pose": "tf", "ego_motion.source": "odometry"}
-        assert all(result.successful for result in peer.set(changes))
-        try:
-            peer.spin_until(lambda: odometry.get_subscription_count() == 1, "a subscription")
-            self.drive(
-                robot,
-                send_odometry=lambda index: [
-                    odometry.publish(self.odometry_message(robot, index - step))
-                    for step in (0.4, 0.2, 0.0)
-                ],
-            )
-            assert peer.values("ego motion")["source"] == "odometry"
-            poses = [
-                matrix_of(message.position, message.orientation)
-                for message in (heard[robot.stamp_ns(i) % 10**9].pose.pose for i in (1, 3))
-            ]
-            motion = np.linalg.inv(poses[0]) @ poses[1]
-            np.testing.assert_allclose(motion, robot.wanted_motion(1, 3), atol=1e-4)
-        finally:
-            changes = {"ego_motion.source": "tf", "ego_motion.sensor_pose": "parameters"}
-            assert all(result.successful for result in peer.set(changes))
-            peer.node.destroy_publisher(odometry)
-
-    def test_several_lidars_are_merged_by_their_places(self, run_node, transforms):
-        parameters = QUICK | {"ground.remove": "true", "lidars.count": 2}
-        parameters |= {"lidars.frame": "body", "node.input_reliability": "reliable"}
-        peer = run_node(parameters, name="/merged")
-        rear = peer.node.create_publisher(PointCloud2, "/merged/points_2", 50)
-        peer.spin_until(
-            lambda: peer.num_subscribers and rear.get_subscription_count(), "both subscriptions"
-        )
-        clouds = []
-        for index, has_place in enumerate((False, False, True, True, True)):
-            if has_place:
-                transforms.fixed(transform("body", "rear_lidar", pose(-1, yaw_deg=180)))
-            transforms.fixed(transform("body", "front_lidar", pose(1)))
-            peer.spin_for(0.3)
-            stamp_ns = START_NS + 10**15 + index * INTERVAL_NS
-            xyz = STREET.xyz(pose(0.5 * index), seed=index)
-            clouds.append(xyz_message(xyz, stamp_ns=stamp_ns, frame_id="front_lidar"))
-            before = peer.count("sweeps_received")
-            peer.publish(clouds[-1])
-            rear.publish(xyz_message(xyz, stamp_ns=stamp_ns, frame_id="rear_lidar"))
-            peer.spin_until(lambda before=before: peer.count("sweeps_received") > before, "it")
-        first, last = peer.flow_of(clouds[1]), peer.flow_of(clouds[3])
-        assert set(column(first, "lidar").tolist()) == {1}
-        assert set(column(last, "lidar").tolist()) == {1, 2}
-        assert last.header.frame_id == "body"
-        assert peer.count("clouds_of_lidar_2_without_transform") == 2
-        front, behind = (xyz_columns(last)[column(last, "lidar") == number] for number in (1, 2))
-        np.testing.assert_allclose(behind[:, :2], -front[:, :2], atol=1e-3)
-
-    def odometry_message(self, robot, index):
-        message = Odometry(child_frame_id=robot.base)
-        message.header.frame_id = robot.odom
-        known = transform(robot.odom, robot.base, base_pose(index), robot.stamp_ns(index))
-        message.header.stamp = known.header.stamp
-        place, turn = known.transform.translation, known.transform.rotation
-        message.pose.pose.position.x = place.x
-        message.pose.pose.position.y = place.y
-        message.pose.pose.position.z = place.z
-        message.pose.pose.orientation = turn
-        return message
