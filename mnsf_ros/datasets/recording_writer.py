@@ -13,7 +13,7 @@ from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
     from pathlib import Path
 
     from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
@@ -81,31 +81,22 @@ def write_recording(
         RecordingError: The recording cannot be written.
     """
     settings, summary = settings or TruthSettings(), TruthSummary()
+    sweeps = iter(source.sweeps)
+    sweep = next(sweeps, None)
+    if sweep is None:
+        raise DatasetError("the sequence has no sweep there, nothing is written")
     with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
-        for sweep, following in _with_next(source.sweeps):
+        while sweep is not None:
+            following = next(sweeps, None)
+            if following is not None and following.stamp_ns <= sweep.stamp_ns:
+                raise DatasetError(
+                    f"sweeps are out of order: stamp {following.stamp_ns} ns comes after "
+                    f"{sweep.stamp_ns} ns"
+                )
             truth = sweep_truth(sweep, following, settings)
             writer.write_sweep(sweep.xyz, sweep.columns, truth, sweep.pose, source.frame_id)
             summary.add(sweep, truth)
             if progress is not None:
                 progress(summary.num_sweeps)
-        if not summary.num_sweeps:
-            raise DatasetError("the sequence has no sweep there, nothing is written")
+            sweep = following
     return summary
-
-
-def _with_next(
-    sweeps: Iterable[LabelledSweep],
-) -> Iterator[tuple[LabelledSweep, LabelledSweep | None]]:
-    """Yields every sweep with the next one; raises a DatasetError if that is not later."""
-    current: LabelledSweep | None = None
-    for following in sweeps:
-        if current is not None:
-            if following.stamp_ns <= current.stamp_ns:
-                raise DatasetError(
-                    f"sweeps are out of order: stamp {following.stamp_ns} ns comes after "
-                    f"{current.stamp_ns} ns"
-                )
-            yield current, following
-        current = following
-    if current is not None:
-        yield current, None

@@ -1,0 +1,73 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Small files that expand beyond the memory limit of a command: one line, exit status 3."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+NUM_POINTS = 100_000_000
+PIECE = np.zeros(NUM_POINTS // 20, np.float32)
+
+
+def write_npz(path):
+    header = {"descr": "<f4", "fortran_order": False, "shape": (NUM_POINTS, 3)}
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("xyz.npy", "w", force_zip64=True) as file,
+    ):
+        np.lib.format.write_array_header_1_0(file, header)
+        for _ in range(60):
+            file.write(PIECE.tobytes())
+
+
+def write_feather(path):
+    pa = pytest.importorskip("pyarrow")
+    batch = pa.record_batch(dict.fromkeys("xyz", PIECE))
+    options = pa.ipc.IpcWriteOptions(compression="zstd")
+    with pa.ipc.new_file(path, batch.schema, options=options) as writer:
+        for _ in range(20):
+            writer.write_batch(batch)
+
+
+def write_pcd(path):
+    pytest.importorskip("pypcd4")
+    path.write_bytes(
+        b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+        b"WIDTH 100000000\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 100000000\n"
+        b"DATA binary_compressed\n" + np.uint32([10, 1_200_000_000]).tobytes() + bytes(10)
+    )
+
+
+def write_h5(path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        group = file.create_group("1600000000000000000")
+        # Chunks that were never written take no room in the file.
+        group.create_dataset("lidar", (NUM_POINTS, 3), np.float32, chunks=(1000, 3))
+        group["pose"] = np.eye(4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("write", [write_npz, write_feather, write_pcd, write_h5])
+def test_a_command_ends_in_one_line_with_the_file_and_the_limit(tmp_path, write):
+    path = tmp_path / f"a.{write.__name__.removeprefix('write_')}"
+    write(path)
+    assert path.stat().st_size < 20_000_000
+    if path.suffix == ".h5":
+        command = ["convert", "opensceneflow", path, tmp_path / "out"]
+    else:
+        command = ["flow", path, path, "-o", tmp_path / "out.npy"]
+    ended = subprocess.run(
+        [sys.executable, "-m", "mnsf_ros.cli", *map(str, command), "--max-memory", "0.8"],
+        capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 3
+    *_, last = ended.stderr.splitlines()
+    assert last.startswith(f"mnsf: {path}: cannot be read: ")
+    assert last.endswith("memory is limited to 0.8 GB (--max-memory)")
+    assert "Traceback" not in ended.stderr
