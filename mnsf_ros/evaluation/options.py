@@ -60,6 +60,8 @@ class EvaluationOptions:
             all methods get the same examples. A shorter recording needs as many as it has.
         every: Score every N-th example only, beginning with the first of a recording. Methods that
             carry state estimate the examples in between, too.
+        max_examples: Maximum number of examples of each recording, from its beginning; None for
+            all.
 
     Raises:
         EvaluationError: If a number is out of its range.
@@ -75,6 +77,7 @@ class EvaluationOptions:
     num_pictured: int = 0
     num_sweeps: int = 3
     every: int = 1
+    max_examples: int | None = None
 
     def __post_init__(self) -> None:
         if self.num_points is not None and self.num_points < 1:
@@ -85,6 +88,8 @@ class EvaluationOptions:
             raise EvaluationError(f"num_pictured: got {self.num_pictured}, expected 0 or more")
         if self.every < 1:
             raise EvaluationError(f"every: got {self.every}, expected 1 or more")
+        if self.max_examples is not None and self.max_examples < 1:
+            raise EvaluationError(f"max_examples: got {self.max_examples}, expected 1 or more")
         rate = self.realtime_rate
         if self.every > 1 and rate is not None:
             raise EvaluationError("--every cannot be combined with --realtime")

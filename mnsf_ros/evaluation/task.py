@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -70,7 +71,7 @@ def run_task(
         recording.open() as reader,
         flow_recorder(options.flow_folder, *task.key) as recorder,
     ):
-        examples = read_examples(reader, recording, options, findings)
+        examples = islice(read_examples(reader, recording, options, findings), options.max_examples)
         wanted = (
             (example, options.is_scored(place))
             for place, example in enumerate(examples)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The loss landscape of FNSF against that of MNSF: is the optimum of fused flow a flatter one?
+"""The loss landscapes of FNSF and MNSF: is the optimum of fused flow a flatter one?
 
 A step along a direction is measured in the size of the weights themselves ("filter normalization",
 Li et al. 2018): every row of a weight matrix of the direction has the length of that row of the
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import pandas as pd
 import torch
 from numpy.typing import NDArray
 from torch import nn
@@ -35,12 +36,12 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 _TITLE: Final = "Loss landscape around the optimum"
 _TEXT: Final = (
-    "Mean distance D of the moved points to the next sweep, around the weights that each method "
-    "ends with. Directions are random and filter-normalized: a step of 1 is as long as the weights "
+    "Mean distance D of the moved points to the next sweep, around the final weights of each "
+    "method. Directions are random and filter-normalized: a step of 1 is as long as the weights "
     "themselves, layer by layer and row by row. FNSF varies the forward field; MNSF (all weights) "
-    "both fields and the fusion; MNSF (fusion) the fusion alone, which is what is optimized at "
-    "last, while forward and backward flow are fixed. The rise is the mean of a step forth and "
-    "back, over all directions, with the standard deviation between directions."
+    "both fields and the fusion; MNSF (fusion) the fusion alone, the last network to be optimized, "
+    "while forward and backward flow are fixed. The rise is the mean of a step forth and back, "
+    "over all directions, with the standard deviation between directions."
 )
 
 Loss = Callable[[], torch.Tensor]
@@ -81,7 +82,7 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """The loss on a square around an optimum, and how fast it rises in all directions.
+    """The loss on a square around an optimum, and its rise along random directions.
 
     Attributes:
         axis: (G,) steps of the square, symmetric, 0 in the middle.
@@ -102,6 +103,24 @@ class Landscape:
         """(R,) mean rise over all directions, metres."""
         mean: NDArray[np.float64] = self.rises_m.mean(axis=0)
         return mean
+
+    def numbers(self) -> pd.DataFrame:
+        """Kind, step along the first and second direction, and loss in metres."""
+        first, second = (steps.ravel() for steps in np.meshgrid(self.axis, self.axis))
+        parts = [_places("square", first, second, self.losses_m.ravel())]
+        for number, rises_m in enumerate(self.rises_m):
+            parts.append(_places(f"direction {number}", self.radii, 0.0, self.loss_m + rises_m))
+        return pd.concat(parts)
+
+
+def _places(
+    kind: str,
+    first_step: NDArray[np.float64],
+    second_step: NDArray[np.float64] | float,
+    loss_m: NDArray[np.float64],
+) -> pd.DataFrame:
+    steps = {"first_step": first_step, "second_step": second_step}
+    return pd.DataFrame({"kind": kind, **steps, "loss_m": loss_m})
 
 
 def landscape(
@@ -186,7 +205,7 @@ def _fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
 
 
 def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Loss]]:
-    """What is varied to its weights and their loss, over all points at once."""
+    """Name to network and loss, over all points at once."""
     points, target = bench.current.points, bench.next.distance
     forward_field, backward_field = (field.network for field in bench.learners.fields)
     fusion = bench.learners.fusion.network
@@ -224,24 +243,13 @@ def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
 def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
     radii = next(iter(found.values())).radii
     header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
-    cells, rows = [], []
+    cells, parts = [], []
     for name, item in found.items():
         pairs = zip(item.sharpness, item.rises_m.std(axis=0), strict=True)
         rises = (f"{mean:.4f} ± {deviation:.4f}" for mean, deviation in pairs)
         cells.append([name, format_number(item.loss_m, 4), *rises])
-        for (row, column), loss_m in np.ndenumerate(item.losses_m):
-            rows.append((name, "square", item.axis[column], item.axis[row], loss_m))
-        for (number, column), rise_m in np.ndenumerate(item.rises_m):
-            loss_m = item.loss_m + rise_m
-            rows.append((name, f"direction {number}", item.radii[column], 0.0, loss_m))
-    return StudyResult(
-        name="landscape",
-        title=_TITLE,
-        texts=texts,
-        tables=[TextTable(header, cells, "Sharpness: how much the loss rises")],
-        header=("method", "kind", "first_step", "second_step", "loss_m"),
-        rows=rows,
-        picture=height_maps(
-            _TITLE, {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
-        ),
-    )
+        parts.append(item.numbers().assign(method=name))
+    numbers = pd.concat(parts)[["method", "kind", "first_step", "second_step", "loss_m"]]
+    table = TextTable(header, cells, "Sharpness: rise of the loss")
+    maps = {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
+    return StudyResult("landscape", _TITLE, texts, [table], numbers, height_maps(_TITLE, maps))

@@ -1,17 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Doing a study by its name, and writing a page in Markdown, numbers as CSV, and a chart."""
+"""Studies by name; each writes a page in Markdown, numbers as CSV, and a chart."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.errors import SettingsError
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.studies.landscape_study import run_landscape_study
@@ -27,23 +24,19 @@ STUDIES: Final[dict[str, Callable[[StudyOptions], StudyResult]]] = {
 
 
 def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]]:
-    """Does one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
+    """Runs one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
 
     Raises:
-        MnsfError: There is no such study, or something that was given cannot be used.
+        MnsfError: An option, a setting or a recording cannot be used.
         OSError: Writing fails.
     """
-    if name not in STUDIES:
-        raise SettingsError(f"unknown study {name!r}, expected one of {', '.join(STUDIES)}")
     if name == "stability":
         options = replace(options, settings=stability_settings(options.settings))
     result = STUDIES[name](options)
     options.out.mkdir(parents=True, exist_ok=True)
     paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
-    numbers = io.StringIO()
-    csv.writer(numbers, lineterminator="\n").writerows([result.header, *result.rows])
     paths[0].write_text(_page(result, options), encoding="utf-8")
-    paths[1].write_text(numbers.getvalue(), encoding="utf-8")
+    result.numbers.to_csv(paths[1], index=False, na_rep="nan", lineterminator="\n")
     paths[2].write_bytes(result.picture)
     return result, paths
 

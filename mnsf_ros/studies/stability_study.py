@@ -1,19 +1,21 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How much a result changes when a single point of the sweeps is another one.
+"""Change of a result when a single point of the sweeps is replaced.
 
 The paper's theorem bounds the change of the loss by a term that falls with one over the number of
-points. Measured is what the bound is a bound of: a method runs on sweeps of N points, then on the
-same sweeps with one point replaced by another of the full sweep, from the same start weights.
+points. The study measures that change: a method runs on sweeps of N points, then on the same sweeps
+with one point replaced by another of the full sweep, from the same start weights.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import linregress
@@ -21,7 +23,6 @@ from scipy.stats import linregress
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.drawing.study_charts import LogLine, log_lines
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
@@ -33,8 +34,8 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 SWEEPS: Final = ("current", "next", "previous")
 _TITLE: Final = "Stability: one point replaced"
 _PARTS: Final = {"flow_m": "Change of flow (m)", "loss_m": "Change of loss (m)"}
-# The theorem speaks of the optimum, not of when a noisy loss happens to look converged: a step
-# more or less changes the flow far more than a point does. So all fits get the same steps.
+# The theorem is about the optimum. Early stopping on a noisy loss would change the flow far more
+# than a point does, so all fits get the same number of steps.
 STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
     "distance.kind": "tree",
     "optimization.max_iterations": 60,
@@ -50,12 +51,12 @@ STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
 
 @dataclass(frozen=True)
 class Change:
-    """What replacing one point did.
+    """Effect of replacing one point.
 
     Attributes:
         method: Name of the method.
         num_points: Points N of each sweep.
-        sweep: In which sweep: current, next or previous.
+        sweep: The changed sweep: current, next or previous.
         repeat: Number of the draw.
         flow_m: Mean length of the change of flow over the points that stayed, metres.
         loss_m: Change of the mean distance of those points to the full next sweep, metres.
@@ -91,7 +92,7 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
         found += changes(
             method, estimator, triplet, options.sizes, options.num_repeats, options.seed
         )
-    return _result(found, options)
+    return _result(pd.DataFrame(found), options)
 
 
 def changes(
@@ -102,7 +103,7 @@ def changes(
     num_repeats: int,
     seed: int,
 ) -> Iterator[Change]:
-    """Replaces points of the full sweeps and yields what that does.
+    """Replaces points of the full sweeps and yields the effects.
 
     Each of the `sizes` must be less than the smallest sweep has points. For each, there are
     `num_repeats` draws, the same for all methods with the same seed.
@@ -157,29 +158,21 @@ def _part(
     return replace(triplet, current=current, next=following, previous=previous, earlier=())
 
 
-def mean_changes(found: Sequence[Change], method: str, sweep: str, part: str) -> dict[int, float]:
-    """Returns number of points to mean change over the draws; part: `flow_m` or `loss_m`."""
-    values: dict[int, list[float]] = {}
-    for change in found:
-        if (change.method, change.sweep) == (method, sweep):
-            values.setdefault(change.num_points, []).append(getattr(change, part))
-    return {size: mean(items) for size, items in sorted(values.items())}
-
-
-def fitted_slope(means: dict[int, float]) -> tuple[float, float]:
+def fitted_slope(means: pd.Series) -> tuple[float, float]:
     """Returns the slope of log(change) over log(number of points), and its standard error.
 
-    A slope of -1 is one over N. Changes of exactly zero, as of a sweep that a method does not look
-    at, have no logarithm and are left out. Fewer than two others have no slope, two no error: NaN.
+    The index of `means` is the number of points. A slope of -1 is one over N. Changes of exactly
+    zero, as of a sweep that a method does not use, are left out. With fewer than two others there
+    is no slope, with two no error: NaN.
     """
-    known = [(size, value) for size, value in means.items() if value > 0]
+    known = means[means > 0]
     if len(known) < 2:
         return math.nan, math.nan
-    line = linregress(*np.log(known).T)
+    line = linregress(np.log(known.index), np.log(known))
     return float(line.slope), float(line.stderr) if len(known) > 2 else math.nan
 
 
-def _result(found: Sequence[Change], options: StudyOptions) -> StudyResult:
+def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
     text = (
         f"Mean change over {options.num_repeats} draws when one of N points of one sweep is "
         "replaced by another, all else equal: start weights, and all other points. The slope is "
@@ -193,26 +186,18 @@ def _result(found: Sequence[Change], options: StudyOptions) -> StudyResult:
     panels: dict[str, list[LogLine]] = {}
     for part, words in _PARTS.items():
         cells, panels[words] = [], []
-        for number, method in enumerate(options.methods):
-            for look, sweep in enumerate(SWEEPS):
-                means = mean_changes(found, method, sweep, part)
-                values = (f"{means[size]:.2e}" for size in options.sizes)
-                cells.append([f"{method}, {sweep} sweep", *values, _slope_text(means)])
-                if known := {size: value for size, value in means.items() if value > 0}:
-                    panels[words].append(LogLine(f"{method}, {sweep}", known, number, look))
+        means = found.groupby(["method", "sweep", "num_points"])[part].mean()
+        for method, sweep in product(options.methods, SWEEPS):
+            own = means[method, sweep]
+            cells.append([f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)])
+            if known := own[own > 0].to_dict():
+                places = options.methods.index(method), SWEEPS.index(sweep)
+                panels[words].append(LogLine(f"{method}, {sweep}", known, *places))
         tables.append(TextTable(header, cells, words))
-    return StudyResult(
-        name="stability",
-        title=_TITLE,
-        texts=[text],
-        tables=tables,
-        header=[field.name for field in fields(Change)],
-        rows=[astuple(change) for change in found],
-        picture=log_lines(_TITLE, "points N of each sweep", options.sizes, panels),
-    )
+    picture = log_lines(_TITLE, "points N of each sweep", options.sizes, panels)
+    return StudyResult("stability", _TITLE, [text], tables, found, picture)
 
 
-def _slope_text(means: dict[int, float]) -> str:
-    """The slope, with its standard error if enough sizes had any change."""
+def _slope_text(means: pd.Series) -> str:
     slope, error = fitted_slope(means)
     return format_number(slope, 2) if math.isnan(error) else f"{slope:.2f} ± {error:.2f}"

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What a study is done on, and what comes out of it."""
+"""Options, recordings and result of a study."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
+
+import pandas as pd
 
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
@@ -21,35 +23,37 @@ from mnsf_ros.simulation.settings import SimulationSettings
 
 # A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
 _BEAMS, _COLUMNS = 32, 1024
-# A simulated street has so many, unless the user says how many.
+# Of a simulated street, by default.
 _SIMULATED_EXAMPLES: Final = 4
-# Ten times the weights themselves; far beyond, layer by layer, the loss is no number any more.
+# In lengths of the weight vector; far beyond, losses are not finite.
 _MAX_RADIUS: Final = 10.0
 
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """What a study is done on, and how.
+    """Data and settings of a study.
 
     Attributes:
-        out: Folder for all that the study writes.
+        out: Folder for all files of the study.
         settings: How to estimate.
         recordings: Paths of recordings; if empty, a street is simulated.
-        num_points: So many random points of each sweep; None for all.
-        max_examples: At most so many examples of each recording, from its beginning; None for
-            all of them. Case studies look at the first one alone.
-        seed: Of the points, the start weights, the street, and whatever else is drawn.
-        resume: Whether to go on with what is in the folder.
-        command: The command line, to be remembered.
+        num_points: Number of random points of each sweep; None for all.
+        max_examples: Maximum number of examples of each recording, from its beginning; None for
+            all. Case studies use the first one alone.
+        seed: Of the points, the start weights, the street, and all other draws.
+        resume: Whether to continue with the files in the folder.
+        command: The command line, for the record.
         say: Gets one line for each step.
-        radius: The picture of a landscape reaches so far to each side; 1: as far as the weights
-            are long.
+        radius: Half width of the picture of a landscape, in lengths of the weight vector.
         num_steps: Steps from one side of a landscape to the other, an odd number.
         num_directions: Random directions in which the sharpness of a landscape is measured.
         sizes: Numbers of points at which stability is measured, ascending; three or more, for a
             slope with its standard error.
         num_repeats: Draws of points for each of them.
-        methods: Whose stability is measured.
+        methods: Methods whose stability is measured.
+
+    Raises:
+        EvaluationError: If a number is out of its range.
     """
 
     out: Path
@@ -69,30 +73,20 @@ class StudyOptions:
     methods: tuple[str, ...] = ("nsfp", "fnsf", "mnsf")
 
     def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            EvaluationError: If one is out of its range.
-        """
         sizes, methods = (", ".join(map(str, values)) for values in (self.sizes, self.methods))
         has_slope = len(self.sizes) >= 3 and list(self.sizes) == sorted(set(self.sizes))
-        has_examples = self.max_examples is None or self.max_examples >= 1
-        is_near = 0 < self.radius <= _MAX_RADIUS
-        has_middle = self.num_steps >= 3 and self.num_steps % 2 == 1
         for name, value, is_good, expected in (
-            ("max_examples", self.max_examples, has_examples, "1 or more"),
-            ("radius", f"{self.radius:g}", is_near, f"more than 0, at most {_MAX_RADIUS:g}"),
-            ("steps", self.num_steps, has_middle, "an odd number, 3 or more"),
-            # One direction has no deviation.
+            ("radius", f"{self.radius:g}", 0 < self.radius <= _MAX_RADIUS, "above 0, at most 10"),
+            ("steps", self.num_steps, self.num_steps in range(3, 10_000, 2), "an odd number"),
             ("directions", self.num_directions, self.num_directions >= 2, "2 or more"),
             ("sizes", sizes, has_slope, "3 or more numbers in ascending order"),
-            # One point is replaced, and one stays.
             ("sizes", sizes, min(self.sizes, default=0) >= 2, "2 points or more each"),
             ("repeats", self.num_repeats, self.num_repeats >= 1, "1 or more"),
             ("methods", methods, len(set(self.methods)) == len(self.methods), "each once"),
         ):
             if not is_good:
                 raise EvaluationError(f"{name}: got {value}, expected {expected}")
+        self.evaluation()
 
     def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:
         """Returns the options of the evaluator.
@@ -101,21 +95,24 @@ class StudyOptions:
             EvaluationError: If a number is out of its range.
         """
         return EvaluationOptions(
-            self.settings, num_points=self.num_points, seed=self.seed, num_sweeps=num_sweeps
+            self.settings,
+            num_points=self.num_points,
+            seed=self.seed,
+            num_sweeps=num_sweeps,
+            max_examples=self.max_examples,
         )
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What came out of a study.
+    """Result of a study.
 
     Attributes:
         name: Name of the study.
         title: Headline of its page.
-        texts: Paragraphs on what was measured, and how.
+        texts: Paragraphs on the measurement.
         tables: Tables for people.
-        header: Titles of the columns of the CSV file.
-        rows: Its rows; the same study gives the same ones, times apart.
+        numbers: The CSV file; the same study gives the same one, times apart.
         picture: The chart, a PNG file.
     """
 
@@ -123,8 +120,7 @@ class StudyResult:
     title: str
     texts: Sequence[str]
     tables: Sequence[TextTable]
-    header: Sequence[str]
-    rows: Sequence[Sequence[object]]
+    numbers: pd.DataFrame
     picture: bytes
 
 

@@ -83,7 +83,7 @@ def test_study_writes_page_numbers_and_picture(name, studied):
     assert page.startswith(f"# {result.title}\n")
     for fact in ("* seed: 0", "| field.hidden_width | 8 |", f"({name}.png)", "* versions: "):
         assert fact in page
-    assert len(rows_of(paths)) == len(result.rows) > 0
+    assert len(rows_of(paths)) == len(result.numbers) > 0
     assert paths[2].read_bytes().startswith(b"\x89PNG")
 
 
@@ -96,31 +96,25 @@ def test_study_is_the_same_the_second_time(name, studied, options):
     assert tables[0] == tables[1]
 
 
-def test_seed_changes_the_numbers(studied, options):
-    first = rows_of(studied("landscape")[1])
-    other = rows_of(run_study("landscape", replace(options, seed=1))[1])
-    assert first != other
-
-
 def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     said = []
     options = replace(options, say=said.append)
     run_study("fusion", options)
     num_rows = len(list(RunFolder(options.out / "evaluation").rows))
     assert num_rows == 2 * 4
-    assert said[-1].startswith("8 of 8: mnsf+fusion.kind=mlp, street sweep 2: EPE ")
+    assert said[-1].startswith("8: mnsf+fusion.kind=mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
     assert len(list(RunFolder(options.out / "evaluation").rows)) == num_rows
+    with pytest.raises(MnsfError, match="max_examples"):
+        run_study("fusion", replace(options, resume=True, max_examples=None))
 
 
 def test_method_study_takes_all_examples_of_a_recording(options):
-    said = []
-    run_study("fusion", replace(options, max_examples=None, say=said.append))
+    run_study("fusion", replace(options, max_examples=None))
     # Seven sweeps have five with one before and one after.
     assert len(list(RunFolder(options.out / "evaluation").rows)) == 5 * 4
-    assert said[-1].startswith("20 of 20: ")
 
 
 @pytest.mark.usefixtures("without_drawing")
@@ -143,13 +137,3 @@ def test_settings_that_were_asked_for_stay():
     asked = stability_settings(preset("paper").changed({"optimization.max_iterations": 7}))
     assert ours.to_mapping().items() >= STABILITY_SETTINGS.items()
     assert asked.optimization.max_iterations == 7
-
-
-def test_unknown_study_is_refused(options):
-    with pytest.raises(MnsfError, match="unknown study 'all', expected one of ablation, fusion"):
-        run_study("all", options)
-
-
-def test_no_examples_are_refused(options):
-    with pytest.raises(MnsfError, match="max_examples: got 0, expected 1 or more"):
-        replace(options, max_examples=0)
