@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import Final
 
-from mnsf_ros.demo.pace import Pace, in_time
+from mnsf_ros.demo.pace import in_time
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
 from mnsf_ros.recording.bag_reader import BagReader
 
@@ -62,7 +62,7 @@ def play(
         number = 0
         for _ in itertools.count() if options.loop else range(1):
             messages = _in_order(reader, list(publishers))
-            for _, topic, raw in in_time(messages, Pace(options.rate), ros.spin_for, tell_time):
+            for _, topic, raw in in_time(messages, ros.spin_for, options.rate, tell_time):
                 publishers[topic](raw)
                 number += 1
                 on_message(number)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
-from mnsf_ros.demo.pace import Pace, in_time
+from mnsf_ros.demo.pace import in_time
 from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
@@ -142,8 +142,8 @@ def replay(
     with ReplayLink(names[0], names[1], on_flow, on_diagnostics, names[2]) as link:
         link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
         wait_for_node(link, node)
-        pace = Pace(clock=time.monotonic)
-        for _, raw in in_time(reader.raw_messages(topic), pace, link.spin_for):
+        messages = reader.raw_messages(topic)
+        for _, raw in in_time(messages, link.spin_for, clock=time.monotonic):
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s

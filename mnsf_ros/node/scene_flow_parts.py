@@ -205,7 +205,7 @@ class SceneFlowParts:
 
 
 def _with_node_threads(settings: Settings) -> Settings:
-    """The settings with all cores but one as threads, which is for the executor, where unset."""
+    """The settings; unless given, the number of threads leaves one core to the executor."""
     if settings.compute.num_threads:
         return settings
     num_threads = max(1, (os.cpu_count() or 1) - 1)

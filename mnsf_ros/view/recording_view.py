@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
-from mnsf_ros.demo.pace import Pace
+from mnsf_ros.demo.pace import in_time
 from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.geometry.pose_messages import pose_quaternion
 from mnsf_ros.settings import OutputSettings
@@ -49,9 +49,8 @@ class RecordingView:
             wait: Called with the seconds to wait.
             on_shown: Called with the number of sweeps shown so far.
         """
-        pace = Pace(rate)
-        for number, sweep in enumerate(sweeps, start=1):
-            wait(max(0.0, pace.left_s(sweep.triplet.current.stamp_ns)))
+        timed = ((sweep.triplet.current.stamp_ns, sweep) for sweep in sweeps)
+        for number, (_, sweep) in enumerate(in_time(timed, wait, rate), start=1):
             self._show(sweep)
             on_shown(number)
 

@@ -16,7 +16,7 @@ pytest.importorskip("rclpy")
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.demo import play as play_module
-from mnsf_ros.demo.pace import Pace
+from mnsf_ros.demo.pace import in_time
 from mnsf_ros.demo.play import PlayOptions, play
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
@@ -78,8 +78,8 @@ class Graph:
 def graph(monkeypatch) -> Graph:
     graph = Graph()
     monkeypatch.setattr(play_module, "RawTopics", lambda _: graph)
-    pace = functools.partial(Pace, clock=lambda: graph.now_s)
-    monkeypatch.setattr(play_module, "Pace", pace)
+    timed = functools.partial(in_time, clock=lambda: graph.now_s)
+    monkeypatch.setattr(play_module, "in_time", timed)
     return graph
 
 
