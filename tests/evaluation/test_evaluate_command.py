@@ -290,14 +290,6 @@ def test_recording_without_an_example_is_no_success(bag, tmp_path, mnsf):
         assert "No example: single contains no 2 consecutive sweeps" in ended.out
 
 
-def test_truth_that_is_nowhere_valid_is_told(tmp_path, mnsf):
-    """Of two sweeps the last has none, and the crop leaves no point of the first."""
-    pair = small.write_recording(tmp_path / "pair", 2)
-    ended = mnsf(pair, "--methods=zero", "--set=crop.min_range_m=70", "--out", tmp_path / "out")
-    assert ended.status == COMPLETE
-    assert "pair: no scored point has valid truth" in ended.out
-
-
 def test_method_that_fails_on_every_example_is_no_success(tmp_path, mnsf):
     without = small.write_recording(tmp_path / "without", 4, with_odometry=False)
     ended = mnsf(without, "--methods=zero,ego", "--out", tmp_path / "out")

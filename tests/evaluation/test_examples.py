@@ -174,22 +174,6 @@ def test_nothing_is_kept_of_a_recording_of_any_length():
     assert most < 15
 
 
-@pytest.mark.parametrize("num_points", [None, 10])
-def test_examples_of_a_recording(tmp_path, num_points):
-    path = small.write_recording(tmp_path / "drive", 5)
-    recording = small.recording_at(path)
-    findings = Findings()
-    with recording.open() as reader:
-        options = small.options(num_points=num_points)
-        examples = list(read_examples(reader, recording, options, findings))
-    assert [example.number for example in examples] == [1, 2, 3]
-    assert all(example.truth is not None for example in examples)
-    assert all(example.triplet.next_from_current is not None for example in examples)
-    assert {np.count_nonzero(example.scored) for example in examples} == {num_points or 54}
-    assert {len(example.triplet.current) for example in examples} == {60}
-    assert not findings.warnings
-
-
 def test_truth_that_no_sweep_fits_costs_no_example():
     """As of a recording whose truth has stamps of its own: it goes as one without truth."""
     findings = Findings()
