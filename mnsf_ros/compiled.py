@@ -11,7 +11,7 @@ import numba
 from numba.core import event
 
 _LOG = logging.getLogger(__name__)
-# Numba tells of it only if it does not find the machine code in the cache.
+# Numba's event of a compilation; machine code from the cache causes none.
 _COMPILING: Final = "numba:compile"
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -20,8 +20,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 def compiled(*signatures: str) -> Callable[[Function], Function]:
     """Compiles a function for the types of its signatures, and for no others.
 
-    The types are named, so that all is compiled when the module is imported: nothing is compiled
-    while a robot drives, and an array of another type or layout is a TypeError instead of a pause.
+    The types are named, so that all is compiled when the module is imported, nothing while a robot
+    drives, and an array of another type or layout is a TypeError instead of a pause.
     The machine code is kept on disk, beside the source or in the user's cache; where neither can
     be written, each process compiles anew.
 
@@ -48,7 +48,7 @@ def _jit(signatures: tuple[str, ...], function: Function, *, cache: bool) -> Fun
 
 
 class _FirstCompilation(event.Listener):
-    """Says once, before it happens, that this start takes longer than others."""
+    """Announces once that this start takes longer, before the first compilation."""
 
     def on_start(self, _event: event.Event) -> None:
         """Logs the line."""
@@ -58,7 +58,7 @@ class _FirstCompilation(event.Listener):
         event.unregister(_COMPILING, self)  # type: ignore[no-untyped-call]
 
     def on_end(self, _event: event.Event) -> None:
-        """Says nothing of the end."""
+        """Logs nothing."""
 
 
 event.register(_COMPILING, _FirstCompilation())  # type: ignore[no-untyped-call]

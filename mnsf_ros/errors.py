@@ -69,7 +69,7 @@ _EXTRAS: Final = {
 
 
 def library_missing(error: ModuleNotFoundError) -> str:
-    """Returns which library is not installed, for which Python, and what to do: one line."""
+    """Returns one line: the missing library, the Python it is missing for, and the remedy."""
     name = (error.name or str(error)).partition(".")[0]
     extra = _EXTRAS.get(name)
     remedy = (

@@ -26,7 +26,7 @@ def estimate_flow(
     settings: Settings | str = "online",
     progress: Callable[[str], None] | None = None,
 ) -> FlowEstimate:
-    """Estimates where each point of a sweep is one sweep later.
+    """Estimates the flow of a sweep: the motion of each point until the next sweep.
 
     Args:
         current: (N, 3) or wider, metres, finite: the sweep at t.
@@ -59,7 +59,7 @@ def estimate_flow(
 
 
 class StepReport:
-    """The `cancelled` of an estimate that nobody cancels: it says how far the estimate is."""
+    """A `cancelled` that never cancels, and reports the progress of the estimate."""
 
     def __init__(
         self, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic

@@ -58,14 +58,14 @@ class Batches:
 
 
 def preload(sources: Sequence[Batches], number: int, capacity: int) -> None:
-    """Draws the next batches of each source, so that `draw` needs nothing of the host.
+    """Draws the next batches of each source, so that `draw` does not need the host.
 
-    They are those that would be drawn in turn, one of each source. Later calls put theirs in the
-    same place of the device.
+    They are the same as if drawn in turn, one of each source. Later calls use the same place of
+    the device.
 
     Args:
-        sources: What to draw from; those that are whole are left as they are.
-        number: Batches of each.
+        sources: The sources; whole ones are left as they are.
+        number: Number of batches of each.
         capacity: The largest number of all calls until `unload`.
     """
     random = [source for source in sources if not source.are_whole]

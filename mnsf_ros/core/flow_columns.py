@@ -24,14 +24,14 @@ class FlowColumn:
     """One value for each point.
 
     Attributes:
-        name: Of the field in a cloud.
+        name: Name of the field in a cloud.
         dtype: Type of the values, one that a PointField can have.
-        missing: Value where there is none: of points that are not finite, and of all points if
-            the method does not know.
+        missing: Value of points that are not finite, and of all points where the method has no
+            such values.
         unit: SI; empty for numbers without one.
-        text: What it is, for the documents.
-        values: Gives the values (N,) of the points of the sweep, from the estimate and the time
-            to the next sweep in seconds; None if the method does not know them.
+        text: Description, for the documents.
+        values: From the estimate and the time to the next sweep in seconds to the values (N,) of
+            the sweep's points; None where the method has none.
     """
 
     name: str
@@ -74,7 +74,7 @@ def _lengths(motion: NDArray[np.float32], factor: np.float32) -> NDArray[np.floa
 
 
 def _rgb(estimate: FlowEstimate, interval_s: float) -> NDArray[Any] | None:
-    """Colours of the motion over ground; of the flow where nobody knows that one."""
+    """Colours of the motion over ground, or of the flow where that is unknown."""
     if interval_s <= 0:
         return None
     known = estimate.over_ground
@@ -120,7 +120,7 @@ COLOR_NAME: Final = "rgb"
 
 
 def chosen_columns(output: OutputSettings) -> tuple[FlowColumn, ...]:
-    """Returns the rows of the table that the settings ask for."""
+    """Returns the columns of the layout in the settings."""
     if output.layout == "compact":
         return tuple(column for column in FLOW_COLUMNS if column.name in _COMPACT_NAMES)
     return tuple(column for column in FLOW_COLUMNS if output.rgb or column.name != COLOR_NAME)
@@ -178,11 +178,11 @@ class ObjectColumn:
     """One value for each object.
 
     Attributes:
-        name: Of the field in a cloud.
+        name: Name of the field in a cloud.
         dtype: Type of the values, one that a PointField can have.
         unit: SI; empty for numbers without one.
-        text: What it is, for the documents.
-        value: Gives the value of an object.
+        text: Description, for the documents.
+        value: From an object to its value.
     """
 
     name: str
@@ -197,7 +197,7 @@ def _of(attribute: str, axis: int | tuple[int, int]) -> Callable[[TrackedObject]
 
 
 def _covariance_columns() -> list[ObjectColumn]:
-    """The upper triangle, row by row: what a symmetric matrix has."""
+    """The upper triangle of the symmetric matrix, row by row."""
     state = (("x", "m"), ("y", "m"), ("z", "m"), ("vx", "m/s"), ("vy", "m/s"), ("vz", "m/s"))
     pairs = itertools.combinations_with_replacement(enumerate(state), 2)
     return [

@@ -34,8 +34,8 @@ class Perceptron(nn.Module):
         """Makes a fresh network.
 
         Args:
-            settings: Number and width of the hidden layers, and whether the output is zero at
-                first, whatever the input.
+            settings: Number and width of the hidden layers, and whether the initial output is
+                zero.
             generator: Source of the start weights, on the CPU.
             num_inputs: Columns of the input.
             precision: Of the products between hidden layers.
@@ -77,7 +77,7 @@ class FlowField(Perceptron):
 class StackedFields(nn.Module):
     """K fields of one shape as one network, computed at once: (M, 3) in, (K, M, 3) out, metres.
 
-    It shares its weights with the fields: what is fitted in one is fitted in the other.
+    It shares its weights with the fields.
     """
 
     def __init__(self, fields: Sequence[FlowField]) -> None:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A sweep made ready for the estimate: its kept points, on the device, with its D."""
+"""A sweep prepared for the estimate: its kept points, on the device, with its D."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _MIN_POINTS = 10
 
 
 class PreparedSweep:
-    """What the estimate needs of one sweep. Built once, used as next, current and previous.
+    """A prepared sweep. Built once, used as next, current and previous.
 
     Attributes:
-        kept: (N,) bool, the points that fields are fitted to: those inside the crop that the
-            caller has chosen, or that are not ground.
+        kept: (N,) bool, the points that fields are fitted to: those inside the crop, chosen by
+            the caller or not ground.
         points: (M, 3) float32 on the device, metres, the kept points.
     """
 
@@ -56,10 +56,10 @@ class PreparedSweep:
 
     @cached_property
     def positions(self) -> torch.Tensor:
-        """(P, 3) where the fields are evaluated: all points, or the kept ones if chosen.
+        """(P, 3) positions at which fields are evaluated: all points, or the kept ones if chosen.
 
-        A network says nothing sensible far from what it was fitted to, so a point that was
-        cropped takes the flow of the nearest place in the box around the kept points.
+        Networks do not extrapolate, so a cropped point takes the flow of the nearest place in the
+        box around the kept points.
         """
         if self._is_chosen:
             return self.points
@@ -79,8 +79,8 @@ class PreparedSweep:
     ) -> torch.Tensor:
         """Returns the flow at `positions`, (P, 3), of a function of rows (M, C) to (M, 3).
 
-        With `field.cell_size_m` the positions in one cell have the flow of one of them; with
-        `field.rest_is_static` those that are not kept have none.
+        With `field.cell_size_m` all positions in a cell have the flow of one of them; with
+        `field.rest_is_static` points that are not kept are static.
 
         Args:
             flow_at: The function.
@@ -94,10 +94,9 @@ class PreparedSweep:
 
     @cached_property
     def _places(self) -> tuple[torch.Tensor, torch.Tensor] | None:
-        """Where functions are evaluated, None if everywhere.
+        """Rows of `positions` (Q,) at which functions are evaluated; None: all.
 
-        That is rows of `positions` (Q,), and for each position which of them has its flow (P,); Q
-        itself for those that have none.
+        And for each position the number of the row with its flow (P,); Q for static ones.
         """
         cell_size_m = self._field.cell_size_m
         rest_is_static = self._field.rest_is_static and self._is_ego_motion_removed
@@ -115,7 +114,7 @@ class PreparedSweep:
         return chosen[first], place_of
 
     def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
-        """Returns the flow at `positions` (P, 3) for all points (N, 3); NaN where not asked for."""
+        """Returns the flow at `positions` (P, 3) for all points (N, 3), NaN for those not chosen."""
         if not self._is_chosen:
             return on_host(flow)
         whole = np.full(self._xyz.shape, np.nan, dtype=np.float32)
@@ -129,7 +128,7 @@ class PreparedSweep:
 
 
 def _cells_of(positions: torch.Tensor, cell_size_m: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """A row of each cell that has positions (Q,), and the cell of each position (P,)."""
+    """The first row of each cell with positions (Q,), and the cell of each position (P,)."""
     low = positions.min(dim=0).values
     # A millimetre: the number of cells must be an int64.
     cells = ((positions - low) / max(cell_size_m, 0.001)).long()
@@ -142,14 +141,14 @@ def _cells_of(positions: torch.Tensor, cell_size_m: float) -> tuple[torch.Tensor
 
 
 class SweepPreparation:
-    """Prepares sweeps and remembers them as long as they are in the triplet at hand."""
+    """Prepares sweeps and keeps them while they are in the current triplet."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._prepared: dict[Sweep, PreparedSweep] = {}
 
     def prepare(self, *sweeps: Sweep) -> list[PreparedSweep]:
-        """The prepared sweeps, in the order given; those not among them are forgotten."""
+        """The prepared sweeps, in the order given; all others are forgotten."""
         self._prepared = {
             sweep: self._prepared.get(sweep) or PreparedSweep(sweep, self._settings)
             for sweep in sweeps

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""How much optimization each network of an estimate gets."""
+"""Number and size of the optimization steps of each network of an estimate."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from dataclasses import dataclass
 
 from mnsf_ros.settings import Settings
 
-# When the fields have to be done, as a share of the time budget; the rest is for the fusion.
+# Share of the time budget for the fields; the rest is for the fusion.
 _FIELDS_DONE = 0.8
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long to optimize one network, and with which steps.
+    """Steps of the optimization of one network.
 
     Attributes:
-        max_iterations: Steps at most.
+        max_iterations: Maximum number of steps.
         learning_rate: Step size at the start.
         decay: Whether the step size falls to zero along a cosine.
         patience: Steps without improvement before it counts as converged; 0: any number.
@@ -51,7 +51,7 @@ class Schedules:
 
     Attributes:
         settings: Iterations, steps, patience and time budget.
-        is_warm: Whether the networks were carried over, so that less is needed.
+        is_warm: Whether the networks were carried over, so that fewer steps are needed.
         cancelled: Asked before each step.
         started_s: `time.monotonic()` value at which the time budget began to run.
     """
@@ -86,7 +86,7 @@ class Schedules:
         """Of one field.
 
         Args:
-            done: When it has to be done, as a share of the time budget.
+            done: Its end as a share of the time budget.
         """
         settings = self.settings
         max_iterations = settings.optimization.max_iterations

@@ -23,7 +23,7 @@ class Learners:
 
     Attributes:
         fields: The forward field and the backward fields: to t-1, t-2 ...
-        fusion: What makes one flow of theirs.
+        fusion: The fusion of their flows.
         stack: The fields as one network, if they are to be fitted in the same steps.
     """
 

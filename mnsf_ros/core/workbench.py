@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What every method works on: the sweeps made ready, randomness, a clock, and the fits so far."""
+"""The workbench of a method: prepared sweeps, randomness, a clock, and the fits so far."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ class Workbench:
 
     Attributes:
         settings: All settings.
-        device: Where the networks and the points are.
+        device: Device of the networks and the points.
         generator: The only source of randomness, on the CPU.
-        triplet: The sweeps as they came.
+        triplet: The sweeps before their preparation.
         current: The sweep whose flow is estimated.
         next: The sweep at t+1.
-        before: The sweeps at t-1, t-2 ..., as many as were asked for.
-        rows_to_fit: (M, 3) metres, the points of the current sweep that fits may use.
+        before: The sweeps at t-1, t-2 ..., `num_before` of them.
+        rows_to_fit: (M, 3) metres, points of the current sweep for fits.
         points: The same, in batches.
         fits: Stage to result of its optimization.
-        warm_start: What the last triplet has handed on, and this one may.
-        start: Where the first weights came from.
+        warm_start: Networks carried from the last triplet to the next.
+        start: Source of the first weights.
         learners: The networks of MNSF, once it has begun.
     """
 
@@ -64,14 +64,14 @@ class Workbench:
         Args:
             triplet: At least a current and a next sweep.
             settings: All settings.
-            device: Where to work.
-            preparation: Remembers sweeps from triplet to triplet.
-            num_before: Sweeps before the current one that the method needs.
-            warm_start: Of a method that can start where the last triplet ended.
+            device: Device of the networks.
+            preparation: Keeps prepared sweeps from triplet to triplet.
+            num_before: Number of sweeps before the current one.
+            warm_start: For methods that start from the networks of the last triplet.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
-                not as many sweeps as the method needs.
+                too few sweeps for the method.
         """
         self.triplet = triplet
         self.settings = settings
@@ -96,13 +96,13 @@ class Workbench:
         return self._clock.stage(name)
 
     def batches(self, rows: torch.Tensor) -> Batches:
-        """Rows (M, C) to draw from, as the settings ask."""
+        """Batches of rows (M, C), of the size in the settings."""
         batches = Batches(rows, self.settings.optimization.batch_points, self.generator)
         self._sources.append(batches)
         return batches
 
     def sampled_points(self, sweep: PreparedSweep) -> torch.Tensor:
-        """(M, 3) metres, the points of another sweep that fits may use."""
+        """(M, 3) metres, points of another sweep for fits."""
         return self._sampled(sweep.points)
 
     def fit(
@@ -114,10 +114,10 @@ class Workbench:
         *,
         keep_best: bool | None = None,
     ) -> None:
-        """Optimizes a network in place, timed and noted under the name of the stage.
+        """Optimizes a network in place; its time and result go under the name of the stage.
 
-        With `keep_best` losses can be compared and the best weights are kept; the default is to
-        do so where `points` are whole.
+        With `keep_best` the best weights are kept; the default is to do so where `points` are
+        whole, so that losses can be compared.
 
         Raises:
             OptimizationError: If the loss is not finite.
@@ -134,7 +134,7 @@ class Workbench:
     ) -> torch.Tensor:
         """Returns the flow of a fitted network, (P, 3) finite metres.
 
-        Its input is one row for each position of the current sweep; by default the position.
+        Its input is one row for each position of the current sweep, by default the position.
 
         Raises:
             OptimizationError: If the flow is not finite.
@@ -167,7 +167,7 @@ class Workbench:
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
         """Makes the result of the flow at the positions, (P, 3) metres from t to t+1.
 
-        `distance_kind` says how distances were measured, if not by `next.distance`.
+        `distance_kind`: `grid` or `tree`, if other than that of `next.distance`.
         """
         return FlowEstimate(
             flow=self.current.whole(flow),

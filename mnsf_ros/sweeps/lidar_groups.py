@@ -36,7 +36,7 @@ class LidarGroup:
 
     @property
     def reference(self) -> ArrivedSweep:
-        """The sweep whose stamp is that of the group."""
+        """The sweep with the stamp of the group."""
         return next(iter(self.sweeps.values()))
 
 
@@ -109,7 +109,7 @@ class LidarGroups:
         return sending[0]
 
     def _is_silent(self, index: int, settings: LidarsSettings) -> bool:
-        """Whether others have sent something long after this lidar did."""
+        """Whether another lidar has sent a sweep long after the last one of this lidar."""
         heard_s = self._heard_s or [0.0]
         return max(heard_s) - heard_s[index] >= settings.max_wait_s
 
@@ -121,7 +121,7 @@ class LidarGroups:
         ]
 
     def _may_come(self, index: int, first: ArrivedSweep) -> bool:
-        """Whether a lidar may still send the sweep that is nearest to the reference's."""
+        """Whether the sweep nearest to the reference's may still arrive from a lidar."""
         queue = self._queues[index]
         return not queue or queue[-1].sweep.stamp_ns < first.sweep.stamp_ns
 

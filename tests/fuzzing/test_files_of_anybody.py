@@ -28,6 +28,7 @@ from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps_io.read_sweep import read_sweep
 from msg_utils.point_cloud2 import encode_columns
 
+pytestmark = pytest.mark.slow
 XYZ = np.arange(12, dtype=np.float32).reshape(4, 3)
 PCD = (
     "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\n"
