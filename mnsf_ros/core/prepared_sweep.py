@@ -114,7 +114,7 @@ class PreparedSweep:
         return chosen[first], place_of
 
     def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
-        """Returns the flow at `positions` (P, 3) for all points (N, 3), NaN for those not chosen."""
+        """Returns the flow (P, 3) at `positions` for all points (N, 3), NaN for others."""
         if not self._is_chosen:
             return on_host(flow)
         whole = np.full(self._xyz.shape, np.nan, dtype=np.float32)
