@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from ros_domain import reserve_domain
 
 # Read by torch when it is imported. With more threads than idle cores, small networks take 50
 # times as long, because the threads wait for each other after every layer.
@@ -126,6 +127,17 @@ def device(request):
 def generator():
     """A source of randomness with a fixed seed."""
     return pytest.importorskip("torch").Generator().manual_seed(0)
+
+
+@pytest.fixture
+def own_domain(monkeypatch, tmp_path):
+    """Everything that a test starts meets in a ROS domain of its own."""
+    domain, lock = reserve_domain()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    yield
+    lock.close()
 
 
 _DRAWN = ("band_chart", "curve_chart", "share_bars", "stage_bars")

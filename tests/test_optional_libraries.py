@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import signal
 import subprocess
 import sys
@@ -112,14 +113,10 @@ def test_a_run_is_recorded_without_torch(monkeypatch):
     assert run_record.MachineRecord.here().gpu is None
 
 
+@pytest.mark.usefixtures("own_domain")
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="needs ROS")
 class TestNode:
     """The node, which also needs rclpy."""
-
-    @pytest.fixture(autouse=True)
-    def alone(self, monkeypatch):
-        pytest.importorskip("rclpy")
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
-        monkeypatch.setenv("ROS_DOMAIN_ID", "102")
 
     def test_starts_without_torch(self):
         process = started("torch", "mnsf_ros.node.__main__")

@@ -3,39 +3,21 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
-import fcntl
-import itertools
 import os
 import tempfile
 import warnings
-from pathlib import Path
 
 import pytest
+from ros_domain import reserve_domain
 
 from mnsf_ros.node.environment import prepare_environment
 
-_NUM_DOMAINS = 101
-
-
-def _reserve_domain():
-    """A ROS domain that no other run of these tests uses, and the open file that says so."""
-    for offset in itertools.count(os.getpid()):
-        domain = 1 + offset % _NUM_DOMAINS
-        path = Path(tempfile.gettempdir(), f"mnsf_ros_test_domain_{domain}_{os.getuid()}")
-        lock = path.open("w")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-            continue
-        return domain, lock
-    raise AssertionError
-
-
 # Before anything of ROS is imported, which reads these once. The lock holds as long as the process.
-_DOMAIN, _LOCK = _reserve_domain()
+_DOMAIN, _LOCK = reserve_domain()
 _LOGS = tempfile.TemporaryDirectory(prefix="mnsf_ros_test_logs_")
+atexit.register(_LOGS.cleanup)
 os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
@@ -59,15 +41,6 @@ def ros():
     rclpy.init()
     yield
     rclpy.try_shutdown()
-
-
-@pytest.fixture
-def other_domain(monkeypatch):
-    """Lets what starts now start in a ROS domain where nothing else is."""
-    domain, lock = _reserve_domain()
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    yield
-    lock.close()
 
 
 @pytest.fixture(scope="module")

@@ -103,7 +103,7 @@ class TestOnlyCloudTopic:
     """The lidar's topic is found where there is only one."""
 
     @pytest.fixture
-    def publish(self, ros, other_domain):
+    def publish(self, ros, own_domain):
         """Advertises topics in a graph of their own; one process sees them at once."""
         context = Context()
         rclpy.init(args=[], context=context)

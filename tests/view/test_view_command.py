@@ -149,15 +149,12 @@ def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) 
     assert "pip install '.[view]'" in line
 
 
-def test_topics_of_a_node_are_handed_on_while_somebody_looks(monkeypatch, tmp_path: Path) -> None:
+def test_topics_of_a_node_are_handed_on_while_somebody_looks(own_domain: None) -> None:
     pytest.importorskip("rclpy")
     from std_msgs.msg import Float64
 
     from mnsf_ros.node.raw_topics import RawTopics
 
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
     with RawTopics("node_of_the_test") as ros:
         publisher = ros.publisher("/front/debug/processing_time_ms", "std_msgs/msg/Float64")
         with serving("--node", "/front") as url:
