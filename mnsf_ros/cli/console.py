@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What all subcommands print on."""
+"""The console of all subcommands."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import rich.console
 
 
 class Console(rich.console.Console):
-    """Prints until nobody reads it any more, as after `| head -1`; the work goes on without it."""
+    """Falls silent when its reader has left, as after `| head -1`; the work goes on."""
 
     def say(self, text: str, style: str | None = None, *, soft_wrap: bool = False) -> None:
-        """Prints a text as it is, whatever it holds; with `soft_wrap`, long lines stay whole."""
+        """Prints a text without markup; with `soft_wrap`, long lines stay whole."""
         self.print(text, style=style, markup=False, highlight=False, soft_wrap=soft_wrap)
 
     def warn(self, text: str) -> None:
@@ -21,14 +21,14 @@ class Console(rich.console.Console):
         self.say(text, "yellow")
 
     def on_broken_pipe(self) -> None:
-        """Prints nothing from now on, where rich would end the process."""
+        """Falls silent, where rich would end the process."""
         self.quiet = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
 
     def _check_buffer(self) -> None:
-        """Writes; versions of rich before 13.8, as Ubuntu 24.04 has, do not ask what to do then."""
+        """Writes; rich before 13.8 (Ubuntu 24.04) does not call `on_broken_pipe` itself."""
         try:
             super()._check_buffer()
         except BrokenPipeError:

@@ -42,7 +42,7 @@ from mnsf_ros.report.run_tables import RunTables, tables_of
 
 
 def evaluate(options: argparse.Namespace, console: Console) -> bool:
-    """Evaluates and prints; `options` are those of the command line, see `evaluate.add_to`.
+    """Evaluates and prints, by the options of the command line, see `evaluate.add_to`.
 
     Returns:
         False if a recording is damaged or has no example, if a method failed on all examples of
@@ -173,7 +173,7 @@ def _new_folder(paths: Sequence[Path]) -> Path:
 def _methods(
     options: argparse.Namespace, evaluation: EvaluationOptions, console: Console
 ) -> list[EvaluatedMethod]:
-    """The methods that are named; else those of the default whose libraries are installed."""
+    """The named methods; else the default ones whose libraries are installed."""
     ask = partial(evaluated_methods, options=evaluation, is_remote=options.ray is not None)
     if options.methods:
         return ask(_split(options.methods))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from contextlib import suppress
 from decimal import Decimal
 from pathlib import Path
 
@@ -27,9 +28,9 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "explain",
-        "say why one place was called dynamic or not",
+        "explain why one place was called dynamic or not",
         _run,
-        description="Print what the method made of the object at one place of one sweep.",
+        description="Print how the method decided about the object at one place of one sweep.",
         epilog=_EPILOG,
     )
     arguments.value("bag BAG", "recording", Path)
@@ -42,25 +43,20 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _stamp_ns(text: str) -> int:
-    try:
-        # Not a float: it has too few digits for nanoseconds since 1970.
+    # Not a float: it has too few digits for nanoseconds since 1970.
+    with suppress(ArithmeticError):
         seconds = Decimal(text)
-        is_good = 0 <= seconds < _MAX_STAMP_S
-    except ArithmeticError:
-        is_good = False
-    if not is_good:
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds since 1970")
-    return round(seconds * NANOSECONDS)
+        if 0 <= seconds < _MAX_STAMP_S:
+            return round(seconds * NANOSECONDS)
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds since 1970")
 
 
 def _place(text: str) -> tuple[float, float]:
-    try:
+    with suppress(ValueError):
         x, y = map(float, text.split(","))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres") from error
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise argparse.ArgumentTypeError(f"got {text!r}, expected two finite numbers")
-    return x, y
+        if math.isfinite(x) and math.isfinite(y):
+            return x, y
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres")
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _run)
     arguments.value("bag", "recording, of ROS 1 or ROS 2", Path)
     arguments.value("--topics TOPIC,...", "only these topics")
-    arguments.value("--rate", "speed over that of the recording", rate, 1.0)
+    arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
     arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
 

@@ -25,9 +25,9 @@ def add_to(subparsers: Subparsers) -> None:
         description="Write report.html into the folder of an evaluation, from its rows.jsonl.",
         epilog=_EPILOG,
     )
-    arguments.value("folder", "what `mnsf evaluate --out` has written", Path)
+    arguments.value("folder", "folder of `mnsf evaluate --out`", Path)
     arguments.value("--pictures N", "number of worst sweeps shown in pictures", default=3)
-    arguments.value("--method NAME", "whose worst sweeps (default: the first method)")
+    arguments.value("--method NAME", "method whose worst sweeps are shown (default: the first one)")
 
 
 def _run(options: argparse.Namespace) -> None:

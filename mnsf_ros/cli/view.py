@@ -37,7 +37,7 @@ def add_to(subparsers: Subparsers) -> None:
     )
     arguments.points()
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
-    arguments.value("--rate", "speed over that of the recording", rate, 1.0)
+    arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.flag("--loop", "start again at the end of the recording")
     arguments.value("--node", "full name of the node", default="/scene_flow")
     arguments.value(

@@ -46,7 +46,7 @@ def run_serially(
 def executor(
     num_workers: int = 1, ray_address: str | None = None, num_gpus: float = 0.0
 ) -> AbstractContextManager[Executor]:
-    """Returns what runs tasks while its context is open.
+    """Returns the executor of tasks, for as long as its context is open.
 
     Args:
         num_workers: Processes on this machine.
@@ -178,7 +178,7 @@ def _ray_cluster(ray: Any, address: str, num_gpus: float) -> Iterator[Executor]:
 
 
 def _check_nodes(nodes: Sequence[dict[str, float]], needs: dict[str, float]) -> None:
-    """Refuses tasks that would wait forever for what no node has."""
+    """Refuses tasks that no node has the resources for: they would wait forever."""
     if not any(all(node.get(key, 0.0) >= needs[key] for key in needs) for node in nodes):
         listed = ", ".join(f"{value:g} {key}" for key, value in needs.items())
         raise EvaluationError(f"no node of the Ray cluster has what a task needs: {listed}")

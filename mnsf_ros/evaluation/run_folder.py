@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-r"""The folder of a run: `run.json` (what is run), `rows.jsonl` and `tasks.jsonl` (what is done).
+r"""The folder of a run: `run.json` (its record), `rows.jsonl` and `tasks.jsonl` (its results).
 
 `rows.jsonl` has one row per line, `tasks.jsonl` one line per finished task with its number of rows.
 Both only grow while a run lasts, so that an interruption costs nothing but the line being written.
@@ -38,11 +38,11 @@ TASKS_FILE: Final = "tasks.jsonl"
 
 
 class StoppedError(EvaluationError):
-    """A run cannot go on; what is finished is kept, and `--resume` does the rest."""
+    """A run cannot go on; finished results are kept, and `--resume` does the rest."""
 
 
 class WritingError(StoppedError):
-    """A file of a run cannot be written, as on a full disk; its content is that of before."""
+    """A file of a run cannot be written, as on a full disk; the old content stays."""
 
 
 class RunFolder:
@@ -82,7 +82,7 @@ class RunFolder:
             yield self
 
     def begin(self, record: RunRecord) -> list[EvaluationTask]:
-        """Writes down what is run from now on; returns the tasks that are left to do.
+        """Writes the record of the run; returns the tasks that are left to do.
 
         A resumed run may have more recordings and methods.
 
@@ -97,7 +97,7 @@ class RunFolder:
         return self._left(record)
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
-        """The tasks that are left to do; rows that depend on those of before are removed."""
+        """The tasks that are left to do, without the rows of those that start again."""
         options, numbers = record.options, self.numbers()
         finished = self._finished(numbers)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
@@ -158,7 +158,7 @@ class RunFolder:
         return {k: one for k, one in tasks.items() if len(numbers.get(k, ())) == one.num_examples}
 
     def read_record(self) -> RunRecord:
-        """Returns what was run."""
+        """Returns the record of the run."""
         file = self.path / RUN_FILE
         if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
@@ -252,7 +252,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _writing(file: Path) -> Iterator[None]:
-    """Makes a WritingError of what goes wrong while a file or folder is written."""
+    """Makes a WritingError of an OSError while a file or folder is written."""
     try:
         yield
     except OSError as error:
