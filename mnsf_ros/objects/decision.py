@@ -1,9 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Decision of an estimate about the objects of a sweep, and its evidence."""
+"""Decision of an estimate about the objects of a sweep, its evidence, and its limits."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.visibility import Visibility
+from mnsf_ros.settings import ObjectSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +50,42 @@ class Decision:
     def doubtful(self) -> Suspects:
         """Suspects that are not called dynamic, with those beyond the limits of the work."""
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
+
+
+# A motion is accepted if it is long enough over ground,
+_MIN_MOTION_M: Final = 0.02
+# if it explains the object well,
+_MAX_COST_M: Final = 0.25
+# if it is nearly horizontal,
+_MAX_CLIMB_M: Final = 0.25
+# and if it is not faster than the fastest objects by more than its own error: fits go on from where
+# the search ends.
+_MAX_OVER: Final = 1.2
+# Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
+_TENTATIVE: Final = 2.0
+
+
+def moves(
+    standing: JudgedMotions,
+    moving: JudgedMotions,
+    scores: NDArray[np.float64],
+    interval_s: float,
+    settings: ObjectSettings,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Returns masks (K,) of objects that may move, and of those called dynamic.
+
+    Args:
+        standing: How well K objects are explained as static.
+        moving: How well their motions explain them.
+        scores: (K,) logarithm of the odds that they move, see `moving_scores`.
+        interval_s: Time to the next sweep.
+        settings: Settings of the objects.
+    """
+    lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
+    may_move = moving.total < settings.max_unexplained * standing.total
+    may_move &= (lengths > _MIN_MOTION_M) & (moving.cost < _MAX_COST_M)
+    may_move &= lengths < _MAX_OVER * settings.max_speed_m_s * interval_s
+    may_move &= np.abs(moving.motions[:, 2]) < _MAX_CLIMB_M
+    odds = settings.min_probability / (1 - settings.min_probability)
+    is_clear = may_move & (scores > np.log(odds))
+    return may_move & (scores > np.log(odds) - _TENTATIVE), is_clear

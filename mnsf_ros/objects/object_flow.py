@@ -13,7 +13,7 @@ from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError
-from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.decision import Decision, moves
 from mnsf_ros.objects.evidence import evidence, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
@@ -29,7 +29,6 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
-from mnsf_ros.objects.static_gate import moves
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.objects.visibility import Visibility

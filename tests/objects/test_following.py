@@ -11,9 +11,8 @@ from small_scenes import rows, surface
 
 from mnsf_ros.objects.following import alive, follow
 from mnsf_ros.objects.motion_fusion import JudgedMotions
-from mnsf_ros.objects.mover_groups import mover_groups
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.sightings import Sightings
+from mnsf_ros.objects.sightings import Sightings, mover_groups
 from mnsf_ros.objects.tracks import Tracks
 
 INTERVAL_S = 0.1
