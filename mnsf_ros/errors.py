@@ -47,10 +47,6 @@ class RecordingError(MnsfError):
     """A recording is missing, damaged, or lacks the requested data."""
 
 
-class NoIndexError(RecordingError):
-    """A recording has no index to read it by, but may be whole: it can be read front to end."""
-
-
 class DatasetError(MnsfError):
     """Files of a data set are missing, damaged, or laid out in another way."""
 

@@ -12,8 +12,7 @@ from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.recording.bag_files import fingerprint, storage_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.recording.inspected import Inspection
-from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.recording.inspection import Inspection, inspect_recording
 from mnsf_ros.setting import SettingValue
 
 

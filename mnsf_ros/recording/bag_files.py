@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Which files make up the recording at a path, and whether two of them are the same one."""
+"""The files of the recording at a path, and the identity of a recording."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 METADATA_NAME: Final = "metadata.yaml"
 MCAP: Final = ".mcap"
 ROS1: Final = ".bag"
-SUFFIXES: Final = (MCAP, ".db3", ROS1)
 COMPRESSED: Final = ".zstd"
+SUFFIXES: Final = (MCAP, ".db3", ROS1)
 _EXPECTED: Final = "a rosbag2 folder, or a .mcap, .db3 or .bag file"
 # Files of up to 4 MiB are read as a whole. Of larger ones so many parts, from the first bytes to
 # the last: another recording of the same size differs nearly everywhere.
@@ -32,51 +32,37 @@ def stored_files(path: Path) -> list[Path]:
         OSError: The folder cannot be read.
     """
     entries = sorted(path.iterdir()) if path.is_dir() else [path]
-    stored = [entry for entry in entries if entry.suffix in (*SUFFIXES, COMPRESSED)]
+    stored = [entry for entry in entries if kind_of(entry) in SUFFIXES]
     copies = {entry.with_suffix("") for entry in stored if entry.suffix == COMPRESSED}
     return [entry for entry in stored if entry not in copies]
 
 
-def plain_files(path: Path, suffix: str) -> list[Path]:
-    """Returns the files with messages at a path if all of them are of one kind, else none."""
-    try:
-        files = stored_files(path)
-        return files if all(f.suffix == suffix and f.is_file() for f in files) else []
-    except OSError:
-        return []
+def kind_of(file: Path) -> str:
+    """Returns the suffix that tells the format of a file, also of one compressed as a whole."""
+    return (file.with_suffix("") if file.suffix == COMPRESSED else file).suffix
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Returns what to open for a recording: its folder if there is a metadata.yaml, else its files.
+    """Returns the files with messages at a path, for a recording without a metadata.yaml.
 
     Raises:
-        RecordingError: There is no recording, or something in it is not a regular file.
+        RecordingError: There is no recording, or the files are of several kinds.
     """
     try:
         if not path.exists():
             raise RecordingError(f"{path}: no such file or folder; expected {_EXPECTED}")
-        if not path.is_dir() and path.suffix not in SUFFIXES:
+        files = stored_files(path)
+        if not files and not path.is_dir():
             raise RecordingError(f"{path}: is not a recording; expected {_EXPECTED}")
-        # To open a named pipe would take for ever.
-        for entry in path.iterdir() if path.is_dir() else [path]:
-            if entry.exists() and not (entry.is_file() or entry.is_dir()):
-                raise RecordingError(f"{path}: {entry.name!r} is not a regular file")
-        has_metadata = (path / METADATA_NAME).exists()
-        return [path] if has_metadata or path.is_file() else _files_of_folder(path)
+        if not files:
+            raise RecordingError(f"{path}: holds no recording; {_content(sorted(path.iterdir()))}")
     except OSError as error:
         raise RecordingError(f"{path}: cannot be opened: {error.strerror}") from error
-
-
-def _files_of_folder(folder: Path) -> list[Path]:
-    entries = sorted(folder.iterdir())
-    files = [entry for entry in entries if entry.suffix in SUFFIXES and entry.is_file()]
-    kinds = sorted({file.suffix for file in files})
+    kinds = sorted({kind_of(file) for file in files})
     if len(kinds) > 1:
         raise RecordingError(
-            f"{folder}: holds {' and '.join(kinds)} files but no {METADATA_NAME}; name one file"
+            f"{path}: holds {' and '.join(kinds)} files but no {METADATA_NAME}; name one file"
         )
-    if not files:
-        raise RecordingError(f"{folder}: holds no recording; {_content(entries)}")
     return files
 
 
@@ -105,9 +91,9 @@ def storage_files(path: Path) -> list[Path]:
 
 
 def fingerprint(path: Path) -> dict[str, Any]:
-    """Returns what tells a recording from others wherever it lies, ready for JSON.
+    """Returns the identity of a recording wherever it lies, ready for JSON.
 
-    That is the size of its files with messages and a hash of parts of them; `metadata.yaml` may
+    It is the size of its files with messages and a hash of parts of them; `metadata.yaml` may
     be written again.
 
     Raises:

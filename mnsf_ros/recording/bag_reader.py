@@ -3,109 +3,108 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+from tempfile import TemporaryDirectory
+from typing import Any, Protocol, TypeAlias, TypeVar
 
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection, ConnectionExtRosbag1, QosDurability
-from rosbags.rosbag1 import Reader as Ros1Reader
-from rosbags.rosbag2.reader import DirectoryReader
-from rosbags.rosbag2.reader import Reader as Ros2Reader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-from rosbags.typesys import Stores, get_typestore
-
-from mnsf_ros.decompression import FileBudget, decompress
-from mnsf_ros.errors import NoIndexError, RecordingError
-from mnsf_ros.recording.bag_files import METADATA_NAME, recording_files
-from mnsf_ros.recording.bag_topics import TopicSummary, find_topic, known_topic
-from mnsf_ros.recording.damage import UNREADABLE, Damage, reason, unfit_counts, unfit_database
-from mnsf_ros.recording.metadata import read_metadata
-from mnsf_ros.recording.ros1_chunks import keep_last_chunks
-from mnsf_ros.recording.ros1_messages import cdr_from_ros1
-from mnsf_ros.recording.rosbags_limits import limit_rosbags, next_within
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_files import COMPRESSED, MCAP, METADATA_NAME, ROS1, recording_files
+from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, find_topic, known_topic
+from mnsf_ros.recording.compression import expand_file, expanded_message
+from mnsf_ros.recording.damage import UNREADABLE, Damage, unfit_counts
+from mnsf_ros.recording.mcap_file import McapFile
+from mnsf_ros.recording.metadata import Metadata, read_metadata
+from mnsf_ros.recording.ros1_file import Ros1File, jazzy
+from mnsf_ros.recording.sqlite_file import SqliteFile
 
 Converted = TypeVar("Converted")
 # A message with its receive time in nanoseconds, or why some may be missing.
 Readable: TypeAlias = "tuple[int, Converted] | Damage"
-
-limit_rosbags()
-# What every zstd frame begins with. A ROS 2 message begins with a zero byte, so the bytes tell
-# for themselves, also in a file that has lost the metadata.yaml which says so.
-_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+# Called with the number of bytes read and that of all.
+Watch: TypeAlias = Callable[[int, int], None]
 
 
-class StoredMessage(NamedTuple):
-    """A message as it is stored.
+class StorageFile(Protocol):
+    """A file with messages. Each scan opens it anew, so scans do not disturb each other.
 
     Attributes:
-        topic: Name of the topic.
-        msgtype: For example `sensor_msgs/msg/PointCloud2`, empty if unknown.
-        received_ns: Receive time in nanoseconds.
-        raw: The serialized message.
-        file: The file or folder that it is in.
-        offset: Where its record, or that of its chunk, begins in the file; None if unknown.
-        is_verified: Whether a checksum says that it is what was written.
-        is_latched: Whether its topic is, see `TopicSummary`; only salvaged messages say so.
+        topics: Topic to its summary, of what is serialized as ROS 2 does.
+        first_ns: Receive time of the first message; infinite if there is none.
+        has_checksums: Whether flipped bits in the file are noticed.
+        damages: What cannot be read, as far as it is known before messages are read.
     """
 
-    topic: str
-    msgtype: str
-    received_ns: int
-    raw: bytes
-    file: Path
-    offset: int | None = None
-    is_verified: bool = False
-    is_latched: bool = False
+    topics: dict[str, TopicSummary]
+    first_ns: float
+    has_checksums: bool
+    damages: list[Damage]
+
+    def messages(self, topic: str, start_ns: float, stop_ns: float) -> Iterator[Readable[bytes]]:
+        """Yields receive time and CDR bytes of the messages in a time range, or a Damage."""
 
 
 class BagReader:
-    """An open recording; use it as a context manager, from one thread.
+    """An open recording; use it as a context manager.
 
-    Messages come in the order they were received when recording. That is not always the order
-    of their header stamps, and the receive time is no measurement time: go by header stamps.
-
-    Each scan may expand to as much as a `FileBudget` of all files allows, and ends there.
+    Messages come in the order of the files, each file in the order of recording. That is not
+    always the order of their header stamps, and the receive time is no measurement time: go by
+    header stamps.
 
     Attributes:
         path: The folder or file that was given.
-        topics: Topic name -> what it holds.
+        topics: Topic name to what it holds.
+        damages: What cannot be read, as far as opening shows; `readable_messages` finds the rest.
+        has_checksums: Whether flipped bits in messages are noticed.
     """
 
-    def __init__(self, path: Path | str) -> None:
-        """Names the recording; nothing is opened before `with`."""
+    def __init__(self, path: Path | str, watch: Watch | None = None) -> None:
+        """Names the recording; nothing is opened before `with`.
+
+        `watch` is told the progress where files without an index are read from front to end.
+        """
         self.path = Path(path)
         self.topics: dict[str, TopicSummary] = {}
-        self._source: AnyReader | None = None
-        self._are_compressed = False
+        self.damages: tuple[Damage, ...] = ()
+        self.has_checksums = False
+        self._watch = watch
+        self._files: list[StorageFile] = []
+        self._stack = ExitStack()
 
     def __enter__(self) -> BagReader:
         """Opens the recording.
 
         Raises:
-            NoIndexError: It may be whole, but cannot be read by an index.
-            RecordingError: It is missing, damaged, empty or not a recording at all.
+            RecordingError: It is missing, empty or not a recording, or nothing of it can be read.
         """
-        self._source = self._open_source()
-        try:
-            self.topics = _summaries(self.path, self._source)
-        except BaseException:
-            self.close()
-            raise
+        with ExitStack() as stack:
+            metadata, damages = _metadata_of(self.path)
+            paths = recording_files(self.path) if metadata is None else metadata.files
+            self._files, unreadable = _opened(paths, stack, self._watch)
+            damages += [*unreadable, *chain(*(one.damages for one in self._files))]
+            if not self._files:
+                raise damages[0].error()
+            topics: dict[str, TopicSummary] = {}
+            for name, summary in chain(*(one.topics.items() for one in self._files)):
+                add_topic(topics, name, summary)
+            self.topics = dict(sorted(topics.items()))
+            counts = {topic: summary.count for topic, summary in self.topics.items()}
+            if not any(counts.values()):
+                causes = map(str, (f"{self.path}: holds no messages", *damages[:1]))
+                raise RecordingError("; ".join(causes))
+            if metadata is not None:
+                damages += unfit_counts(self.path / METADATA_NAME, metadata.counts, counts)
+            self.damages = tuple(damages)
+            self.has_checksums = all(one.has_checksums for one in self._files)
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Closes the recording."""
-        self.close()
-
-    def close(self) -> None:
-        """Closes the recording; closing twice does nothing."""
-        source, self._source = self._source, None
-        if source is not None:
-            source.close()
+        self._files = []
+        self._stack.close()
 
     def find_topic(self, name: str | None, msgtype: str) -> str:
         """Returns `name` if it has messages of this type, or if None the only topic that has.
@@ -115,19 +114,6 @@ class BagReader:
                 several to choose from.
         """
         return find_topic(self.path, self.topics, name, msgtype)
-
-    def contradictions(self) -> tuple[Damage, ...]:
-        """Returns where the files do not fit metadata.yaml, or a database its own indexes."""
-        source = self._opened()
-        promised: Counter[str] = Counter()
-        for connection in source.connections:
-            promised[connection.topic] += connection.msgcount
-        found = {topic: summary.count for topic, summary in self.topics.items()}
-        damages = list(unfit_counts(self.path / METADATA_NAME, promised, found))
-        for storage in _storages(source):
-            if isinstance(storage, Sqlite3Reader) and storage.dbconn is not None:
-                damages += unfit_database(str(storage.path), storage.dbconn)
-        return tuple(damages)
 
     def messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
@@ -143,8 +129,8 @@ class BagReader:
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[tuple[int, Any]]:
         """Returns receive time in nanoseconds and message of each message, see `messages`."""
-        known_topic(self.path, self.topics, topic)
-        return self._whole(self._converted(topic, start_ns, stop_ns, self._deserialized))
+        convert = self._decoder(topic)
+        return self._undamaged(self._converted(topic, start_ns, stop_ns, convert))
 
     def raw_messages(
         self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
@@ -154,10 +140,11 @@ class BagReader:
         Only those are returned that were received from `start_ns` on and before `stop_ns`.
 
         Raises:
-            RecordingError: The topic is unknown (at once), or damage is met on the way.
+            RecordingError: The topic is unknown (at once), or damage is met that opening the
+                recording has not shown.
         """
         known_topic(self.path, self.topics, topic)
-        return self._whole(self._converted(topic, start_ns, stop_ns, self._serialized))
+        return self._undamaged(self._converted(topic, start_ns, stop_ns, expanded_message))
 
     def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
         """Returns receive time in nanoseconds and message of all messages that can be read.
@@ -167,181 +154,88 @@ class BagReader:
         Raises:
             RecordingError: The topic is unknown.
         """
-        known_topic(self.path, self.topics, topic)
-        return self._converted(topic, None, None, self._deserialized)
+        return self._converted(topic, None, None, self._decoder(topic))
 
-    def _whole(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
+    def _decoder(self, topic: str) -> Callable[[bytes], Any]:
+        msgtype = known_topic(self.path, self.topics, topic).msgtype
+        return lambda raw: jazzy().deserialize_cdr(expanded_message(raw), msgtype)
+
+    def _undamaged(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         for item in found:
-            if isinstance(item, Damage):
-                raise RecordingError(str(item))
-            yield item
+            if not isinstance(item, Damage):
+                yield item
+            elif item not in self.damages:
+                raise item.error()
 
     def _converted(
         self,
         topic: str,
         start_ns: int | None,
         stop_ns: int | None,
-        convert: Callable[[bytes, str, FileBudget], Converted],
+        convert: Callable[[bytes], Converted],
     ) -> Iterator[Readable[Converted]]:
-        number = 0
-        budget = FileBudget(sum(map(_num_bytes, self._opened_files())), "the recording")
-        for item in self._stored(topic, start_ns, stop_ns, budget):
+        if not self._files:
+            raise RecordingError(f"{self.path}: is not open")
+        start = float("-inf") if start_ns is None else start_ns
+        stop = float("inf") if stop_ns is None else stop_ns
+        number, is_damaged = 0, False
+        for item in chain.from_iterable(one.messages(topic, start, stop) for one in self._files):
             if isinstance(item, Damage):
+                is_damaged = True
                 yield item
                 continue
-            try:
-                converted = convert(item.raw, item.msgtype, budget)
-            except UNREADABLE as error:
-                where = "" if item.offset is None else f"byte {item.offset}"
-                yield _damage(item.file, where, number, topic, error)
-                if budget.is_spent:
-                    return
-            else:
-                yield item.received_ns, converted
-                number += 1
-
-    def _stored(
-        self, topic: str, start_ns: int | None, stop_ns: int | None, budget: FileBudget
-    ) -> Iterator[StoredMessage | Damage]:
-        """Yields what is stored; only calls into rosbags are guarded."""
-        number = 0
-        source = self._opened()
-        connections = [c for c in source.connections if c.topic == topic]
-        scan = source.messages(connections, start_ns, stop_ns)
-        while True:
-            try:
-                found = next_within(budget, scan)
-            except UNREADABLE as error:
-                yield _damage(self.path, "", number, topic, error)
-                return
-            if found is None:
-                break
-            connection, received_ns, raw = found
-            yield StoredMessage(topic, connection.msgtype, received_ns, raw, self.path)
             number += 1
+            received_ns, raw = item
+            try:
+                converted = convert(raw)
+            except UNREADABLE as error:
+                text = f"message {number} on {topic!r} cannot be read"
+                yield Damage.of(self.path, "", error, text)
+            else:
+                yield received_ns, converted
         expected = self.topics[topic].count
-        if start_ns is None and stop_ns is None and number != expected:
-            text = (
-                f"{number} of {expected} messages on {topic!r} could be read: its index or "
-                "metadata.yaml does not fit its content"
-            )
+        if start_ns is stop_ns is None and number != expected and not is_damaged:
+            text = f"{number} of {expected} messages on {topic!r} were found"
             yield Damage(str(self.path), "", text)
 
-    def _deserialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> Any:  # noqa: ANN401
-        source = self._opened()
-        return source.deserialize(self._decompressed(raw, budget) if source.is2 else raw, msgtype)
 
-    def _serialized(self, raw: bytes, msgtype: str, budget: FileBudget) -> bytes:
-        source = self._opened()
-        if source.is2:
-            return self._decompressed(raw, budget)
-        return cdr_from_ros1(raw, msgtype, source.typestore)
-
-    def _decompressed(self, raw: bytes, budget: FileBudget) -> bytes:
-        if self._are_compressed:
-            return decompress("zstd", raw, budget=budget)
-        return decompressed(raw, budget)
-
-    def _opened_files(self) -> Sequence[Path]:
-        """The files that are read; of compressed ones their decompressed copies."""
-        return [storage.path for storage in _storages(self._opened())]
-
-    def _opened(self) -> AnyReader:
-        if self._source is None:
-            raise RecordingError(f"{self.path}: is not open")
-        return self._source
-
-    def _open_source(self) -> AnyReader:
-        files = recording_files(self.path)
-        if files == [self.path] and self.path.is_dir():
-            read_metadata(self.path)
-        try:
-            # Bags of older ROS versions come without type definitions: then these are used.
-            source = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
-            source.open()
-        except NoIndexError as error:
-            raise NoIndexError(f"{self.path}: cannot be read: {error}") from error
-        except UNREADABLE as error:
-            raise RecordingError(f"{self.path}: cannot be read: {reason(error)}") from error
-        for reader in source.readers:
-            if isinstance(reader, Ros1Reader):
-                keep_last_chunks(reader)
-                continue
-            storage = reader.storage
-            if isinstance(storage, DirectoryReader):
-                self._are_compressed = storage.metadata.compression_mode == "message"
-                # Messages come as they are stored: rosbags gives up after the first damaged one.
-                storage.metadata = storage.metadata._replace(compression_mode=None)
-                # rosbags reads the files as metadata.yaml lists them.
-                storage.storages.sort(key=lambda file: file.metadata.start_time)
-        return source
-
-
-def _num_bytes(file: Path) -> int:
+def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:
+    """What metadata.yaml says; one that cannot be read costs nothing but its promises."""
     try:
-        return file.stat().st_size
-    except OSError:
-        return 0
+        return read_metadata(path), []
+    except UNREADABLE as error:
+        return None, [Damage.of(path / METADATA_NAME, "", error, "cannot be read")]
 
 
-def _damage(file: Path, where: str, number: int, topic: str, error: Exception) -> Damage:
-    text = f"damaged after {number} good messages on {topic!r}: {reason(error)}"
-    return Damage(str(file), where, text)
+def _opened(
+    paths: list[Path], stack: ExitStack, watch: Watch | None
+) -> tuple[list[StorageFile], list[Damage]]:
+    """The files in the order of time, and which cannot be opened."""
+    files: list[StorageFile] = []
+    damages = []
+    total, done = sum(path.stat().st_size for path in paths if path.is_file()), 0
+
+    def read(num_bytes: int) -> None:
+        if watch is not None:
+            watch(done + num_bytes, total)
+
+    for path in paths:
+        try:
+            files.append(_storage(path, stack, read))
+            done += path.stat().st_size
+        except UNREADABLE as error:
+            damages.append(Damage.of(path, "", error, "cannot be read"))
+    return sorted(files, key=lambda one: one.first_ns), damages
 
 
-def decompressed(raw: bytes, budget: FileBudget) -> bytes:
-    """Returns a ROS 2 message as it was before it was compressed by itself, if it was.
-
-    Raises:
-        DecompressionError: It is damaged, or expands to more than any cloud has, or than is left
-            of the budget.
-    """
-    if raw[: len(_ZSTD_MAGIC)] != _ZSTD_MAGIC:
-        return raw
-    return decompress("zstd", raw, budget=budget)
-
-
-def _summaries(path: Path, source: AnyReader) -> dict[str, TopicSummary]:
-    """Returns topic name -> summary of an open recording, sorted by name.
-
-    The counts are those of the storage files: a metadata.yaml may promise something else.
-    """
-    counts: Counter[str] = Counter()
-    for storage in _storages(source):
-        for connection in storage.connections:
-            counts[connection.topic] += connection.msgcount
-    types: dict[str, set[str]] = {}
-    for connection in source.connections:
-        types.setdefault(connection.topic, set()).add(connection.msgtype)
-    hidden = sorted(topic for topic in counts if counts[topic] and topic not in types)
-    if hidden:
-        raise RecordingError(
-            f"{path}: its metadata.yaml does not list {', '.join(hidden)}, which its files hold; "
-            "delete metadata.yaml to read them without it"
-        )
-    if not any(counts.values()):
-        raise RecordingError(f"{path}: holds no messages")
-    latched = {connection.topic for connection in source.connections if _is_latched(connection)}
-    return {
-        topic: TopicSummary(" and ".join(sorted(types[topic])), counts[topic], topic in latched)
-        for topic in sorted(types)
-    }
-
-
-def _is_latched(connection: Connection) -> bool:
-    extension = connection.ext
-    if isinstance(extension, ConnectionExtRosbag1):
-        return bool(extension.latching)
-    return any(
-        profile.durability is QosDurability.TRANSIENT_LOCAL
-        for profile in extension.offered_qos_profiles
-    )
-
-
-def _storages(source: AnyReader) -> list[Any]:
-    """Returns the readers of the single files."""
-    storages: list[Any] = []
-    for reader in source.readers:
-        storage = reader.storage if isinstance(reader, Ros2Reader) else reader
-        storages += storage.storages if isinstance(storage, DirectoryReader) else [storage]
-    return storages
+def _storage(path: Path, stack: ExitStack, watch: Callable[[int], None]) -> StorageFile:
+    # To open a named pipe would take for ever.
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path.name!r} is not a regular file")
+    if path.suffix == COMPRESSED:
+        plain = Path(stack.enter_context(TemporaryDirectory()), path.stem)
+        expand_file(path, plain)
+        path = plain
+    if path.suffix == MCAP:
+        return McapFile(path, watch)
+    return Ros1File(path) if path.suffix == ROS1 else SqliteFile(path)

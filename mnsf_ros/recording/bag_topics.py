@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The topics of a recording: their usual names and types, and which of them are used.
+"""The topics of a recording: their usual names and types, and the choice among them.
 
 `docs/recordings.md` explains them.
 """
@@ -30,7 +30,7 @@ _LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b
 
 
 def has_latched_profile(profiles: str) -> bool:
-    """Whether a publisher is latched, by the QoS profiles of all that a recorder has seen.
+    """Whether a publisher is latched, by the QoS profiles of all publishers.
 
     They are YAML, but a hundred kilobytes of that take seconds to parse.
     """
@@ -39,7 +39,7 @@ def has_latched_profile(profiles: str) -> bool:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """What a topic of a recording holds.
+    """Content of a topic of a recording.
 
     Attributes:
         msgtype: For example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags.
@@ -52,9 +52,16 @@ class TopicSummary:
     is_latched: bool = False
 
 
+def add_topic(topics: dict[str, TopicSummary], name: str, found: TopicSummary) -> None:
+    """Adds the content of a file, or of a part of it, to that of the topic in others."""
+    known = topics.get(name, TopicSummary(found.msgtype, 0))
+    is_latched = known.is_latched or found.is_latched
+    topics[name] = TopicSummary(known.msgtype, known.count + found.count, is_latched)
+
+
 @dataclass(frozen=True)
 class UsedTopics:
-    """The topics of a recording that are used: the sweeps, their truth, the sensor's poses."""
+    """Topics of a recording to use: the sweeps, their truth, the sensor's poses."""
 
     points: str
     truth: str | None
@@ -68,7 +75,7 @@ def used_topics(
     truth: str | None = None,
     odometry: str | None = None,
 ) -> UsedTopics:
-    """Returns which topics of a recording to use: those named, else the usual ones.
+    """Returns the topics of a recording to use: those named, else the usual ones.
 
     Points may also be the only topic of that type.
 

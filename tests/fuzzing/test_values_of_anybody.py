@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from mnsf_ros.errors import RecordingError, SettingsError
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.recording.damage import UNREADABLE
 from mnsf_ros.recording.metadata import read_metadata
 from mnsf_ros.settings import Settings, declared_settings
 
@@ -63,12 +65,10 @@ def folder(tmp_path_factory):
 
 
 def check(folder, text):
+    """Whatever metadata.yaml holds, it is read or raises what the reader of recordings expects."""
     (folder / "metadata.yaml").write_bytes(text)
-    try:
+    with suppress(*UNREADABLE):
         read_metadata(folder)
-    except RecordingError as error:
-        assert "\n" not in str(error)
-        assert "metadata.yaml: cannot be read: " in str(error)
 
 
 @given(st.dictionaries(st.sampled_from(KEYS), ANYTHING, max_size=3))

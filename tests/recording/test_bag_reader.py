@@ -1,9 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 import tiny_bags
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.interfaces import (
     Qos,
@@ -18,7 +21,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import get_types_from_msg
 
-from mnsf_ros.errors import NoIndexError, RecordingError
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -62,6 +65,11 @@ KINDS = {
     "two mcap files": lambda p: split(p / "bag"),
     "mcap file": lambda p: tiny_bags.write_mcap(p / "bag") / "bag.mcap",
     "sqlite file": lambda p: tiny_bags.write_sqlite(p / "bag") / "bag.db3",
+    "zstd file without metadata": lambda p: next(
+        tiny_bags.write_mcap(p / "bag", mode=CompressionMode.FILE).glob("*.zstd")
+    ),
+    "mcap file with checksums": lambda p: tiny_bags.write_checked_mcap(p / "bag.mcap"),
+    "mcap file, lz4": lambda p: tiny_bags.write_checked_mcap(p / "bag.mcap", CompressionType.LZ4),
     "unindexed mcap file": lambda p: tiny_bags.write_unindexed_mcap(p / "bag.mcap"),
     "unindexed mcap file with a summary": lambda p: tiny_bags.write_unindexed_mcap(
         p / "bag.mcap", has_summary=True
@@ -70,14 +78,15 @@ KINDS = {
 }
 
 
-@pytest.fixture(params=KINDS)
-def recording(request, tmp_path):
-    return KINDS[request.param](tmp_path)
+@pytest.fixture(scope="module", params=KINDS)
+def recording(request, tmp_path_factory):
+    return KINDS[request.param](tmp_path_factory.mktemp("recordings"))
 
 
 def test_every_kind_gives_the_same_clouds(recording):
     with open_recording(str(recording), pytest.fail) as reader:
         assert reader.topics == {"/points": TopicSummary(CLOUD_TYPE, tiny_bags.NUM_CLOUDS)}
+        assert reader.damages == ()
         assert reader.find_topic(None, CLOUD_TYPE) == "/points"
         assert reader.find_topic("/points", CLOUD_TYPE) == "/points"
         messages = list(reader.messages("/points"))
@@ -113,14 +122,6 @@ def test_scans_do_not_disturb_each_other(recording):
             seen.append(next(slow)[1])
             assert len(list(reader.raw_messages("/points"))) == tiny_bags.NUM_CLOUDS
         assert seen == [bytes(tiny_bags.cdr(index)) for index in range(tiny_bags.NUM_CLOUDS)]
-
-
-@pytest.mark.parametrize("has_summary", [False, True])
-def test_file_without_an_index_is_not_scanned(tmp_path, has_summary):
-    """That would take as long as to read all of it, and each scan would disturb the others."""
-    file = tiny_bags.write_unindexed_mcap(tmp_path / "bag.mcap", has_summary=has_summary)
-    with pytest.raises(NoIndexError, match="cannot be read: a file has no index"):
-        BagReader(file).__enter__()
 
 
 def test_file_without_messages_needs_no_index(tmp_path):
@@ -162,10 +163,11 @@ def test_ros_1_type_without_equal_has_no_ros_2_bytes(tmp_path):
             "/battery", "my_msgs/msg/Battery", typestore=tiny_bags.NOETIC
         )
         writer.write(connection, 1, b"\x2a")
-    with BagReader(tmp_path / "bag.bag") as reader:
-        assert [message.level for message in reader.messages("/battery")] == [42]
-        with pytest.raises(RecordingError, match="my_msgs/msg/Battery has no equal in ROS 2"):
-            next(reader.raw_messages("/battery"))
+    with (
+        BagReader(tmp_path / "bag.bag") as reader,
+        pytest.raises(RecordingError, match="my_msgs/msg/Battery has no equal in ROS 2"),
+    ):
+        next(reader.raw_messages("/battery"))
 
 
 def two_topics(path):
@@ -206,24 +208,15 @@ def test_unknown_topic_is_refused_before_reading(tmp_path):
             reader.raw_messages("/left")
 
 
-def latched_qos():
-    off = QosTime(0, 0)
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL,
-        off,
-        off,
-        QosLiveliness.AUTOMATIC,
-        off,
-        False,
-    )
+LATCHED = Qos(
+    *(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL),
+    *(QosTime(0, 0), QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False),
+)
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_latched_topics_are_known(tmp_path, plugin):
-    names = {"/plain": [], "/latched": [latched_qos()]}
+    names = {"/plain": [], "/latched": [LATCHED]}
     with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=plugin) as writer:
         for name, profiles in names.items():
             connection = writer.add_connection(
@@ -245,3 +238,52 @@ def test_latched_topics_of_ros_1_are_known(tmp_path):
     with BagReader(tmp_path / "bag.bag") as reader:
         latched = {name: summary.is_latched for name, summary in reader.topics.items()}
     assert latched == {"/plain": False, "/latched": True}
+
+
+@pytest.mark.parametrize("durability", ["1", "transient_local", "2"])
+def test_latched_topics_are_known_without_an_index(tmp_path, durability):
+    metadata = {"offered_qos_profiles": f"- history: 3\n  durability: {durability}\n"}
+    file = tiny_bags.write_unindexed_mcap(tmp_path / "bag.mcap", metadata=metadata)
+    with BagReader(file) as reader:
+        assert reader.topics["/points"].is_latched == (durability != "2")
+
+
+def test_mcap_of_another_recorder(tmp_path):
+    """Its profile is not that of ROS 2, and a topic is not serialized as ROS 2 does."""
+    with (tmp_path / "log.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start("", "some other recorder")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", b"")
+        writer.add_message(writer.register_channel("/notes", "json", 0), 1, b"{}", 1)
+        channel = writer.register_channel("/points", "cdr", schema)
+        writer.add_message(channel, 1, bytes(tiny_bags.cdr(0)), 1)
+        writer.finish()
+    with BagReader(tmp_path / "log.mcap") as reader:
+        assert list(reader.topics) == ["/points"]
+        assert len(list(reader.messages("/points"))) == 1
+
+
+def test_clouds_keep_the_order_of_the_file_where_the_clock_of_the_recorder_jumped_back(tmp_path):
+    order = [0, 1, 2, 6, 7, 8, 9, 3, 4, 5]
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", chunk_size=10_000, order=order)
+    with BagReader(file) as reader:
+        assert [tiny_bags.index_of(item) for item in reader.received_messages("/points")] == order
+
+
+def test_files_are_read_in_the_order_of_time_whatever_metadata_says(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", indices=range(5, 10))
+    tiny_bags.write_mcap(tmp_path / "b", indices=range(5))
+    (tmp_path / "b" / "b.mcap").rename(bag / "z.mcap")
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("- bag.mcap", "- bag.mcap\n  - z.mcap"))
+    with BagReader(bag) as reader:
+        found = [tiny_bags.index_of(item) for item in reader.received_messages("/points")]
+    assert found == list(range(10))
+
+
+def test_files_that_do_not_belong_to_the_recording_are_left_alone(tmp_path):
+    bag = tiny_bags.write_mcap(tmp_path / "bag")
+    shutil.copy(bag / "bag.mcap", bag / "bag_copy.mcap")
+    with BagReader(bag) as reader:
+        assert reader.topics["/points"].count == tiny_bags.NUM_CLOUDS
+        assert reader.damages == ()

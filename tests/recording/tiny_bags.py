@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from msg_utils.point_cloud2 import encode_columns
+from msg_utils.stamps import decode_stamp
 
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
 NOETIC = get_typestore(Stores.ROS1_NOETIC)
@@ -99,3 +100,33 @@ def write_unindexed_mcap(path, *, has_summary=False, metadata=None):
             writer.add_message(channel, time, bytes(cdr(index)), time)
         writer.finish()
     return path
+
+
+def write_checked_mcap(
+    path,
+    compression=CompressionType.ZSTD,
+    size=50,
+    chunk_size=1,
+    *,
+    order=range(NUM_CLOUDS),
+):
+    """An mcap file as rosbag2 writes it: chunks with checksums, by default one for each cloud."""
+    definition, _ = JAZZY.generate_msgdef(CLOUD_TYPE, ros_version=2)
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=chunk_size, compression=compression)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(CLOUD_TYPE, "ros2msg", definition.encode())
+        channel = writer.register_channel(TOPIC, "cdr", schema)
+        for index in order:
+            time = stamp(index) + 5_000_000
+            writer.add_message(channel, time, bytes(cdr(index, size)), time)
+        writer.finish()
+    return path
+
+
+def index_of(received):
+    """The index of a cloud, of its receive time and message."""
+    received_ns, message = received
+    stamp_ns = decode_stamp(message.header.stamp)
+    assert received_ns == stamp_ns + 5_000_000
+    return (stamp_ns - FIRST_NS) // STEP_NS

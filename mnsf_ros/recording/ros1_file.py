@@ -1,0 +1,107 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""ROS 1 bags, whose messages are converted to those of ROS 2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag1
+from rosbags.typesys import Stores, get_typestore
+
+from mnsf_ros.recording.bag_topics import TopicSummary, add_topic
+from mnsf_ros.recording.damage import UNREADABLE, Damage
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+
+@cache
+def jazzy() -> Typestore:
+    """The message types of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+class Ros1File:
+    """A ROS 1 bag with an index, see `StorageFile`."""
+
+    has_checksums = False
+
+    def __init__(self, path: Path) -> None:
+        """Reads the index of a bag.
+
+        Raises:
+            Exception: One of `UNREADABLE`: it is damaged or no ROS 1 bag with an index.
+        """
+        self.topics: dict[str, TopicSummary] = {}
+        self.damages: list[Damage] = []
+        self._path = path
+        with AnyReader([path]) as bag:
+            self.first_ns = float(bag.start_time)
+            for one in bag.connections:
+                is_latched = isinstance(one.ext, ConnectionExtRosbag1) and bool(one.ext.latching)
+                summary = TopicSummary(one.msgtype, one.msgcount, is_latched)
+                add_topic(self.topics, one.topic, summary)
+
+    def messages(
+        self, topic: str, start_ns: float, stop_ns: float
+    ) -> Iterator[tuple[int, bytes] | Damage]:
+        """Yields receive time and CDR bytes of the messages in a time range, or a Damage.
+
+        Each scan opens the bag: rosbags keeps one chunk, and scans side by side would have it
+        expanded again for every message.
+        """
+        count = 0
+        try:
+            with AnyReader([self._path]) as bag:
+                connections = [one for one in bag.connections if one.topic == topic]
+                for found, received_ns, raw in bag.messages(connections):
+                    if not start_ns <= received_ns < stop_ns:
+                        continue
+                    count += 1
+                    try:
+                        if found.topic != topic:
+                            raise ValueError(f"the index leads to one on {found.topic!r}")
+                        yield received_ns, _cdr(raw, found.msgtype, bag.typestore)
+                    except UNREADABLE as error:
+                        text = f"message {count} on {topic!r} cannot be read"
+                        yield Damage.of(self._path, "", error, text)
+        except UNREADABLE as error:
+            text = f"damaged after {count} messages on {topic!r}"
+            yield Damage.of(self._path, "", error, text)
+
+
+def _cdr(raw: bytes, msgtype: str, ros1: Typestore) -> bytes:
+    """A ROS 1 message as CDR bytes.
+
+    Raises:
+        ValueError: ROS 2 has no type of this name with the same fields.
+    """
+    if not _same_fields(msgtype, ros1):
+        raise ValueError(f"ROS 1 type {msgtype} has no equal in ROS 2 Jazzy")
+    return bytes(jazzy().ros1_to_cdr(raw, msgtype))
+
+
+def _same_fields(msgtype: str, ros1: Typestore) -> bool:
+    if msgtype == "std_msgs/msg/Header":
+        # It lost its field `seq` in ROS 2; the conversion skips it.
+        return True
+    if msgtype not in jazzy().fielddefs or msgtype not in ros1.fielddefs:
+        return False
+    fields = jazzy().fielddefs[msgtype][1]
+    if fields != ros1.fielddefs[msgtype][1]:
+        return False
+    return all(_same_fields(name, ros1) for _, field in fields for name in _names(field))
+
+
+def _names(field: object) -> list[str]:
+    """The message type that a field, or the elements of an array field, consists of."""
+    while isinstance(field, tuple):
+        _, detail = field
+        if isinstance(detail, str):
+            return [detail]
+        field = detail[0] if isinstance(detail, tuple) else None
+    return []

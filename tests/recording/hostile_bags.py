@@ -1,0 +1,237 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Small recordings that expand to gigabytes or millions of messages, or compute for ever."""
+
+from __future__ import annotations
+
+import bz2
+import sqlite3
+import struct
+import sys
+from contextlib import closing
+from functools import cache
+from itertools import pairwise
+
+import lz4.frame
+import tiny_bags
+from mcap.opcode import Opcode
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionMode
+
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+MEBIBYTE = 2**20
+MAGIC = b"\x89MCAP0\r\n"
+ENCODERS = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstd.compress}
+
+
+def u16(number):
+    return number.to_bytes(2, "little")
+
+
+def u32(number):
+    return number.to_bytes(4, "little")
+
+
+def u64(number):
+    return number.to_bytes(8, "little")
+
+
+@cache
+def repeated(compression, part, size):
+    """The same part again and again, and its size: many frames, which are one to readers."""
+    piece = part * max(1, MEBIBYTE // len(part))
+    number = size // len(piece)
+    return ENCODERS[compression](piece) * number, number * len(piece)
+
+
+def mcap_text(text):
+    return u32(len(text)) + text.encode()
+
+
+def mcap_record(opcode, payload):
+    return bytes([opcode]) + u64(len(payload)) + payload
+
+
+def mcap_message(size):
+    return mcap_record(Opcode.MESSAGE, u16(1) + bytes(20 + size))
+
+
+def mcap_of_chunks(file, record, size, num_chunks=1, *, has_index=False):
+    """An mcap file of chunks of the same record; its index, if any, says a message in each."""
+    content, size = repeated("zstd", record, size)
+    schema = u16(1) + mcap_text(CLOUD_TYPE) + mcap_text("ros2msg") + bytes(4)
+    channel = u16(1) + u16(1) + mcap_text("/points") + mcap_text("cdr") + bytes(4)
+    known = mcap_record(Opcode.SCHEMA, schema) + mcap_record(Opcode.CHANNEL, channel)
+    data = MAGIC + mcap_record(Opcode.HEADER, mcap_text("ros2") + mcap_text("")) + known
+    about = mcap_text("zstd") + u64(len(content))
+    chunk = mcap_record(Opcode.CHUNK, bytes(16) + u64(size) + bytes(4) + about + content)
+    entries = mcap_record(Opcode.MESSAGE_INDEX, u16(1) + u32(16) + bytes(16))
+    index = b""
+    for _ in range(num_chunks):
+        where = u16(1) + u64(len(data) + len(chunk))
+        place = u64(len(data)) + u64(len(chunk)) + u32(len(where)) + where + u64(len(entries))
+        index += mcap_record(Opcode.CHUNK_INDEX, bytes(16) + place + about + u64(size))
+        data += chunk + entries
+    data += mcap_record(Opcode.DATA_END, bytes(4))
+    counts = u32(10) + u16(1) + u64(num_chunks)
+    numbers = u64(num_chunks) + u16(1) + u32(1) + bytes(8) + u32(num_chunks) + bytes(16)
+    summary = known + index + mcap_record(Opcode.STATISTICS, numbers + counts)
+    footer = mcap_record(Opcode.FOOTER, u64(len(data) if has_index else 0) + bytes(12))
+    file.write_bytes(data + (summary if has_index else b"") + footer + MAGIC)
+    return file
+
+
+def ros1_record(operation, data=b"", **fields):
+    pairs = [(b"op", bytes([operation])), *((name.encode(), of) for name, of in fields.items())]
+    head = b"".join(u32(len(name) + 1 + len(of)) + name + b"=" + of for name, of in pairs)
+    return u32(len(head)) + head + u32(len(data)) + data
+
+
+def ros1_message(size):
+    return ros1_record(2, bytes(size), conn=u32(0), time=bytes(8))
+
+
+def ros1_of_chunks(file, compression, record, size, num_chunks=1):
+    """A ROS 1 bag without an index, of chunks of the same record."""
+    content, size = repeated(compression, record, size)
+    start = ros1_record(3, index_pos=bytes(8), conn_count=u32(1), chunk_count=u32(num_chunks))
+    field = b"type=sensor_msgs/PointCloud2"
+    known = ros1_record(7, u32(len(field)) + field, conn=u32(0), topic=b"/points")
+    chunk = ros1_record(5, content, compression=compression.encode(), size=u32(size))
+    file.write_bytes(b"#ROSBAG V2.0\n" + start + known + chunk * num_chunks)
+    return file
+
+
+def ros1_with_index(file, size):
+    """A ROS 1 bag with an index, whose only message has so many zeros."""
+    writer = Ros1Writer(file)
+    writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
+    with writer:
+        connection = writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.NOETIC)
+        writer.write(connection, 1, bytes(16 * MEBIBYTE))
+    data = file.read_bytes()
+    # The content of the chunk is replaced by one that expands to more.
+    start = data.index(b"BZh") - 4
+    old = int.from_bytes(data[start : start + 4], "little")
+    content, _ = repeated("bz2", bytes(MEBIBYTE), size)
+    moved = len(content) - old
+    data = data[:start] + u32(len(content)) + content + data[start + 4 + old :]
+    place = data.index(b"index_pos=") + len(b"index_pos=")
+    index = int.from_bytes(data[place : place + 8], "little") + moved
+    file.write_bytes(data[:place] + u64(index) + data[place + 8 :])
+    return file
+
+
+def sparse_mcap(file, opcode):
+    """An mcap file with a record of 1 GiB of zeros, without a place on the disk."""
+    with file.open("wb") as stream:
+        stream.write(MAGIC + mcap_record(Opcode.HEADER, mcap_text("ros2") + mcap_text("")))
+        stream.write(bytes([opcode]) + u64(2**30))
+        stream.seek(2**30, 1)
+        stream.write(mcap_record(Opcode.DATA_END, bytes(4)) + MAGIC)
+    return file
+
+
+def with_messages(write, path, content):
+    """A recording whose messages are all the same bytes."""
+    original = tiny_bags.cdr
+    try:
+        tiny_bags.cdr = lambda *_: content
+        return write(path, indices=range(3))
+    finally:
+        tiny_bags.cdr = original
+
+
+def compressed_as_a_whole(path):
+    """A folder whose file expands to 3 GB of zeros."""
+    bag = tiny_bags.write_mcap(path, mode=CompressionMode.FILE)
+    (file,) = bag.glob("*.zstd")
+    file.write_bytes(zstd_frame(3 * 2**30))
+    return bag
+
+
+@cache
+def zstd_frame(size):
+    """A single frame of zeros: a few hundred kilobytes for gigabytes."""
+    compressor = zstd.ZstdCompressor()
+    piece = bytes(16 * MEBIBYTE)
+    return b"".join(compressor.compress(piece) for _ in range(size // len(piece))) + (
+        compressor.flush()
+    )
+
+
+def database_of(path, script, **options):
+    """A database of rosbag2 that a script has changed."""
+    (file,) = tiny_bags.write_sqlite(path, **options).glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.executescript(script)
+    return file
+
+
+def endless_view(path):
+    """A database whose table is a view that computes for ever."""
+    script = """DROP TABLE topics; CREATE VIEW topics AS
+        WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c)
+        SELECT count(*) AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM c"""
+    return database_of(path, script)
+
+
+def endless_tree(path):
+    """A page of the table leads to the next one many times, that one to the next, and so on."""
+    size = 512
+    script = f"""PRAGMA page_size = {size}; VACUUM;
+        WITH c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c LIMIT 800)
+        INSERT INTO messages(topic_id, timestamp, data) SELECT 1, x, 'abcdefgh' FROM c"""
+    file = database_of(path, script, indices=range(1))
+    with closing(sqlite3.connect(file)) as database:
+        query = "SELECT rootpage FROM sqlite_master WHERE name = 'messages'"
+        ((root,),) = database.execute(query)
+    data = bytearray(file.read_bytes())
+    inner = data[size * (root - 1) : size * root]
+    (num_cells,) = struct.unpack_from(">xxxH", inner)
+    last_child, *cells = 8, *struct.unpack_from(f">{num_cells}H", inner, 12)
+    chain = [root, *(struct.unpack_from(">I", inner, cell)[0] for cell in cells[:15])]
+    for page, following in pairwise(chain):
+        for place in (last_child, *cells):
+            struct.pack_into(">I", inner, place, following)
+        data[size * (page - 1) : size * page] = inner
+    file.write_bytes(data)
+    return file
+
+
+MESSAGE = mcap_message(0)
+# Nine bytes that no reader needs.
+RECORD = mcap_record(0x80, b"")
+LARGE = 100 * MEBIBYTE
+HOSTILE = {
+    "mcap, messages": lambda p: mcap_of_chunks(p / "a.mcap", MESSAGE, MEBIBYTE),
+    "mcap, messages, index": lambda p: mcap_of_chunks(
+        p / "a.mcap", MESSAGE, MEBIBYTE, has_index=True
+    ),
+    "mcap, records": lambda p: mcap_of_chunks(p / "a.mcap", RECORD, MEBIBYTE),
+    "mcap, large chunks": lambda p: mcap_of_chunks(
+        p / "a.mcap", mcap_message(LARGE), 2 * LARGE, 10, has_index=True
+    ),
+    "mcap, sparse message": lambda p: sparse_mcap(p / "a.mcap", Opcode.MESSAGE),
+    "mcap, sparse chunk": lambda p: sparse_mcap(p / "a.mcap", Opcode.CHUNK),
+    "mcap, messages of 3 GB": lambda p: with_messages(
+        tiny_bags.write_mcap, p / "a", zstd_frame(3 * 2**30)
+    ),
+    "sqlite, messages of 3 GB": lambda p: with_messages(
+        tiny_bags.write_sqlite, p / "a", zstd_frame(3 * 2**30)
+    ),
+    "sqlite, row of 990 MB": lambda p: database_of(
+        p / "a", "UPDATE messages SET data = zeroblob(990000000) WHERE id = 2"
+    ),
+    "sqlite, endless view": lambda p: endless_view(p / "a"),
+    "file of 3 GB": lambda p: compressed_as_a_whole(p / "a"),
+    "ROS 1 without index, bz2": lambda p: ros1_of_chunks(
+        p / "a.bag", "bz2", ros1_message(0), 256 * MEBIBYTE
+    ),
+    "ROS 1, bz2 of 3 GB": lambda p: ros1_with_index(p / "a.bag", 3 * 2**30),
+}

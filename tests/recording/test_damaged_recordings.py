@@ -1,0 +1,418 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""What can still be read of damaged recordings, and what is said about the rest."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import sqlite3
+import struct
+
+import numpy as np
+import pytest
+import tiny_bags
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Ros2Writer
+
+from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from mnsf_ros.recording.damage import Damage
+from mnsf_ros.recording.inspection import inspect_recording, open_recording
+
+ALL = list(range(tiny_bags.NUM_CLOUDS))
+# A cloud of so many points fills a chunk of its own.
+LARGE = 90_000
+LOST = "lost"
+
+
+def read(path):
+    """Index of each cloud, and LOST wherever some may be missing."""
+    inspection = inspect_recording(path)
+    with inspection.open() as reader:
+        return [
+            LOST if isinstance(item, Damage) else tiny_bags.index_of(item)
+            for item in reader.readable_messages("/points")
+        ], inspection
+
+
+def assert_refused(path, text):
+    with pytest.raises(RecordingError, match=text) as caught:
+        inspect_recording(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def flip(path, position):
+    data = bytearray(path.read_bytes())
+    data[position] ^= 0xFF
+    path.write_bytes(data)
+
+
+def cut(path, share=0.5):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+
+
+def chunk_offsets(file):
+    with file.open("rb") as stream:
+        return [one.chunk_start_offset for one in make_reader(stream).get_summary().chunk_indexes]
+
+
+def with_notes(path):
+    (path / "notes.txt").write_text("hello")
+    return path
+
+
+def with_recordings(path):
+    for name in ("one", "two"):
+        tiny_bags.write_mcap(path / name)
+    return path
+
+
+def with_two_kinds(path):
+    folder = tiny_bags.write_mcap(path / "bag")
+    (folder / "metadata.yaml").unlink()
+    shutil.copy(tiny_bags.write_sqlite(path / "other") / "other.db3", folder)
+    return folder
+
+
+def without_messages(path):
+    with Ros2Writer(path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.JAZZY)
+    return path / "bag"
+
+
+def other_database(path):
+    with contextlib.closing(sqlite3.connect(path / "notes.db3")) as connection:
+        connection.execute("CREATE TABLE notes (text TEXT)")
+        connection.commit()
+    return path / "notes.db3"
+
+
+def pipe(path):
+    """To open it would wait for ever."""
+    os.mkfifo(path / "f.mcap")
+    return path / "f.mcap"
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda path: path / "nowhere", "no such file or folder; expected a rosbag2 folder"),
+        (lambda path: path, "holds no recording; the folder is empty"),
+        (with_notes, "holds no recording; it contains 'notes.txt'"),
+        (with_recordings, "recordings in its subfolders 'one', 'two': name one"),
+        (with_two_kinds, "holds .db3 and .mcap files but no metadata.yaml; name one file"),
+        (lambda path: with_notes(path) / "notes.txt", "is not a recording; expected"),
+        (without_messages, "holds no messages"),
+        (other_database, "cannot be read: SQLError: no such table"),
+        (pipe, "'f.mcap' is not a regular file"),
+    ],
+)
+def test_other_things_are_explained(tmp_path, make, text):
+    assert_refused(make(tmp_path), text)
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3", ".bag", ".mcap.zstd"])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"x", b"garbage " * 500, b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + bytes(500)],
+    ids=["empty", "byte", "garbage", "magic", "zeros"],
+)
+def test_garbage_is_refused_in_one_line(tmp_path, suffix, content):
+    path = tmp_path / f"broken{suffix}"
+    path.write_bytes(content)
+    assert_refused(path, "cannot be read: |holds no messages; .*cut short or damaged")
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.999])
+@pytest.mark.parametrize("mode", [CompressionMode.NONE, CompressionMode.STORAGE])
+def test_mcap_that_was_cut_short_is_read_up_to_the_cut(tmp_path, share, mode):
+    bag = tiny_bags.write_mcap(tmp_path / "bag", size=LARGE, mode=mode)
+    cut(bag / "bag.mcap", share)
+    found, inspection = read(bag)
+    whole = [index for index in found if index != LOST]
+    assert whole == ALL[: len(whole)]
+    assert abs(len(whole) - 10 * share) <= 1
+    assert inspection.topics["/points"].count == len(whole)
+    assert "cut short" in str(inspection.damages[0])
+    if len(whole) < len(ALL):
+        (damage, told) = inspection.damages
+        assert damage.position.startswith("byte ")
+        assert f"promises 10 messages on '/points', {len(whole)} are stored" in str(told)
+    # The same without its folder.
+    assert read(bag / "bag.mcap")[0] == found
+
+
+@pytest.mark.parametrize(
+    ("write", "share", "text"),
+    [
+        (tiny_bags.write_sqlite, 0.5, "sqlite3 FILE .recover"),
+        (lambda path: tiny_bags.write_ros1(path.with_suffix(".bag")), 0.95, "rosbag reindex"),
+    ],
+)
+def test_a_tool_that_repairs_what_was_cut_short_is_named(tmp_path, write, share, text):
+    path = write(tmp_path / "bag")
+    cut(next(path.glob("*.db3")) if path.is_dir() else path, share)
+    assert_refused(path, text)
+
+
+def test_ros_1_bag_that_was_never_closed_names_the_tool_that_repairs_it(tmp_path):
+    file = tiny_bags.write_ros1(tmp_path / "bag.bag")
+    data = bytearray(file.read_bytes())
+    place = data.index(b"index_pos=") + len(b"index_pos=")
+    data[place : place + 8] = bytes(8)
+    file.write_bytes(data)
+    assert_refused(file, "Bag is not indexed.*'rosbag reindex' may save")
+
+
+def test_damaged_chunk_is_left_out_and_its_place_told(tmp_path):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
+    chunk = chunk_offsets(file)[4]
+    flip(file, chunk + 300)
+    found, inspection = read(file)
+    assert found == [0, 1, 2, 3, LOST, 5, 6, 7, 8, 9]
+    assert inspection.has_checksums
+    with inspection.open() as reader:
+        damages = [one for one in reader.readable_messages("/points") if isinstance(one, Damage)]
+        assert str(damages[0]).startswith(f"{file}, byte {chunk}: damaged chunk: ")
+        with pytest.raises(RecordingError, match=f"byte {chunk}: damaged chunk"):
+            list(reader.messages("/points"))
+
+
+# In the head of a chunk: its kind, the length of its record, its size, checksum and data.
+@pytest.mark.parametrize("place", [0, 1, 8, 25, 32, 33, 150])
+@pytest.mark.parametrize("number", [0, 3])
+def test_no_damage_of_a_chunk_costs_another_one(tmp_path, place, number):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
+    flip(file, chunk_offsets(file)[number] + place)
+    assert read(file)[0] == [LOST if index == number else index for index in ALL]
+
+
+def test_checksum_that_was_erased_is_missed(tmp_path):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", CompressionType.NONE)
+    data = bytearray(file.read_bytes())
+    chunk = chunk_offsets(file)[3]
+    data[chunk + 33 : chunk + 37] = bytes(4)
+    file.write_bytes(data)
+    assert read(file)[0] == [0, 1, 2, LOST, 4, 5, 6, 7, 8, 9]
+
+
+def test_damaged_index_costs_nothing(tmp_path):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
+    flip(file, len(file.read_bytes()) - 200)
+    found, inspection = read(file)
+    assert found == ALL
+    (damage,) = inspection.damages
+    assert "no index that can be read: its checksum is wrong" in str(damage)
+    assert not inspection.has_checksums
+
+
+def test_only_chunks_with_checksums_are_safe_from_flipped_bits(tmp_path):
+    assert inspect_recording(tiny_bags.write_checked_mcap(tmp_path / "a.mcap")).has_checksums
+    for unsafe in (
+        tiny_bags.write_mcap(tmp_path / "b"),
+        tiny_bags.write_sqlite(tmp_path / "c"),
+        tiny_bags.write_ros1(tmp_path / "d.bag"),
+        tiny_bags.write_unindexed_mcap(tmp_path / "e.mcap"),
+    ):
+        assert not inspect_recording(unsafe).has_checksums
+
+
+def test_message_that_is_no_message_costs_nothing_else(tmp_path):
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/points", CLOUD_TYPE, typestore=tiny_bags.JAZZY)
+        for index in range(3):
+            raw = b"\x00\x01\x00\x00nonsense" if index == 1 else tiny_bags.cdr(index)
+            writer.write(connection, tiny_bags.stamp(index) + 5_000_000, raw)
+    assert read(tmp_path / "bag")[0] == [0, LOST, 2]
+
+
+@pytest.mark.parametrize("write", [tiny_bags.write_sqlite, tiny_bags.write_mcap])
+def test_damaged_message_that_was_compressed_by_itself_costs_nothing_else(tmp_path, write):
+    bag = write(tmp_path / "bag", mode=CompressionMode.MESSAGE, size=200)
+    (file,) = (one for one in bag.iterdir() if one.suffix in (".mcap", ".db3"))
+    flip(file, file.read_bytes().index(b"\x28\xb5\x2f\xfd") + 5)
+    found, _ = read(bag)
+    # SQLite puts messages where there is room: the one that is damaged may be any.
+    lost = found.index(LOST)
+    assert found == [LOST if index == lost else index for index in ALL]
+
+
+def test_index_of_a_ros_1_bag_that_mixes_up_topics_is_noticed(tmp_path):
+    """The index says of a message of another topic that it is one of the sweeps."""
+    file = tmp_path / "bag.bag"
+    with Ros1Writer(file) as writer:
+        connections = [
+            writer.add_connection(topic, CLOUD_TYPE, typestore=tiny_bags.NOETIC)
+            for topic in ("/points", "/others")
+        ]
+        for index in ALL:
+            raw = tiny_bags.JAZZY.cdr_to_ros1(tiny_bags.cdr(index, LARGE), CLOUD_TYPE)
+            time = tiny_bags.stamp(index) + 5_000_000
+            writer.write(connections[int(index == 4)], time, raw)
+    data = file.read_bytes()
+    other = b"conn=" + connections[1].id.to_bytes(4, "little")
+    places = [place for place in range(len(data)) if data.startswith(b"op=\x04", place)]
+    (place,) = (place for place in places if other in data[place - 20 : place + 60])
+    start = data.index(other, place - 20)
+    wrong = b"conn=" + connections[0].id.to_bytes(4, "little")
+    file.write_bytes(data[:start] + wrong + data[start + len(wrong) :])
+    assert read(file)[0] == [LOST if index == 4 else index for index in ALL]
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "lost"),
+    [
+        ("DELETE FROM messages WHERE id = 4", "promises 10 messages on '/points', 9 are", [3]),
+        ("UPDATE messages SET topic_id = 7 WHERE id = 4", "that belong to no topic: 1", [3]),
+        ("UPDATE messages SET data = 'text' WHERE id = 9", "", [8, 9]),
+        ("UPDATE messages SET data = 123456789012 WHERE id = 10", "", [9]),
+        ("UPDATE topics SET type = 'my_msgs/msg/Unknown'", "", ALL),
+    ],
+)
+def test_changed_rows_of_sqlite_are_told(tmp_path, change, text, lost):
+    path = tiny_bags.write_sqlite(tmp_path / "bag")
+    with contextlib.closing(sqlite3.connect(path / "bag.db3")) as database:
+        database.executescript(change)
+    found, inspection = read(path)
+    assert [index for index in found if index != LOST] == [i for i in ALL if i not in lost]
+    assert text in " ".join(map(str, inspection.damages))
+    assert LOST in found or inspection.damages
+
+
+def test_index_of_sqlite_that_lost_a_row_is_told(tmp_path):
+    """Messages come by the index of their times, and are counted in their table."""
+    file = tiny_bags.write_sqlite(tmp_path / "bag", size=400) / "bag.db3"
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        query = "SELECT rootpage FROM sqlite_master WHERE type = 'index'"
+        ((page,),) = database.execute(query).fetchall()
+        ((page_size,),) = database.execute("PRAGMA page_size").fetchall()
+    data = bytearray(file.read_bytes())
+    number_of_cells = (page - 1) * page_size + 3
+    struct.pack_into(">H", data, number_of_cells, 9)
+    file.write_bytes(data)
+    found, inspection = read(file)
+    assert LOST in found or inspection.damages
+
+
+@pytest.fixture
+def metadata(tmp_path):
+    return tiny_bags.write_mcap(tmp_path / "bag") / "metadata.yaml"
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[]", "\x00\x01", "[" * 5_000, "a: [", "!!python/object/apply:os.system [ls]"],
+    ids=["empty", "list", "binary", "deep", "cut", "object"],
+)
+def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
+    metadata.write_text(content)
+    found, inspection = read(metadata.parent)
+    assert found == ALL
+    (damage,) = inspection.damages
+    assert str(damage).startswith(f"{metadata}: cannot be read: ")
+    assert "\n" not in str(damage)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("message_count: 10", "message_count: 11", "promises 11 messages on '/points', 10 are"),
+        ("message_count: 10", f"message_count: 0x{5000 * 'f'}", "out of range"),
+        ("message_count: 10", "message_count: ten", "cannot be read: TypeError"),
+        ("name: /points", "name: /lines", "promises 10 messages on '/lines', 0 are stored"),
+        ("- bag.mcap", "- bag.mcap\n  - bag_1.mcap", "bag_1.mcap: cannot be read: No such file"),
+        ("- bag.mcap", "- 5", "cannot be read: TypeError"),
+        ("relative_file_paths", "some_paths", "cannot be read: KeyError: 'relative_file_paths'"),
+        (f"type: {CLOUD_TYPE}", "type: sensor_msgs/msg/Imu", ""),
+        ("version: 9", "version: 99", ""),
+    ],
+)
+def test_metadata_that_lies_is_told(metadata, old, new, told):
+    content = metadata.read_text()
+    assert old in content
+    metadata.write_text(content.replace(old, new))
+    found, inspection = read(metadata.parent)
+    assert found == ALL
+    assert told in " ".join(map(str, inspection.damages))
+    assert bool(inspection.damages) == bool(told)
+
+
+@pytest.mark.parametrize("name", ["../other/other.mcap", "/etc/hostname", "..", "gone.mcap"])
+def test_metadata_leads_to_no_file_outside_of_its_folder(metadata, name):
+    tiny_bags.write_mcap(metadata.parents[1] / "other")
+    metadata.write_text(metadata.read_text().replace("- bag.mcap", f"- {name}"))
+    assert_refused(metadata.parent, "cannot be read: ")
+
+
+def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
+    chunks = chunk_offsets(file)
+    for chunk in chunks[1:9]:
+        flip(file, chunk + 300)
+    cut(file, 0.95)
+    warnings = []
+    with open_recording(file, warnings.append) as reader:
+        assert len(list(reader.messages("/points"))) == len(ALL) - 8
+    assert f"{file}, byte {chunks[1]}: damaged record" in warnings[0]
+    assert len(warnings) == 6
+    assert warnings[-1] == f"{file}: and 3 more"
+
+
+def test_file_that_vanishes_is_told(tmp_path):
+    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
+    inspection = inspect_recording(file)
+    file.unlink()
+    with pytest.raises(RecordingError, match="no such file"), inspection.open():
+        pass
+
+
+def test_progress_is_told_where_all_has_to_be_read(tmp_path):
+    """Bytes rise from the first file to the last, and stay below all there are."""
+    for number in range(2):
+        tiny_bags.write_unindexed_mcap(tmp_path / f"{number}.mcap")
+    told = []
+    inspect_recording(tmp_path, lambda *numbers: told.append(numbers))
+    size = sum(file.stat().st_size for file in tmp_path.iterdir())
+    assert len(told) > 2 * tiny_bags.NUM_CLOUDS
+    assert {total for _, total in told} == {size}
+    done = [number for number, _ in told]
+    assert done == sorted(done)
+    assert done[0] < size / 4 < size / 2 < done[-1] < size
+
+
+@pytest.mark.parametrize("kind", ["mcap", "checked mcap", "db3", "bag"])
+def test_random_damage_gives_clouds_or_one_line(tmp_path, kind):
+    path = {
+        "mcap": lambda: tiny_bags.write_mcap(tmp_path / "bag") / "bag.mcap",
+        "checked mcap": lambda: tiny_bags.write_checked_mcap(tmp_path / "bag.mcap"),
+        "db3": lambda: tiny_bags.write_sqlite(tmp_path / "bag") / "bag.db3",
+        "bag": lambda: tiny_bags.write_ros1(tmp_path / "bag.bag"),
+    }[kind]()
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    num_damaged = 0
+    for trial in range(60):
+        data = bytearray(whole)
+        # Half of the damage goes to the ends, where headers and indexes are.
+        low, high = (0, len(data)) if trial % 2 else (len(data) - 1500, len(data))
+        for _ in range(int(rng.integers(1, 8))):
+            data[int(rng.integers(low, high))] = int(rng.integers(256))
+        path.write_bytes(data)
+        try:
+            inspection = inspect_recording(path)
+            with inspection.open() as reader:
+                told = list(inspection.damages)
+                for topic in reader.topics:
+                    found = reader.readable_messages(topic)
+                    told += [item for item in found if isinstance(item, Damage)]
+        except RecordingError as error:
+            told = [error]
+        assert all("\n" not in str(one) for one in told)
+        num_damaged += bool(told)
+    assert num_damaged > 5
