@@ -118,8 +118,8 @@ def _add_run_arguments(group: Arguments) -> None:
     group.flag("--write-flow", "store the flow as recordings in DIR/flow")
     group.value(
         "--pictures N",
-        "show the N worst examples of the first method, and N missed movers, in report.html; "
-        "their flow is kept in DIR/pictures, for each method",
+        "show the N worst examples of the first method in report.html; the flow of those of each "
+        "method is kept in DIR/pictures",
         default=3,
     )
     group.value("--workers N", "processes to use", default=1)

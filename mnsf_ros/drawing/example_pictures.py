@@ -37,7 +37,6 @@ _LEFTS_PX: Final = (36, 484, 932)
 _FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
 _MOST_LETTERS: Final = 22
 # Reach of a picture of one place to each side.
-_AROUND_M: Final = 12.0
 _SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
 # Outliers of any true length have the full colour.
 _FULL_ERROR_M: Final = 0.3
@@ -98,27 +97,6 @@ class ExamplePainter:
         _draw_floor(axes, self.error_name, self._view_m, _error_note(errors_m))
         _draw_errors(axes, self._xy, errors_m)
         _draw_error_scale(figure)
-        return png_bytes(figure)
-
-    def around(self, name: str, flow: NDArray[Any], place_m: tuple[float, float]) -> bytes | None:
-        """Returns the moving points near a place (x, y), in truth and by a method.
-
-        None without truth.
-        """
-        if self._truth is None:
-            return None
-        figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
-        view_m = max(self._view_m, *(abs(value) + _AROUND_M for value in place_m))
-        limits = [(value - _AROUND_M, value + _AROUND_M) for value in place_m]
-        both = (("truth", self._truth), (name, flow))
-        for left, (whose, motion) in zip(_LEFTS_PX, both, strict=False):
-            axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
-            _draw_floor(axes, f"{shortened(whose, _MOST_LETTERS)}: what moves", view_m)
-            own = self._parts(motion)[1]
-            _draw_points(axes, self._xy, own, self._speeds_m[1], view_m, fast_area=16.0)
-            _draw_arrows(axes, self._xy, own, 1.5, view_m)
-            axes.scatter(*place_m, s=3000, facecolors="none", edgecolors=_INK, linewidths=1.0)
-            axes.set(xlim=limits[0], ylim=limits[1])
         return png_bytes(figure)
 
     def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:

@@ -11,9 +11,9 @@ The formulas are those of the paper's own code, at its edges too:
 * A vector without direction, on either side, is π/2 away from any other.
 * The cosine is kept 1e-7 away from ±1, so even a perfect flow has an angle error of 0.00045.
 
-Points whose estimate or truth is not finite are refused, not left out silently: an estimator
-that gives up on difficult points would otherwise score better than one that tries. Whoever wants
-them left out says so with the `valid` mask.
+Points without finite estimate or truth are refused, not left out silently: otherwise an estimator
+that gives up on difficult points would score better than one that tries. The `valid` mask leaves
+points out.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What an estimate says of movers, beside the truth: points, false movers, confidence, objects.
+"""Score of the movers of one sweep: dynamic points, false movers, confidence, objects.
 
-The figures are those of what the node publishes: the flag `dynamic`, the confidence, the tracked
-objects. Points count if they are scored; an object counts as a mover if most of its points are
-dynamic in truth, and as found if at least half of them are called dynamic.
+Scored are the node's outputs: the flag `dynamic`, the confidence, the tracked objects. An object is
+a mover if most of its scored points are dynamic in truth, and found if at least half of them are
+called dynamic.
 """
 
 from __future__ import annotations
@@ -21,28 +21,27 @@ from mnsf_ros.core.flow_estimate import OverGround, Reason, TrackedObject, Verdi
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
-# Flow that is less wrong deserves its confidence.
+# Largest error of a point that deserves its confidence.
 _CLOSE_M: Final = 0.1
 _CONFIDENCE_EDGES: Final = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0001)
-# Objects of fewer points do not count; nor do false movers that nobody would see.
+# Objects and false movers of fewer points do not count.
 _MIN_POINTS: Final = 20
 _MIN_GHOST_POINTS: Final = 10
 _FOUND_SHARE: Final = 0.5
-# What is slower than dynamic points but faster than this moves in truth, too: neither wrong nor
-# missed.
+# Points between this speed and that of dynamic points are neither wrong nor missed.
 _CREEPING_M_S: Final = 0.25
-# Velocities count after this time of being followed, directions from this speed on.
+# Velocities count after this time of tracking, directions from this speed on.
 _SETTLED_S: Final = 0.5
 _MIN_DIRECTED_M_S: Final = 1.0
-# What is slower stands still.
+# Slower objects are static.
 STOPPED_M_S: Final = 0.1
 _TINY_S: Final = 1e-3
-# From a start that is less wrong, a fit should find the motion.
+# Largest error of a start from which a fit should find the motion.
 _GOOD_START_M: Final = 0.3
 
 
 class LostBy(Enum):
-    """What lost a mover: the step of the method at which it went astray."""
+    """Stage that rejected a mover."""
 
     NO_OBJECT = "no object"
     TOO_FEW_POINTS = "too few points"
@@ -57,21 +56,20 @@ class LostBy(Enum):
 
 @dataclass(frozen=True)
 class ObjectRow:
-    """What was said of one object of the truth in one sweep.
+    """Score of one true object in one sweep.
 
     Attributes:
         object_id: Its number in the truth.
-        kind: What it is, see `SurfaceClass`, in lower case; `unknown` if nobody has said.
+        kind: Its `SurfaceClass` in lower case; `unknown` without a label.
         moves: Whether most of its points are dynamic in truth.
         speed_m_s: Its true speed over ground.
         range_m: Its horizontal distance from the sensor.
         num_points: Its scored points.
         called: Share of its points that are called dynamic.
-        velocity_error_m_s: Of the tracked object that its points belong to, if that has been
-            followed for 0.5 s; else NaN.
+        velocity_error_m_s: Error of its tracked object after 0.5 s of tracking; else NaN.
         direction_error_rad: Likewise, from 1 m/s on.
         place_m: Median x and y of its points, sensor frame.
-        lost_by: Of a mover that is not found, what lost it; None if the method does not say.
+        lost_by: Stage that rejected a mover; None if it is found or the method does not say.
     """
 
     object_id: int
@@ -88,22 +86,22 @@ class ObjectRow:
 
     @property
     def is_found(self) -> bool:
-        """Whether the object as a whole is called a mover."""
+        """Whether at least half of its points are called dynamic."""
         return self.called >= _FOUND_SHARE
 
 
 @dataclass(frozen=True)
 class MoverRow:
-    """What was said of the movers of one sweep.
+    """Score of the movers of one sweep.
 
     Attributes:
-        points: Number of points that are called dynamic and are, that are called so and are not,
-            and that are dynamic and not called so. Slower ones that move count in none.
+        points: Numbers of true positive, false positive and false negative dynamic points. Points
+            that move too slowly to be dynamic count in none.
         num_ghosts: False movers: tracked objects, or motions, with most points static in truth.
         confidence: Lower limit of a band of confidence, as text, to number of points called
             dynamic, sum of their confidence, and number of those with less than 0.1 m of error.
-        objects: Objects of the truth that move or are called movers; empty without object ids.
-        standing: Numbers of the objects of the truth that stand still and are not called movers.
+        objects: True movers and objects called movers; empty without object ids.
+        standing: Numbers of the true objects that are static and not called movers.
     """
 
     points: tuple[int, int, int]
@@ -115,14 +113,14 @@ class MoverRow:
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
-    """The truth of the M points of a sweep that are scored.
+    """The truth of the M scored points of a sweep.
 
     Attributes:
         xyz: (M, 3) metres, sensor frame.
         velocity: (M, 3) metres per second over ground, axes of the current sweep.
         dynamic: (M,) bool.
         class_id: (M,) `SurfaceClass`, 0 if unknown.
-        object_id: (M,) number of the object, 0 for points of none; None if nobody knows.
+        object_id: (M,) number of the object, 0 for points of none; None if unknown.
         interval_s: Time to the next sweep.
     """
 
@@ -141,7 +139,7 @@ def mover_row(
     errors_m: NDArray[np.float64],
     reason_of: Callable[[NDArray[np.int64]], Reason] | None = None,
 ) -> MoverRow:
-    """Compares what an estimate says of points with the truth.
+    """Scores the movers of an estimate.
 
     `rows` (M,) are those of the estimate that belong to the points of the truth, `errors_m` (M,)
     the end point errors of their flow; `reason_of` as in `FlowEstimate`.
@@ -198,7 +196,7 @@ def _object_rows(
     tracks: NDArray[np.int32],
     objects: Sequence[TrackedObject],
 ) -> Iterator[tuple[ObjectRow, NDArray[np.int64]]]:
-    """Each object that moves or is called a mover, and its points among those of the truth."""
+    """Each mover or object called one, and its rows in the truth."""
     if truth.object_id is None:
         return
     ids = truth.object_id
@@ -230,7 +228,7 @@ def _object_rows(
 
 
 def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
-    """The objects that stand still in truth, and are not called movers."""
+    """The true static objects that are not called movers."""
     if truth.object_id is None:
         return []
     ids, owners, counts = np.unique(truth.object_id, return_inverse=True, return_counts=True)
@@ -245,7 +243,7 @@ def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
 def _with_loss(
     item: ObjectRow, truth: TrueMotion, own: NDArray[np.int64], reason: Reason
 ) -> ObjectRow:
-    """The row with what lost it, if it is that of a mover that is not found."""
+    """The row, of a missed mover with the stage that rejected it."""
     if not item.moves or item.is_found:
         return item
     if reason.verdict is Verdict.DYNAMIC:

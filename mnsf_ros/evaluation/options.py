@@ -54,8 +54,7 @@ class EvaluationOptions:
             to estimate all of them.
         check_cycle: Estimate the backward flow, too, and compare: twice the work.
         flow_folder: Folder for recordings of the flow; None for no recordings.
-        num_pictured: Number of the worst flows of each method, and of its missed movers, that are
-            kept for pictures.
+        num_pictured: Number of the worst flows of each task that are kept for pictures.
         num_sweeps: Minimum number of sweeps of an example, the most that a method looks at, so that
             all methods get the same examples. A shorter recording needs as many as it has.
         every: Score every N-th example only, beginning with the first of a recording. Methods that

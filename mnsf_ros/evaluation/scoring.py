@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""From an example and the estimate of its flow to a result row."""
+"""Score of an estimate: from an example and its flow to a result row."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
 
-# Fewer standing points, or such that lie closer together or on a line, do not fix the sensor's
-# motion: the second largest of their standard deviations counts.
+# Ego motion is fitted to at least so many static points, with a second largest standard deviation
+# of at least so much: fewer, closer or collinear points do not determine it.
 _MIN_STANDING = 20
-# A sweep is taken for so many moments.
-_NUM_TIMES = 12
 _MIN_SPREAD_M = 1.0
+# Ego motion is fitted to so many parts of a sweep, by the times of their points.
+_NUM_TIMES = 12
 
 
 def empty_row(example: Example, method: str) -> ResultRow:
@@ -43,7 +43,7 @@ def empty_row(example: Example, method: str) -> ResultRow:
 
 
 def failed_row(example: Example, method: str, failure: Failure | str) -> ResultRow:
-    """Returns the row of an example for which there is no flow; a text says why it failed."""
+    """Returns the row of an example without a flow, failed for a reason or dropped."""
     if isinstance(failure, str):
         failure = Failure(FailureKind.FAILED, failure)
     return replace(empty_row(example, method), failure=failure)
@@ -55,8 +55,8 @@ def scored_row(
     """Scores an estimate that took `time_ms` of wall time.
 
     Raises:
-        EvaluationError: The flow has not one row for each point, or is not finite where it has
-            to be: a row may be left open only if it is not among the kept ones either.
+        EvaluationError: The flow does not have one row for each point, or is not finite for a
+            kept point.
     """
     row = replace(
         empty_row(example, method),
@@ -76,7 +76,7 @@ def scored_row(
 
 
 def _answered(example: Example, estimate: FlowEstimate) -> NDArray[np.bool_]:
-    """The points (N,) that have a flow; all of the kept ones must."""
+    """The points (N,) with a flow; all kept points must have one."""
     num_points = len(example.triplet.current)
     if estimate.flow.shape != (num_points, 3) or estimate.kept.shape != (num_points,):
         raise EvaluationError(
@@ -97,7 +97,7 @@ def true_motion(
 ) -> tuple[TrueMotion, NDArray[np.float64]]:
     """Returns the true motion of some points (M,) over ground, and its length (M,) in metres.
 
-    The length is that of the way until the next sweep; the truth must be valid for all points.
+    The length is that until the next sweep. The truth must be valid for all points.
     """
     current, odometry = example.triplet.current, example.triplet.next_from_current
     truth, xyz = truth.of_points(rows), current.xyz[rows]
@@ -115,9 +115,9 @@ def true_motion(
 def _of_one_time(
     times_s: NDArray[np.float32] | None, number: int
 ) -> list[slice] | list[NDArray[np.int64]]:
-    """Points that were measured at about one time; all if that is not known.
+    """Parts of a sweep by measurement time; one part without times.
 
-    In a bend the sensor moves otherwise at the end of a sweep than at its beginning.
+    In a bend ego motion changes during a sweep.
     """
     if times_s is None or number < _NUM_TIMES * _MIN_STANDING:
         return [slice(None)]
@@ -130,7 +130,7 @@ def _sensor_motion(
     dynamic: NDArray[np.bool_],
     odometry: NDArray[np.float64] | None,
 ) -> NDArray[np.float64]:
-    """(4, 4) next_from_current: from the truth of what stands, as odometry may be worse."""
+    """(4, 4) next_from_current, from the true flow of static points: odometry may be worse."""
     standing = xyz[~dynamic]
     if odometry is not None and not _fix_a_motion(standing):
         return odometry
@@ -178,9 +178,9 @@ def _with_errors(
 def landing_distances(
     triplet: SweepTriplet, flow: NDArray[np.float32], points: NDArray[np.bool_]
 ) -> dict[str, float]:
-    """Measures how far from the next sweep moved points are, and where they would be unmoved.
+    """Returns the distances of moved and of unmoved points to the next sweep.
 
-    `flow` is (N, 3) metres, finite at the `points` (N,) to look at.
+    `flow` is (N, 3) metres, finite at the measured `points` (N,).
 
     Returns:
         `nearest_m` and, for zero flow, `zero_nearest_m`: mean distance to the nearest point of the
@@ -202,10 +202,10 @@ def cycle_distance(
     backward_flow: NDArray[np.float32],
     points: NDArray[np.bool_],
 ) -> dict[str, float]:
-    """Measures how far from its start a point ends that goes to the next sweep and back.
+    """Returns the forward-backward disagreement: how far from its start a point returns.
 
-    `flow` is (N, 3) metres, finite at the `points` (N,) to look at; `backward_flow` (M, 3) is that
-    of the next sweep. A moved point takes that of the nearest one.
+    `flow` is (N, 3) metres, finite at the measured `points` (N,); `backward_flow` (M, 3) is that
+    of the next sweep. A moved point takes that of its nearest point.
 
     Returns:
         `cycle_m`, the mean over the points. Empty if either sweep has no points.
@@ -221,9 +221,9 @@ def cycle_distance(
 
 
 def reversed_pair(triplet: SweepTriplet) -> SweepTriplet:
-    """Returns the way back from the next to the current sweep, without a third sweep.
+    """Returns the next and the current sweep in reversed order, without a third sweep.
 
-    Time goes on in it as on the way there, as methods that know time expect.
+    Stamps still ascend, as methods that use time expect.
     """
     motion = triplet.next_from_current
     way_back = None if motion is None else np.asarray(np.linalg.inv(motion), dtype=np.float64)

@@ -1,9 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The flows that a report shows, kept while a run goes on, so that pictures show what was scored.
-
-Of each method these are the worst ones, and the surroundings of the movers that it missed in most
-sweeps.
-"""
+"""Flow of the worst sweeps, kept during the run: the pictures of a report show what was scored."""
 
 from __future__ import annotations
 
@@ -11,9 +7,9 @@ import hashlib
 import heapq
 import io
 import math
+import shutil
 from collections.abc import Collection
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,22 +20,18 @@ from scipy.spatial import cKDTree
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.flow_recording import folder_name, recorded_flow
 from mnsf_ros.evaluation.metrics import end_point_errors
-from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.options import TaskKey
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.sweeps_io.files import UNREADABLE, open_npz
 
-# Parts of the folder of a run: the flows that are shown, and the recordings of all flow.
+# Parts of the folder of a run: flows for pictures, and recordings of all flow.
 PICTURES_FOLDER: Final = "pictures"
 FLOW_FOLDER: Final = "flow"
-# The surroundings of a mover reach so far to each side.
-_AROUND_M: Final = 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class ShownFlow:
-    """The flow of the N scored points of a sweep, or of those around a mover that was missed.
+    """The flow of the N scored points of a sweep.
 
     Attributes:
         recording: Name of the recording.
@@ -50,10 +42,8 @@ class ShownFlow:
         error_m: (N,) distance to the true flow, or without truth that of the moved points to the
             next sweep; NaN where unknown.
         truth: (N, 3) true flow, NaN where unknown; None if there is none at all.
-        ego_motion: (4, 4) next_from_current; None if nobody knows.
-        mover: Number of the missed mover in the truth; None of a whole sweep.
-        rank: Those of the highest rank are shown: mean error of the sweep in metres, or number of
-            sweeps in which the mover was missed.
+        ego_motion: (4, 4) next_from_current; None if unknown.
+        badness_m: Figure that sweeps are ranked by, see `ResultRow`.
     """
 
     recording: str
@@ -64,55 +54,31 @@ class ShownFlow:
     error_m: NDArray[np.float32]
     truth: NDArray[np.float32] | None = None
     ego_motion: NDArray[np.float64] | None = None
-    mover: int | None = None
-    rank: float = 0.0
+    badness_m: float = 0.0
 
 
 class ShownFlowChooser:
-    """Chooses the flows of one task that a report would show if the run ended now."""
+    """Chooses the worst sweeps of one task so far."""
 
     def __init__(self, number: int) -> None:
-        """Chooses so many of the worst sweeps, and of the missed movers."""
+        """Chooses so many sweeps."""
         self._number = number
         self._largest_m: list[float] = []
         self._new: list[ShownFlow] = []
-        # Each missed mover with most points; `rank` counts its sweeps.
-        self._missed: dict[int, tuple[int, ShownFlow]] = {}
 
     def look(self, row: ResultRow, example: Example, flow: NDArray[np.float32]) -> None:
-        """Looks at the flow (M, 3) of all points of an example, and at what it was scored."""
-        if self._number == 0:
+        """Considers the flow (M, 3) of all points of an example, and its score."""
+        if self._number == 0 or math.isnan(row.badness_m):
             return
-        is_worst = self._is_among_the_worst(row.badness_m)
-        if not is_worst and not row.missed_movers:
-            return
-        shown = _shown(row, example, flow)
-        if is_worst:
-            self._new.append(shown)
-        for item in row.missed_movers:
-            most, known = self._missed.get(item.object_id, (0, None))
-            num_sweeps = 1 if known is None else known.rank + 1
-            if known is None or item.num_points > most:
-                most, known = item.num_points, _around(item, shown)
-            self._missed[item.object_id] = most, replace(known, rank=num_sweeps)
-
-    def _is_among_the_worst(self, badness_m: float) -> bool:
-        """Whether an error is one of the largest so far; it is remembered."""
-        if math.isnan(badness_m):
-            return False
-        heapq.heappush(self._largest_m, badness_m)
+        heapq.heappush(self._largest_m, row.badness_m)
         is_full = len(self._largest_m) > self._number
-        return not is_full or heapq.heappop(self._largest_m) < badness_m
+        if not is_full or heapq.heappop(self._largest_m) < row.badness_m:
+            self._new.append(_shown(row, example, flow))
 
     def new(self) -> list[ShownFlow]:
-        """Gives out the sweeps that are among the worst so far, since the last time."""
+        """Returns the sweeps since the last call that were among the worst when they came."""
         found, self._new = self._new, []
         return found
-
-    def missed(self) -> list[ShownFlow]:
-        """Returns the surroundings of the movers that were missed in most sweeps."""
-        found = (flow for _, flow in self._missed.values())
-        return heapq.nlargest(self._number, found, key=lambda one: one.rank)
 
 
 def _shown(row: ResultRow, example: Example, flow: NDArray[np.float32]) -> ShownFlow:
@@ -133,7 +99,7 @@ def _shown(row: ResultRow, example: Example, flow: NDArray[np.float32]) -> Shown
         error_m=error_m.astype(np.float32),
         truth=true_flow,
         ego_motion=example.triplet.next_from_current,
-        rank=row.badness_m,
+        badness_m=row.badness_m,
     )
 
 
@@ -145,40 +111,16 @@ def _distances(moved: NDArray[np.float32], following: NDArray[np.float32]) -> ND
     return distances_m
 
 
-def _around(item: ObjectRow, sweep: ShownFlow) -> ShownFlow:
-    """The part of a sweep around a mover."""
-    near = (np.abs(sweep.xyz[:, :2] - item.place_m) <= _AROUND_M).all(axis=1)
-    motion, truth = sweep.ego_motion, sweep.truth
-    if motion is None and truth is not None:
-        # The surroundings alone may be little more than the mover.
-        motion = fit_rigid_motion(sweep.xyz, truth)
-    return replace(
-        sweep,
-        xyz=sweep.xyz[near],
-        flow=sweep.flow[near],
-        error_m=sweep.error_m[near],
-        truth=None if truth is None else truth[near],
-        ego_motion=motion,
-        mover=item.object_id,
-    )
-
-
 class ShownFlows:
-    """The flows of a run that a report shows: of each method so many, as files in a folder."""
+    """The flows of a run for pictures, as files: a folder for each task."""
 
     def __init__(self, run_folder: Path) -> None:
         self._folder = run_folder / PICTURES_FOLDER
         self._recordings = run_folder / FLOW_FOLDER
 
-    @cached_property
-    def _known(self) -> dict[Path, ShownFlow]:
-        """The flows that are there, without their points."""
-        found = ((path, _read(path)) for path in sorted(self._folder.glob("*.npz")))
-        return {path: _without_points(flow) for path, flow in found if flow is not None}
-
-    def find(self, row: ResultRow, mover: int | None = None) -> ShownFlow | None:
-        """Returns the flow of a row, or around a mover; None if it was not kept, or is damaged."""
-        found = _read(self._path(row.recording, row.method, row.number, mover))
+    def find(self, row: ResultRow) -> ShownFlow | None:
+        """Returns the flow of a row; None if it was not kept, or is damaged."""
+        found = _read(self._task(row.recording, row.method) / f"{row.number}.npz")
         if found is None:
             path = self._recordings / folder_name(row.recording, row.method)
             recorded = recorded_flow(path, row.stamp_ns)
@@ -187,49 +129,34 @@ class ShownFlows:
         return found
 
     def add(self, flow: ShownFlow, number: int) -> None:
-        """Keeps a flow, and takes away what is not among the worst of its method any more.
-
-        These are so many sweeps, and so many missed movers.
+        """Keeps a flow, and of each task so many of the worst sweeps.
 
         Raises:
             OSError: It cannot be written.
         """
-        path = self._path(flow.recording, flow.method, flow.number, flow.mover)
+        folder = self._task(flow.recording, flow.method)
+        folder.mkdir(parents=True, exist_ok=True)
         values = {one.name: getattr(flow, one.name) for one in fields(flow)}
         content = io.BytesIO()
         np.savez(content, **{name: x for name, x in values.items() if x is not None})
-        known, draft = self._known, path.with_name(".new")
-        self._folder.mkdir(exist_ok=True)
+        draft = folder / ".new"
         draft.write_bytes(content.getbuffer())
-        draft.replace(path)
-        known[path] = _without_points(flow)
-        rivals = [
-            path
-            for path, one in known.items()
-            if one.method == flow.method and (one.mover is None) == (flow.mover is None)
-        ]
-        kept = heapq.nlargest(number, rivals, key=lambda path: known[path].rank)
-        self._remove(set(rivals).difference(kept))
+        draft.replace(folder / f"{flow.number}.npz")
+        flows = ((path, _read(path)) for path in folder.glob("*.npz"))
+        ranks = {path: one.badness_m for path, one in flows if one is not None}
+        for path in sorted(ranks, key=lambda path: -ranks[path])[number:]:
+            path.unlink()
 
     def drop(self, keys: Collection[TaskKey]) -> None:
-        """Takes the flows of some tasks away."""
-        self._remove({p for p, one in self._known.items() if (one.recording, one.method) in keys})
+        """Removes the flows of some tasks."""
+        for key in keys:
+            shutil.rmtree(self._task(*key), ignore_errors=True)
 
-    def _remove(self, paths: Collection[Path]) -> None:
-        for path in paths:
-            path.unlink(missing_ok=True)
-            del self._known[path]
-
-    def _path(self, recording: str, method: str, number: int, mover: int | None) -> Path:
-        task, end = folder_name(recording, method), "" if mover is None else f".{mover}"
+    def _task(self, recording: str, method: str) -> Path:
+        name = folder_name(recording, method)
         # Not every locale can write every name.
-        task = task if task.isascii() else hashlib.sha256(task.encode()).hexdigest()[:16]
-        return self._folder / f"{task}.{number}{end}.npz"
-
-
-def _without_points(flow: ShownFlow) -> ShownFlow:
-    none = np.zeros((0, 3), np.float32)
-    return replace(flow, xyz=none, flow=none, error_m=none[:, 0], truth=None)
+        short = hashlib.sha256(name.encode()).hexdigest()[:16]
+        return self._folder / (name if name.isascii() else short)
 
 
 def _read(path: Path) -> ShownFlow | None:
@@ -238,9 +165,8 @@ def _read(path: Path) -> ShownFlow | None:
             arrays = dict(archive)
         values: dict[str, Any] = {name: x if x.ndim else x.item() for name, x in arrays.items()}
         found = ShownFlow(**values)
-        sizes = {
-            len(x) for x in (found.xyz, found.flow, found.error_m, found.truth) if x is not None
-        }
+        known = (found.xyz, found.flow, found.error_m, found.truth)
+        sizes = {len(x) for x in known if x is not None}
     except UNREADABLE:
         return None
     return found if len(sizes) == 1 else None

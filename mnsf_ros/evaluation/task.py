@@ -80,7 +80,6 @@ def run_task(
         for row in scorer.rows(wanted, recorder):
             yield from scorer.shown.new()
             yield row
-    yield from scorer.shown.missed()
     yield findings
 
 

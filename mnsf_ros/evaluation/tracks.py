@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps of a recording and what belongs to them, read along in the order of their stamps."""
+"""Sweeps, truth and poses of a recording, read together in the order of their stamps."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 
-# Recorders write messages as they receive them; more than this many places off is a jump in time.
+# Recorders write messages in order of reception. More than so many places off is a jump in time.
 REORDER_WINDOW: Final = 4
 
 
 class HasStamp(Protocol):
-    """Anything with a time."""
+    """An item with a stamp."""
 
     @property
     def stamp_ns(self) -> int:
@@ -43,10 +43,9 @@ Item = TypeVar("Item", bound=HasStamp)
 def in_stamp_order(
     items: Iterable[Item | None], window: int = REORDER_WINDOW
 ) -> Iterator[Item | None]:
-    """Yields items by stamp, as far as that takes no more than holding back a small window of them.
+    """Yields items by stamp, sorted within a small window.
 
-    None stands where some may be missing: nothing moves across it. After a jump back in time order
-    begins anew.
+    None marks a gap, and nothing is sorted across it. After a jump back in time order starts again.
     """
     waiting: list[tuple[int, int, Item]] = []
     newest_ns: int | None = None
@@ -73,7 +72,7 @@ def _in_order(waiting: list[tuple[int, int, Item]]) -> Iterator[Item]:
 
 @dataclass(frozen=True, eq=False)
 class CloudRows:
-    """Where the points of a sweep were in the recorded cloud; the `source` of a recorded sweep.
+    """Rows of a sweep in the recorded cloud; the `source` of a recorded sweep.
 
     Attributes:
         rows: (N,) row of each point of the sweep, counted row by row in the cloud.
@@ -91,7 +90,7 @@ def recorded_sweeps(
 ) -> Iterator[Sweep | None]:
     """Yields the finite points of each sweep of a topic as received, `source` a CloudRows.
 
-    None stands where sweeps may be missing; findings get what cannot be read.
+    None marks a gap; findings collect damage.
     """
 
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
@@ -109,7 +108,7 @@ def recorded_sweeps(
 def recorded_poses(
     reader: BagReader, topic: str, findings: Findings
 ) -> Iterator[StampedPose | None]:
-    """Yields the poses of a topic of odometry in stamp order, None where some may be missing."""
+    """Yields the poses of an odometry topic in stamp order, None for a gap."""
 
     def pose_of(message: Any, _: int) -> StampedPose:  # noqa: ANN401 - an Odometry
         stamp_ns = decode_stamp(message.header.stamp)
@@ -121,7 +120,7 @@ def recorded_poses(
 def _decoded(
     reader: BagReader, topic: str, findings: Findings, decode: Callable[[Any, int], Item]
 ) -> Iterator[Item | None]:
-    """What messages and their times of reception give, None where something cannot be read."""
+    """Decoded messages with their times of reception, None for damage."""
     for number, item in enumerate(reader.readable_messages(topic)):
         if isinstance(item, Damage):
             findings.report(item)
@@ -138,7 +137,7 @@ def _decoded(
         yield decoded
 
 
-# Stamps that went through floating point numbers are off by less, and no lidar is faster.
+# Above the rounding of stamps as floating point numbers, below the interval of any lidar.
 _SAME_STAMP_NS: Final = 500_000
 _SAME_POINT_M: Final = 1e-3
 # All truth of a recording may be unfit in the same way.
@@ -147,7 +146,7 @@ _MAX_TOLD: Final = 3
 
 @dataclass(frozen=True, eq=False)
 class TruthCloud:
-    """A truth cloud that is decoded only if a sweep wants it.
+    """A truth cloud, decoded only for the sweep of its stamp.
 
     Attributes:
         stamp_ns: Its header stamp, integer nanoseconds.
@@ -159,7 +158,7 @@ class TruthCloud:
 
 
 def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[TruthCloud]:
-    """Yields the truth clouds of a topic as they were received."""
+    """Yields the truth clouds of a topic in order of reception."""
 
     def cloud_of(message: Any, _: int) -> TruthCloud:  # noqa: ANN401 - a PointCloud2
         return TruthCloud(decode_stamp(message.header.stamp), message)
@@ -168,7 +167,7 @@ def truth_clouds(reader: BagReader, topic: str, findings: Findings) -> Iterator[
 
 
 class TruthTrack:
-    """Finds the truth of sweeps that come in stamp order; holds a few clouds at a time."""
+    """Matches truth clouds to sweeps in stamp order; holds a few clouds at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
         """Starts before the first of the clouds, which come about in stamp order."""
@@ -180,9 +179,9 @@ class TruthTrack:
         self._num_unfit = 0
 
     def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
-        """Returns the truth of a sweep, and how many clouds were passed over to find it.
+        """Returns the truth of a sweep, and the number of clouds skipped before it.
 
-        A cloud that was passed over tells that its sweep is missing in between.
+        The sweep of a skipped cloud is missing.
         """
         stamp_ns = sweep.stamp_ns
         if self._last_ns is not None and stamp_ns < self._last_ns:
@@ -201,7 +200,7 @@ class TruthTrack:
         return self._decoded(cloud, sweep), passed_over
 
     def _skip_leftovers(self, last_ns: int) -> None:
-        """Follows a jump back in time, past a few clouds that no sweep has asked for."""
+        """Skips a few unused clouds after a jump back in time."""
         # Not past all: a single sweep with a wrong stamp must not cost the others their truth.
         for _ in range(REORDER_WINDOW):
             if self._head is not None and self._head.stamp_ns > last_ns:
@@ -227,12 +226,10 @@ class TruthTrack:
 
 
 def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa: ANN401
-    """Makes sure that the rows of a truth cloud are in the order of its sweep, if it shows where.
-
-    Of a row that is not valid it need not be told where it is.
+    """Checks that the valid rows of a truth cloud with positions are in the order of its sweep.
 
     Raises:
-        RecordingError: A row is somewhere else.
+        RecordingError: A row has another position.
     """
     points = decode_points(message).ravel()[sweep.source.rows]
     if not set("xyz") <= set(points.dtype.names or ()):
@@ -243,13 +240,7 @@ def _check_points(message: Any, truth: FlowTruth, sweep: Sweep) -> None:  # noqa
         near = np.isclose(xyz, sweep.xyz, rtol=1e-5, atol=_SAME_POINT_M)
     elsewhere = np.flatnonzero(truth.valid[sweep.source.rows] & ~near.all(axis=1))
     if len(elsewhere):
-        first = elsewhere[0]
         raise RecordingError(
-            f"{len(elsewhere):,} of {len(sweep):,} points of the truth are elsewhere than in their "
-            f"sweep: row {sweep.source.rows[first]} is at {_place(xyz[first])}, in the sweep at "
-            f"{_place(sweep.xyz[first])}"
+            f"{len(elsewhere):,} of {len(sweep):,} points of the truth have another position than "
+            f"in their sweep, the first in row {sweep.source.rows[elsewhere[0]]}"
         )
-
-
-def _place(point: NDArray[np.floating[Any]]) -> str:
-    return f"({', '.join(f'{float(value):.3f}' for value in point)})"

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Cards of the page: the worst sweeps and the missed movers in pictures."""
+"""Cards of the page: the worst sweeps in pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
-from mnsf_ros.report.run_results import MissedMover, RunResults
+from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.text_table import format_number, format_percent
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -34,24 +34,13 @@ class Card(NamedTuple):
     pictures: list[Picture]
 
 
-class Pictures(NamedTuple):
-    """The pictures of a run.
+def pictures_of(results: RunResults, flows: ShownFlows, number: int) -> tuple[list[Card], str]:
+    """Draws so many of the worst sweeps, as far as the run kept their flow.
 
-    Attributes:
-        worst: The worst sweeps.
-        missed: The surroundings of the movers that were missed most often.
-        why_not: Reason for missing pictures of the worst sweeps; empty if all have one.
+    Returns:
+        The cards, and the reason for missing ones; empty if all are there.
     """
-
-    worst: list[Card]
-    missed: list[Card]
-    why_not: str
-
-
-def pictures_of(results: RunResults, flows: ShownFlows, number: int) -> Pictures:
-    """Draws so many of the worst sweeps and missed movers, as far as the run kept their flow."""
     worst = [_worst_card(results, row, flows) for row in results.worst["row"][:number]]
-    missed = [_missed_card(one, flows) for one in results.missed[:number]]
     num_without, why_not = worst.count(None), ""
     if num_without:
         why_not = (
@@ -59,7 +48,7 @@ def pictures_of(results: RunResults, flows: ShownFlows, number: int) -> Pictures
             "flow. A new run with --pictures keeps that of the worst sweeps, with --write-flow "
             "that of all."
         )
-    return Pictures(list(filter(None, worst)), list(filter(None, missed)), why_not)
+    return list(filter(None, worst)), why_not
 
 
 def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
@@ -83,25 +72,6 @@ def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card 
             pictures.append(Picture(_uri(picture), f"{alt}{caption}.", caption))
     subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {len(own.xyz):,} points"
     return Card(f"{row.recording}, sweep {row.number}", subtitle, pictures)
-
-
-def _missed_card(missed: MissedMover, flows: ShownFlows) -> Card | None:
-    """Motion around a missed mover, in truth and by the method; None if unknown."""
-    item, row = missed.item, missed.row
-    flow = flows.find(row, item.object_id)
-    if flow is None:
-        return None
-    png = _painter([flow]).around(row.method, flow.flow, item.place_m)
-    if png is None:
-        return None
-    caption = f"{row.method}: missed in {missed.num_sweeps} sweeps, here lost by: {missed.lost_by}"
-    alt = f"Motion around the {item.kind} in top view, in truth and by {row.method}. {caption}."
-    subtitle = (
-        f"{row.stamp_ns / NANOSECONDS:.3f} s, sweep {row.number}, {item.num_points:,} points, "
-        f"{item.speed_m_s:.1f} m/s, {item.range_m:.0f} m away"
-    )
-    title = f"Missed: {item.kind} in {row.recording}"
-    return Card(title, subtitle, [Picture(_uri(png), alt, caption)])
 
 
 def _painter(flows: Sequence[ShownFlow]) -> ExamplePainter:

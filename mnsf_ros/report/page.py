@@ -34,7 +34,7 @@ def write_report(
 ) -> Path:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
-    So many of the worst sweeps, and of the missed movers, get pictures if the run kept their flow.
+    So many of the worst sweeps get pictures if the run kept their flow.
 
     Returns:
         The file.
@@ -42,6 +42,7 @@ def write_report(
     Raises:
         WritingError: Writing fails.
     """
+    cards, why_not = pictures_of(results, folder.flows, num_pictured)
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -51,7 +52,8 @@ def write_report(
         tiles=tiles_of(results),
         failures=failures_of(results.table),
         charts=charts_of(results),
-        pictures=pictures_of(results, folder.flows, num_pictured),
+        cards=cards,
+        why_not=why_not,
         settings=_settings_used(results),
     )
     path = folder.path / REPORT_FILE

@@ -11,7 +11,6 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import over_all_points
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.metrics import errors_by_band
 from mnsf_ros.evaluation.results import Failure, FailureKind
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
@@ -182,7 +181,7 @@ def test_without_odometry_the_standing_points_tell_the_motion():
     assert without.errors == with_odometry.errors
 
 
-def test_points_that_are_not_valid_are_not_scored():
+def test_points_that_are_not_valid_are_not_scored_nor_failures():
     flow = FLOW.copy()
     flow[3] = 9.0
     truth = make_truth(valid=np.array([True, True, True, False]))
@@ -190,14 +189,14 @@ def test_points_that_are_not_valid_are_not_scored():
     assert row.errors["all"].epe_m == 0
     assert row.errors["all"].num_points == 3
     assert math.isnan(row.errors["dynamic"].epe_m)
-
-
-def test_truth_without_any_valid_point():
-    truth = make_truth(valid=np.zeros(4, bool))
-    row = scored_row(make_example(truth=truth, motion=None), "x", estimate(FLOW))
+    nothing = make_example(truth=make_truth(valid=np.zeros(4, bool)), motion=None)
+    row = scored_row(nothing, "x", estimate(FLOW))
     assert row.errors["all"].num_points == 0
     assert not row.by_range
     assert not row.sums
+    row = failed_row(nothing, "x", "no points")
+    assert row.failure == Failure(FailureKind.FAILED, "no points")
+    assert (row.errors, math.isnan(row.time_ms)) == ({}, True)
 
 
 def test_only_kept_points_are_scored():
@@ -233,31 +232,6 @@ def test_without_truth_there_is_consistency_only():
 def test_estimate_that_does_not_fit_is_refused(flow, text):
     with pytest.raises(EvaluationError, match=text):
         scored_row(make_example(), "x", estimate(flow))
-
-
-def test_points_that_were_never_asked_for_may_stay_open():
-    flow = np.where(DYNAMIC[:, None], np.nan, FLOW)
-    row = scored_row(make_example(), "file:x", estimate(flow, kept=~DYNAMIC))
-    assert row.errors["all"].num_points == 3
-    assert row.consistency["nearest_m"] == 0.0
-
-
-def test_failed_row_says_why_and_nothing_else():
-    row = failed_row(make_example(), "x", "no points")
-    assert row.failure == Failure(FailureKind.FAILED, "no points")
-    assert math.isnan(row.time_ms)
-    assert row.errors == {}
-
-
-def test_band_limits_belong_to_the_band_above():
-    values = np.array([0.0, 9.999, 10.0, 25.0])
-    flow = np.zeros((4, 3))
-    bands = errors_by_band(flow, flow, values, (10.0, 20.0, np.inf))
-    assert {limit: errors.num_points for limit, errors in bands.items()} == {
-        "10": 2,
-        "20": 1,
-        "inf": 1,
-    }
 
 
 def test_landing_distance_by_hand():

@@ -89,15 +89,15 @@ def run_record(methods=METHODS, truth="/truth/flow", **values):
     return RunRecord(**known | values)
 
 
-def kept(number=3, *, methods=METHODS[:2], with_truth=True, mover=None):
+def kept(number=3, *, methods=METHODS[:2], with_truth=True):
     """Flows as a run keeps them for its report."""
     random = np.random.default_rng(number)
     xyz = random.uniform(-20, 20, (300, 3)).astype(np.float32)
     truth = np.tile(np.float32([-0.8, 0, 0]), (300, 1))
     flow = truth + random.normal(0, 0.1, truth.shape).astype(np.float32)
     errors_m = np.linalg.norm(flow - truth, axis=1)
-    known = {"truth": truth if with_truth else None, "mover": mover}
-    return [ShownFlow("street", one, number, xyz, flow, errors_m, **known) for one in methods]
+    known = (xyz, flow, errors_m, truth if with_truth else None)
+    return [ShownFlow("street", one, number, *known) for one in methods]
 
 
 def write_run_report(path, results, kept_flows=()):

@@ -1,0 +1,135 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Flow for the pictures of a report: kept during the run, of the worst sweeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli.main import run
+from mnsf_ros.errors import MnsfError
+from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
+from mnsf_ros.evaluation.parallel import run_serially
+from mnsf_ros.evaluation.recordings import choose_topics
+from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.inspection import inspect_recording
+from mnsf_ros.report.page import write_report
+from mnsf_ros.report.run_results import read_results
+from mnsf_ros.report.run_tables import tables_of
+from mnsf_ros.simulation.recording import write_recording
+from mnsf_ros.simulation.settings import SimulationSettings
+
+pytestmark = pytest.mark.usefixtures("without_drawing")
+
+METHODS = ["ego", "zero"]
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "street"
+    write_recording(SimulationSettings(seed=1, duration_s=0.5, num_beams=16, num_columns=256), path)
+    return path
+
+
+def evaluate(street, out, *, methods=METHODS, resume=False, num_events=None, **values):
+    """Runs what is left to do; `num_events`: killed after so many."""
+    settings = preset("paper").changed({"crop.max_range_m": 30.0, "warm_start.enabled": False})
+    options = EvaluationOptions(settings, num_points=80, seed=3, **values)
+    recording = choose_topics(inspect_recording(street), "street")
+    methods = evaluated_methods(methods, options)
+    record = RunRecord(options, methods, [recording], [SessionRecord.now([])])
+    folder = RunFolder(out)
+    with folder.opened(resume=resume):
+        for number, (task, event) in enumerate(run_serially(folder.begin(record), options)):
+            if number == num_events:
+                break
+            folder.take(task, event)
+    return folder
+
+
+def report_of(folder, number=3, focus=None):
+    results = read_results(folder, focus)
+    return write_report(folder, results, tables_of(results), number).read_text()
+
+
+def files(folder):
+    pictures = folder.path / "pictures"
+    return sorted(str(file.relative_to(pictures)) for file in pictures.rglob("*.npz"))
+
+
+def worst_of(folder, method):
+    rows = [row for row in folder.rows if row.method == method]
+    return [row.number for row in sorted(rows, key=lambda row: -row.badness_m)]
+
+
+def test_flow_of_the_worst_sweeps_of_each_method_is_kept_and_drawn(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", num_pictured=2)
+    worst = {method: worst_of(folder, method)[:2] for method in METHODS}
+    expected = [f"street.{m}/{number}.npz" for m in METHODS for number in sorted(worst[m])]
+    assert files(folder) == sorted(expected)
+    for row in folder.rows:
+        flow = folder.flows.find(row)
+        assert (flow is not None) == (row.number in worst[row.method])
+        if flow is not None:
+            assert np.nanmean(flow.error_m) == pytest.approx(row.badness_m, abs=1e-6)
+    text = report_of(folder, 2)
+    assert text.count("<figcaption>ego: EPE") == text.count("<figcaption>Truth") == 2
+    assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
+    assert "have no picture" not in text
+    assert "1 of 3 sweeps have no picture" in report_of(folder, 3)
+    assert run(["report", str(folder.path), "--pictures=1", "--method=zero"]) == 0
+    text = (folder.path / "report.html").read_text()
+    assert "Worst sweeps of zero" in text
+    assert text.count("<figcaption>zero: EPE") == 1
+    with pytest.raises(MnsfError, match=r"run: has no method 'mnfs'; it has ego, zero$"):
+        report_of(folder, focus="mnfs")
+
+
+def test_written_and_kept_flow_are_the_same(street, tmp_path):
+    kept = evaluate(street, tmp_path / "kept", num_pictured=1)
+    written = evaluate(street, tmp_path / "written", flow_folder=tmp_path / "written" / "flow")
+    assert not (written.path / "pictures").exists()
+    worst, *_ = worst_of(kept, "ego")
+    (row,) = [row for row in kept.rows if (row.method, row.number) == ("ego", worst)]
+    one, other = kept.flows.find(row), written.flows.find(row)
+    for name in ("xyz", "flow", "truth", "error_m"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    # All methods beside each other.
+    assert report_of(written, 2).count("data:image/png") == 2 * (1 + 1)
+
+
+def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
+    whole = evaluate(street, tmp_path / "whole", methods=["ego"], num_pictured=2)
+    evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, num_events=3)
+    resumed = evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, resume=True)
+    assert files(resumed) == files(whole)
+    assert len(list(resumed.rows)) == len(list(whole.rows))
+
+
+def test_run_without_kept_flow_says_how_to_get_pictures(street, tmp_path):
+    text = report_of(evaluate(street, tmp_path / "run"))
+    assert "data:image/png" not in text
+    assert "3 of 3 sweeps have no picture" in text
+    assert "--pictures" in text
+    assert "The worst 3 of 3 sweeps of ego" in text
+
+
+def shown(method, number, badness_m, recording="street"):
+    points = np.zeros((4, 3), np.float32)
+    return ShownFlow(recording, method, number, points, points, points[:, 0], badness_m=badness_m)
+
+
+def test_no_more_flows_are_kept_than_are_shown(tmp_path):
+    flows, folder = ShownFlows(tmp_path), RunFolder(tmp_path)
+    for number, badness_m in enumerate([3.0, 1.0, 2.0, 0.5, 4.0]):
+        flows.add(shown("ego", number, badness_m), 2)
+    flows.add(shown("ego", 1, 0.1, recording="other"), 2)
+    assert files(folder) == ["other.ego/1.npz", "street.ego/0.npz", "street.ego/4.npz"]
+    # Another session goes on with what is there.
+    ShownFlows(tmp_path).add(shown("ego", 9, 3.5), 2)
+    assert "street.ego/0.npz" not in files(folder)
+    flows.drop([("street", "ego")])
+    assert files(folder) == ["other.ego/1.npz"]

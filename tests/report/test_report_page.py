@@ -1,0 +1,187 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The report has the run and its results, is a page by itself, and lets nothing in or out."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html.parser import HTMLParser
+
+import pytest
+from small_runs import (
+    METHODS,
+    failed,
+    kept,
+    recording,
+    row,
+    rows,
+    rows_without_truth,
+    run_record,
+    write_run_report,
+)
+
+from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
+from mnsf_ros.evaluation.options import EvaluatedMethod
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.report.run_results import results_of
+
+without_drawing = pytest.mark.usefixtures("without_drawing")
+WITHOUT_END = {"meta", "link", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Checks that elements are nested, and collects what a test wants to see."""
+
+    def __init__(self, source):
+        super().__init__()
+        self.source, self.open, self.elements, words = source, [], [], []
+        self.handle_data = words.append
+        self.feed(source)
+        assert self.open == []
+        self.text = " ".join(words)
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in WITHOUT_END:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def report(tmp_path, rows, run, flows=()):
+    path = write_run_report(tmp_path, results_of(run, rows), flows)
+    assert {file.name for file in tmp_path.iterdir()} - {"pictures"} == {"report.html"}
+    return Page(path.read_text(encoding="utf-8"))
+
+
+@without_drawing
+def test_the_run_its_means_and_the_worst_sweeps_are_there(tmp_path):
+    text = report(tmp_path, rows(), run_record()).text
+    for fact in ("mnsf evaluate street", "abc123", "torch 2.0", "box, fast, 2 cores", "Seed 7"):
+        assert fact in text
+    assert "distance.cell_size_m" in text
+    for mean in ("0.200 m", "0.210", "0.220", "a newer triplet took its place"):
+        assert mean in text
+    text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
+    places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
+    assert places == sorted(places)
+
+
+@without_drawing
+def test_settings_that_the_method_does_not_use_are_left_out(tmp_path):
+    traits = make_method("online", preset("online")).traits
+    method = EvaluatedMethod("online", traits)
+    run = dataclasses.replace(run_record(), methods=[method])
+    text = report(tmp_path, [row(1, "online", 0.1)], run).text
+    for name in ("objects.max_suspects", "crop.max_range_m", "ego_motion.source"):
+        assert name in text
+    for name in ("field.hidden_width", "fusion.kind", "node.odom_frame", "lidar_2.x_m"):
+        assert name not in text
+
+
+@without_drawing
+def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
+    found = [row(1, "mnsf", 0.2), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
+    source = report(tmp_path, found, run_record()).source
+    assert '<td class="best">0.200</td>' in source
+    assert '<td class="best">0.100</td>' not in source
+
+
+def test_nothing_is_loaded_and_every_picture_says_what_it_shows(tmp_path):
+    page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2)])
+    assert page.all("script") == []
+    for _, attributes in page.elements:
+        assert attributes.get("src", "data:").startswith("data:")
+        assert re.match(r"data:|#", attributes.get("href", "#"))
+    policies = [m["content"] for m in page.all("meta") if "http-equiv" in m]
+    assert policies[0].startswith("default-src 'none'")
+    assert "url(" not in page.source
+    images = page.all("img")
+    assert len(images) == 2 * 3  # truth and two methods
+    assert all(len(image["alt"]) > 20 for image in images)
+    drawings = [svg for svg in page.all("svg") if svg.get("aria-hidden") != "true"]
+    assert drawings
+    assert all(svg["role"] == "img" and svg["aria-label"] for svg in drawings)
+    sections = {f"#{section['id']}" for section in page.all("section") if "id" in section}
+    assert {link["href"] for link in page.all("a")} <= sections
+
+
+@without_drawing
+def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
+    place = {"place_m": (8.0, -9.0), "lost_by": LostBy.TOO_LARGE}
+    item = ObjectRow(7, "<b>car</b>", True, 5.0, 12.0, 120, 0.0, **place)
+    missed = row(3, "mnsf", 0.3, movers=MoverRow((0, 0, 120), 0, objects=[item]))
+    page = report(tmp_path, [missed, row(2, "mnsf", 0.2)], run_record())
+    assert "Movers that mnsf missed in most sweeps" in page.text
+    assert "street: <b>car</b>" in page.text
+    assert "too large" in page.text
+
+
+@without_drawing
+def test_rivals_are_shown_where_their_flow_was_kept_and_damage_costs_only_a_picture(tmp_path):
+    page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2, methods=["fnsf"])])
+    captions = re.findall("<figcaption>([^<]*)<", page.source)
+    assert [caption.partition(":")[0] for caption in captions] == ["Truth", "mnsf", "fnsf"]
+    assert captions[1].startswith("mnsf: EPE 0.300 m")
+    assert "2 of 3 sweeps have no picture" in page.text
+    for file in (tmp_path / "pictures").rglob("*.npz"):
+        file.write_bytes(file.read_bytes()[:-2000])
+    page = report(tmp_path, rows(), run_record())
+    assert page.all("img") == []
+    assert "3 of 3 sweeps have no picture" in page.text
+
+
+@without_drawing
+def test_failures_that_differ_in_numbers_alone_are_one(tmp_path):
+    texts = [f"sweep 17{n}00: {n}.5 points are left after crop" for n in (1, 2, 3)]
+    found = [failed(n + 1, "fnsf", text) for n, text in enumerate(texts)]
+    found += [failed(4, "fnsf", "cancelled"), failed(1, "nsfp", "cancelled"), *rows()[:1]]
+    source = report(tmp_path, found, run_record()).source
+    assert re.findall(r"<tr><th[^>]*>([^<]* ×)</th><td>([^<]*)</td>", source) == [
+        ("fnsf: 3 ×", f"the first one: {texts[0]}"),
+        ("nsfp: 1 ×", "cancelled"),
+        ("fnsf: 1 ×", "cancelled"),
+    ]
+
+
+def test_method_without_any_flow_is_not_in_the_legend(tmp_path):
+    found = [row(1, "mnsf", 0.1), failed(1, "fnsf", "cancelled"), row(1, "zero", 2.0)]
+    source = report(tmp_path, found, run_record()).source
+    bands = source[source.index('id="bands"') : source.index('id="time"')]
+    assert set(re.findall(r">(mnsf|fnsf|zero)</text>", bands)) <= {"mnsf"}
+    assert "Not in these charts: zero, with an error more than 5 times that" in bands
+
+
+@without_drawing
+def test_without_truth_or_rows_there_is_still_a_report(tmp_path):
+    run = run_record(["mnsf"], truth=None)
+    page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"], with_truth=False))
+    for text in ("0.200 m", "Where the time goes", "no true flow"):
+        assert text in page.text
+    for text in ("Where the errors are", "EPE"):
+        assert text not in page.text
+    (image,) = page.all("img")
+    assert "distance to next sweep" in image["alt"]
+    assert "There are no results yet." in report(tmp_path, [], run_record()).text
+
+
+@without_drawing
+def test_text_of_others_is_no_markup(tmp_path):
+    bad = "<script>alert(1)</script>\"'&"
+    found = [row(1, bad, 0.1, recording=bad), failed(2, bad, bad, recording=bad)]
+    page = report(tmp_path, found, run_record([bad], recordings=[recording(bad)]))
+    assert page.all("script") == []
+    assert bad in page.text
+
+
+def test_many_methods_in_any_order_give_the_same_file(tmp_path):
+    methods = [f"method {k}" for k in range(30)]
+    found = [*rows(), *(row(1, m, 0.1) for m in methods)]
+    page = report(tmp_path, found, run_record([*METHODS, *methods]))
+    assert all(method in page.text for method in methods)
+    assert report(tmp_path, found[::-1], run_record([*METHODS, *methods])).source == page.source
