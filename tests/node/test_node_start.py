@@ -9,7 +9,6 @@ import sys
 
 import numpy as np
 import pytest
-import torch
 from rclpy.qos import ReliabilityPolicy
 from scene_flow_process import PATIENCE_S, QUICK
 from std_msgs.msg import Float64
@@ -32,8 +31,6 @@ _UNUSABLE = {
         "a topic cannot be used, see qos_overrides",
     ),
 }
-if not torch.cuda.is_available():
-    _UNUSABLE["a missing device"] = (["-p", "compute.device:=cuda"], "no usable CUDA device")
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import pytest
 from scene_flow_process import ENDLESS
 
 
+@pytest.mark.slow
 def test_while_an_estimate_never_ends(run_node, drive):
     peer = run_node(ENDLESS, name="/endless")
     peer.wait_for_node()
