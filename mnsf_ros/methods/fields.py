@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The two kinds of flow field that the compared methods fit: a perceptron, or a linear one."""
+"""The two kinds of flow field: the perceptron of the paper, and a linear one."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import LinearSettings
 
 _MAX_NODES = 4_000_000
-# Under the root of the total variation, square metres: where the flow is constant, too, it has
-# a gradient.
+# Under the root of the total variation, square metres: a constant flow has a gradient, too.
 _VARIATION_FLOOR = 1e-5
 
 
@@ -38,7 +37,7 @@ def fresh_field(bench: Workbench, *, is_linear: bool = False, num_inputs: int = 
 
 
 def penalty(field: nn.Module, bench: Workbench) -> torch.Tensor | float:
-    """What is added to the loss to keep the field smooth: nothing for a perceptron."""
+    """Smoothness term of the loss: total variation of a linear field, 0 of a perceptron."""
     if isinstance(field, KroneckerField):
         return bench.settings.linear.variation_weight * field.total_variation()
     return 0.0
@@ -103,7 +102,7 @@ class KroneckerField(nn.Module):
         return blended.view(3, -1).T
 
     def total_variation(self) -> torch.Tensor:
-        """Mean over the nodes of how much the flow changes to the next ones, metres."""
+        """Mean change of the flow between neighbouring nodes, metres."""
         flow = self._node_flow()
         corner = flow[:, :-1, :-1, :-1]
         squares = (

@@ -38,7 +38,7 @@ def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.T
 
     Args:
         bench: The sweeps.
-        schedules: How long to fit each network.
+        schedules: Steps and time limit of each network.
         num_fields: The forward field, and a backward field for each sweep before the current one.
     """
     learners = bench.learners = _starting_learners(bench, num_fields)
@@ -47,7 +47,7 @@ def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.T
         return _fitted_flows(bench, [schedules.forward], keep_best=True)[0]
     # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
     forward_flow, *backward_flows = _field_flows(bench, schedules)
-    # 3.: the backward flow is turned round.
+    # 3.: the backward flow is inverted.
     inverted_flows = _inverted(bench, backward_flows)
     # 4.: the fusion makes one flow of both.
     flow = bench.fused_flow(learners.fusion, [forward_flow, *inverted_flows], schedules.fusion)
@@ -135,7 +135,7 @@ def _fitted_flows(
 
 
 def _inverted(bench: Workbench, backward_flows: Sequence[torch.Tensor]) -> list[torch.Tensor]:
-    """Flows to t-1, t-2 ... turned into flows to t+1, or not, to see what that is worth."""
+    """Flows to t-1, t-2 ... inverted into flows to t+1, unless `fusion.inversion` is off."""
     if not bench.settings.fusion.inversion:
         return list(backward_flows)
     ratios = bench.triplet.interval_ratios[: len(backward_flows)]

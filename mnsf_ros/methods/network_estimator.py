@@ -46,7 +46,7 @@ class NetworkMethod:
         flow_of: Fits networks on the workbench, by the schedules, and returns the flow (N, 3),
             metres from t to t+1.
         num_sweeps: Sweeps that the method looks at.
-        distance_kind: How the method measures distances, if not to `Workbench.next.distance`.
+        distance_kind: Kind of the distances, if not that of `Workbench.next.distance`.
         starts_warm: Whether the method can start where the last triplet ended.
         needs_previous: False if a method of three sweeps can do with two.
     """
@@ -64,12 +64,12 @@ class NetworkEstimator:
     Not for use from several threads at once.
 
     Attributes:
-        settings: How it estimates.
-        traits: What the method needs.
+        settings: Of the estimates.
+        traits: Needs of the method.
     """
 
     def __init__(self, settings: Settings, method: NetworkMethod) -> None:
-        """Makes an estimator that has seen nothing yet.
+        """Makes a new estimator.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there, or for more memory
@@ -93,7 +93,7 @@ class NetworkEstimator:
         self._poses = SensorPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> NetworkEstimator:
-        """Returns an estimator with other settings that keeps what is still valid.
+        """Returns an estimator with other settings; valid state is kept.
 
         Raises:
             SettingsError: If the settings ask for a device that is not there, or for more memory

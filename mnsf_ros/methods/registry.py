@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Name of a method to its estimator: our methods, and those of other installed packages.
+"""Methods by name: our own, and those of other installed packages.
 
 A name with settings behind it, `mnsf+fusion.kind=mean`, is a variant of that method.
 
@@ -127,22 +127,13 @@ def method_names() -> tuple[str, ...]:
     return (*_METHODS, *sorted(others - _METHODS.keys()))
 
 
-def check_method(name: str) -> None:
-    """Checks that there is a method of that name, without making it; variants are refused.
-
-    Raises:
-        SettingsError: If there is none, or several packages offer it.
-    """
-    _maker(name)
-
-
 def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
-    """Makes the estimator of a method, which has seen nothing yet.
+    """Makes a new estimator of a method.
 
     Args:
         name: One of `method_names`, also with settings behind it (`mnsf+fusion.kind=mean`), or
             `command:` and a command line.
-        settings: How to estimate. A variant changes its settings on top, and `online` takes its own
+        settings: Of the estimate. A variant changes its settings on top, and `online` takes its own
             preset instead of `paper` or `authors`, see `settings_for`.
 
     Raises:

@@ -19,7 +19,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 
 class _Reference:
-    """Returns a flow that is known without fitting anything to the sweeps."""
+    """A method that fits nothing to the sweeps."""
 
     traits = MethodTraits(is_reference=True, settings_groups=())
     _stage: str
@@ -58,7 +58,7 @@ class ZeroEstimator(_Reference):
 
 
 class EgoMotionEstimator(_Reference):
-    """Returns the flow of a static world, by the ego motion that the triplet has."""
+    """Returns the flow of a static world, from the ego motion of the recording."""
 
     traits = MethodTraits(needs_poses=True, is_reference=True, settings_groups=())
     _stage = "rigid"
@@ -73,16 +73,16 @@ class EgoMotionEstimator(_Reference):
 
 
 class EstimatedEgoMotionEstimator(_Reference):
-    """Returns the flow of a static world, by the ego motion that the method `online` finds.
+    """Returns the flow of a static world, from the ego motion that `online` estimates.
 
-    The motion of `ego` is that of the recording, which is mostly that of its ground truth, too.
+    In most recordings the ego motion of `ego` is the ground truth itself.
     """
 
     traits = MethodTraits(carries_state=True, is_reference=True, settings_groups=())
     _stage = "ego motion"
 
     def __init__(self, settings: Settings) -> None:
-        """Makes an estimator that has seen nothing yet."""
+        """Makes a new estimator."""
         super().__init__(settings)
         self.traits = replace(self.traits, max_gap_s=settings.ego_motion.max_gap_s)
         self._poses = SensorPoses(settings.ego_motion)

@@ -18,6 +18,7 @@ from mnsf_ros.core.scene_flow_estimator import (
 )
 from mnsf_ros.errors import OvertakenError, SettingsError
 from mnsf_ros.methods import make_method
+from mnsf_ros.presets import settings_for
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, Stretch, Sweep, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival, SweepBuffer
@@ -194,7 +195,7 @@ class Stream:
             return prepared
         with self._preparation:
             if settings is not self._adapted_to:
-                self._estimator = self._estimator.with_settings(settings)
+                self._estimator = self._estimator.with_settings(settings_for(self.method, settings))
                 self._adapted_to = settings
             is_overtaken = self._prepared_by is not prepared.estimator
             if is_overtaken and isinstance(self._estimator, PreparingEstimator):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Rigid things of the scene: solid shapes, where rays enter them, and where they are.
+"""Rigid things of the scene: solid shapes, their intersections with rays, and their poses.
 
 A shape sits at the origin of its own frame. Rays are given in that frame as one common origin
 and three arrays of direction components; ranges come back in units of the direction's length,
@@ -68,7 +68,7 @@ def sphere(x: float, y: float, z: float, radius: float) -> Shape:
 def entry_ranges(
     kind: ShapeKind, half_extents: FloatArray, origin: FloatArray, directions: Directions
 ) -> FloatArray:
-    """Returns how far each ray travels until it enters the shape, `inf` if it never does."""
+    """Returns the range at which each ray enters the shape, `inf` if it never does."""
     # Rays beside something round have no entry: the root is NaN, which compares as a miss.
     with np.errstate(invalid="ignore"):
         if kind == ShapeKind.SPHERE:
@@ -84,7 +84,7 @@ def entry_ranges(
 
 
 def _slab(half: float, start: float, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns where rays enter and leave the layer between -half and +half of one axis."""
+    """Returns the ranges at which rays enter and leave the layer -half..half of one axis."""
     inverse = 1.0 / np.where(direction == 0.0, _PARALLEL, direction)
     middle = -start * inverse
     reach = half * np.abs(inverse)
@@ -102,7 +102,7 @@ def _clip(
 def _round_interval(
     radius: float, origin: FloatArray, directions: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Returns where rays enter and leave a circle (2 axes) or sphere (3 axes); NaN if never."""
+    """Returns the ranges at which rays enter and leave a circle or sphere; NaN if never."""
     squared = np.maximum(sum(direction * direction for direction in directions), _PARALLEL)
     along = sum(start * direction for start, direction in zip(origin, directions, strict=True))
     outside = float(origin @ origin) - radius * radius
@@ -115,7 +115,7 @@ class Model:
     """A thing in its own frame: x forward, y left, z up, the origin on the ground.
 
     Attributes:
-        surface_class: What its points are.
+        surface_class: Class of its points.
         shapes: The solids it is made of.
         length_m: Extent along x that nothing else may enter, centered on the origin.
         width_m: The same along y.

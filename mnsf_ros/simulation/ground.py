@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where rays meet the asphalt, the sidewalks and the curbs, and how bright points look."""
+"""Intersections of rays with asphalt, sidewalks and curbs, and the intensity of points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BISECTIONS = 14
 def ground_hits(
     street: Street, origin: FloatArray, directions: FloatArray, max_range_m: float
 ) -> tuple[FloatArray, NDArray[np.uint8]]:
-    """Returns (N,) where rays meet the ground, `inf` for misses, and (N,) surface classes, 0 there.
+    """Returns (N,) ranges to the ground, `inf` for misses, and (N,) surface classes, 0 there.
 
     The rays start at (3,) world metres, above the sidewalks, in (N, 3) unit directions; those
     longer than `max_range_m` are misses.
@@ -60,7 +60,7 @@ def _curb_ranges(
     before: FloatArray,
     behind: FloatArray,
 ) -> FloatArray:
-    """Returns where rays cross the curb between a range over asphalt and one under a sidewalk."""
+    """Returns the ranges at which rays meet the curb, between asphalt and sidewalk."""
     for _ in range(_BISECTIONS):
         middle = (before + behind) / 2
         raised = _raised(street, origin, directions, middle)
@@ -93,7 +93,7 @@ def intensities(
 
 
 def _is_painted(street: Street, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-    """Tells which places on the asphalt belong to a center dash, a parking line or a zebra."""
+    """Mask of places on the asphalt with a center dash, a parking line or a zebra crossing."""
     lateral = street.centerline.lateral(x, y)
     dashes = (np.abs(lateral) < 0.08) & (x % 9.0 < 4.0)
     parking = np.abs(np.abs(lateral) - (PARKING_LATERAL_M - 1.15)) < 0.06

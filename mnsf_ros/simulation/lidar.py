@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A spinning lidar: its rays, and what each of them hits first."""
+"""A spinning lidar: its rays, and the first hit of each."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class ShapeTable:
         return nearest
 
     def _may_be_in(self, rays: Rays, poses: FloatArray) -> NDArray[np.bool_]:
-        """Returns (K,) whether any of the columns can meet a sphere around the shape."""
+        """Returns a (K,) mask of the shapes whose bounding sphere some column can meet."""
         half = math.pi * len(rays.cos_azimuth) / rays.per_turn
         x, y = poses[:, 0, 3], poses[:, 1, 3]
         apart = np.arctan2(y, x) - (rays.start + half)
@@ -130,7 +130,7 @@ class ShapeTable:
         return np.asarray(is_around | (apart <= half + reach + 2 * math.pi * 2 / rays.per_turn))
 
     def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
-        """Returns where the window's rays enter shape k, in metres; `inf` for those that miss."""
+        """Returns the ranges at which the window's rays enter shape k, metres; `inf`: misses."""
         shape_from_lidar = pose[:3, :3].T
         origin = shape_from_lidar @ -pose[:3, 3]
         directions = rays.directions(shape_from_lidar, window)

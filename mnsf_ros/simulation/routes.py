@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Where things drive and walk: routes, speeds along them, and that they do not meet."""
+"""Routes of moving things, speeds along them, and clearance between them."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def drive_with_stops(
 
 @dataclass(frozen=True)
 class _Track:
-    """Discs (T, K, 2) that cover a footprint over time, and the corners of what they ever cover."""
+    """Discs (T, K, 2) that cover a footprint over time, and their bounding box."""
 
     centers: FloatArray
     radius_m: float
@@ -190,7 +190,7 @@ class Clearance:
         self._tracks: list[_Track] = []
 
     def accept(self, trip: Trip, length_m: float, width_m: float) -> bool:
-        """Adds the trip of a rectangle unless it meets an accepted one; says whether it did."""
+        """Adds the trip of a rectangle and returns True, or False if it meets an accepted one."""
         track = self._track(trip, length_m, width_m)
         if any(_meet(track, other) for other in self._tracks):
             return False

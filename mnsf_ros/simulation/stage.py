@@ -40,7 +40,7 @@ _MARGIN_M = 0.02
 def staged_bodies(
     stage: Stage, settings: SimulationSettings
 ) -> tuple[Street, tuple[Body, ...], EgoMotion]:
-    """Returns street, bodies and ego motion of a scenario; equal settings give equal ones."""
+    """Returns street, bodies and ego motion of a scenario; the same for equal settings."""
     statics, movers, ground = np.random.default_rng([settings.seed, 3]).spawn(3)
     crossings = () if stage.crossing_x is None else (Crossing(stage.crossing_x, 0.0, 0.0),)
     street = Street(Centerline(0.0, 1.0, 0.0), -60.0, 300.0, crossings, stage.road_half_width_m)

@@ -108,12 +108,12 @@ class Street:
         return planar_pose(place[0], place[1], float(self.centerline.heading(at)[0]) + turn)
 
     def is_raised(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-        """Tells which (x, y) of any shape belong to the sidewalk rather than the asphalt."""
+        """Mask of the (x, y) of any shape that are on the sidewalk, not on asphalt."""
         raised = np.abs(self.centerline.lateral(x, y)) > self.half_width_m
         for crossing in self.crossings:
             raised &= np.abs(crossing.along(x, y)) > SIDE_ROAD_HALF_WIDTH_M
         return raised
 
     def clear_of_crossings(self, x: float, margin_m: float) -> bool:
-        """Tells whether x is at least `margin_m` away from the axis of every side street."""
+        """True if x is at least `margin_m` away from the axis of every side street."""
         return all(abs(x - crossing.x) >= margin_m for crossing in self.crossings)

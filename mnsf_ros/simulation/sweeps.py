@@ -142,7 +142,7 @@ class SweepSimulator:
     def _measured(
         self, rays: Rays, time_s: float, rng: np.random.Generator
     ) -> dict[str, NDArray[Any]]:
-        """Returns what is measured at a time: the arrays of a SimulatedSweep by their names."""
+        """Returns the arrays of a SimulatedSweep measured at one time, by their names."""
         settings, rain_per_m = self.settings, self.scene.sensor.rain_per_m
         world_from_sensor = self.scene.ego.world_from_sensor(time_s)
         ranges, body, class_id = self._first_hits(rays, time_s, world_from_sensor)
@@ -210,7 +210,7 @@ class SweepSimulator:
 
 
 def _add_rain(ranges: FloatArray, loss_per_m: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Takes returns away and puts drops near the lidar, in place; says which are surfaces still."""
+    """Removes returns and adds drops near the lidar, in place; returns the mask of surfaces."""
     # There and back again.
     is_lost = rng.uniform(size=len(ranges)) < 1.0 - np.exp(-2.0 * loss_per_m * ranges)
     ranges[is_lost] = np.inf

@@ -122,7 +122,7 @@ class Traffic:
         self._clearance.accept(ego, EGO_LENGTH_M, EGO_WIDTH_M)
 
     def add_crossing(self, crossing: Crossing, stop: Stop) -> None:
-        """Adds what moves at a side street around the time the ego vehicle waits there."""
+        """Adds the movers at a side street around the time the ego vehicle waits there."""
         rng, street = self._rng, self.street
         # In a recording that ends before the halt the crossing happens early, far ahead.
         middle = min((stop.begin_s + stop.end_s) / 2, 0.6 * self.duration_s)

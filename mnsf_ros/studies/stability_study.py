@@ -71,7 +71,7 @@ class Change:
 
 
 def stability_settings(settings: Settings) -> Settings:
-    """Returns settings that suit the study; what was set explicitly stays."""
+    """Returns the settings of the study; explicit ones stay."""
     values = STABILITY_SETTINGS.items()
     return settings.changed({k: v for k, v in values if k not in settings.explicit})
 

@@ -10,7 +10,7 @@ import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods import check_method, make_method, method_names
+from mnsf_ros.methods import make_method, method_names
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
@@ -150,11 +150,6 @@ def test_near_names_are_suggested():
 def test_variant_with_a_wrong_setting(name):
     with pytest.raises(SettingsError, match="kind"):
         make_method(name, PAPER)
-
-
-def test_a_running_method_is_no_variant():
-    with pytest.raises(SettingsError, match="unknown method"):
-        check_method("mnsf+fusion.kind=mean")
 
 
 def test_variant_of_online_has_its_preset():

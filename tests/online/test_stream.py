@@ -216,3 +216,12 @@ class TestSettings:
     def test_that_ask_for_a_missing_device_are_refused_at_the_start(self, quick_settings, method):
         with pytest.raises(SettingsError, match=r"compute\.device: got 'cuda'"):
             Stream(quick_settings.changed({"compute.device": "cuda"}), method)
+
+
+def test_a_variant_keeps_its_settings_when_others_change(quick_settings, make_sweep):
+    stream = Stream(quick_settings, "mnsf+fusion.kind=mean")
+    sweeps = [make_sweep(index) for index in range(3)]
+    for seed in (1, 2):
+        stream.change_settings(quick_settings.changed({"compute.seed": seed}))
+        # The mean has no weights to fit.
+        assert stream.flow_of(SweepTriplet(*sweeps)).fits["fusion"].iterations == 0
