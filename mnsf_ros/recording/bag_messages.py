@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages as the bag library wants them, built from arrays."""
+"""ROS messages built from arrays, in the types of the bag library."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class BagWriter:
     def __init__(
         self, path: Path | str, *, overwrite: bool = False, compress: bool = False
     ) -> None:
-        """Names what to write, whose missing parents are made; nothing is written yet.
+        """Names the target, whose missing parents are made; nothing is written yet.
 
         A recording at the same path is replaced only if `overwrite` is set. With `compress` chunks
         of the file are compressed with zstd: smaller but slower.

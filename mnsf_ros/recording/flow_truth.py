@@ -29,7 +29,7 @@ _MAX_FLOW_M = 1000.0
 
 
 class SurfaceClass(IntEnum):
-    """What a point belongs to; the numbers are written to recordings and never reused."""
+    """Class of the surface of a point; the numbers are in recordings and never reused."""
 
     ROAD = 1
     SIDEWALK = 2

@@ -19,7 +19,7 @@ _REPLACEABLE_SUFFIXES = (*SUFFIXES, ".zstd")
 
 @contextmanager
 def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Yields where to make a folder; it is moved to `path` if the block ends well, else removed.
+    """Yields the path of a draft; it is moved to `path` if the block ends well, else removed.
 
     Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
     there. With `overwrite` a recording that is there already is replaced, at the very end.
@@ -49,7 +49,7 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Says what stands in the way of a recording, before any work is done for it.
+    """Checks that a recording may be written, before any work is done for it.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.

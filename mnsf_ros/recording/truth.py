@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from mnsf_ros.errors import RecordingError
@@ -19,53 +20,28 @@ if TYPE_CHECKING:
 
     from mnsf_ros.recording.bag_reader import BagReader
 
-__all__ = ["FlowTruth", "FlowTruthIndex", "read_sensor_poses", "read_truth"]
+__all__ = ["FlowTruth", "read_sensor_poses", "read_truth"]
 
 
-class FlowTruthIndex(Mapping[int, FlowTruth]):
-    """Sweep stamp (nanoseconds) -> truth; clouds are read when asked for, not before."""
+def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> dict[int, FlowTruth]:
+    """Returns stamp of a sweep (nanoseconds) -> its true flow, from first to last stamp.
 
-    def __init__(self, reader: BagReader, topic: str, received_ns: dict[int, int]) -> None:
-        """Takes an open reader, which must stay open, and header stamp -> receive time."""
-        self._reader = reader
-        self._topic = topic
-        self._received_ns = received_ns
-
-    def __getitem__(self, stamp_ns: int) -> FlowTruth:
-        """Returns the truth of the sweep with this stamp; KeyError if there is none."""
-        received = self._received_ns[stamp_ns]
-        where = f"{self._reader.path}: {self._topic!r} at stamp {stamp_ns}"
-        for message in self._reader.messages(self._topic, start_ns=received, stop_ns=received + 1):
-            if decode_stamp(message.header.stamp) == stamp_ns:
-                try:
-                    return FlowTruth.decode(message)
-                except RecordingError as error:
-                    raise RecordingError(f"{where}: {error}") from error
-        raise RecordingError(f"{where}: is not found at its receive time again")
-
-    def __iter__(self) -> Iterator[int]:
-        """Yields the stamps from first to last."""
-        return iter(self._received_ns)
-
-    def __len__(self) -> int:
-        """Returns the number of sweeps with truth."""
-        return len(self._received_ns)
-
-
-def read_truth(reader: BagReader, topic: str = TRUTH_FLOW_TOPIC) -> FlowTruthIndex:
-    """Index the truth clouds of a recording by the stamp of their sweep.
+    All of it is in memory, 20 bytes a point.
 
     Raises:
         RecordingError: There is no truth, two clouds have the same stamp, or damage is met.
     """
     topic = reader.find_topic(topic, CLOUD_TYPE)
-    received_ns: dict[int, int] = {}
-    for received, message in reader.received_messages(topic):
-        stamp_ns = _stamp(reader, topic, message.header.stamp)
-        if stamp_ns in received_ns:
-            raise RecordingError(f"{reader.path}: two clouds on {topic!r} have stamp {stamp_ns}")
-        received_ns[stamp_ns] = received
-    return FlowTruthIndex(reader, topic, dict(sorted(received_ns.items())))
+    truth: dict[int, FlowTruth] = {}
+    for message in reader.messages(topic):
+        with _located(reader, topic, message.header.stamp):
+            found = FlowTruth.decode(message)
+        if found.stamp_ns in truth:
+            raise RecordingError(
+                f"{reader.path}: two clouds on {topic!r} have stamp {found.stamp_ns}"
+            )
+        truth[found.stamp_ns] = found
+    return dict(sorted(truth.items()))
 
 
 def read_sensor_poses(
@@ -81,17 +57,16 @@ def read_sensor_poses(
     topic = reader.find_topic(topic, ODOMETRY_TYPE)
     poses: dict[int, NDArray[np.float64]] = {}
     for message in reader.messages(topic):
-        stamp_ns = _stamp(reader, topic, message.header.stamp)
-        try:
-            poses[stamp_ns] = pose_matrix(message.pose.pose)
-        except MessageError as error:
-            where = f"{reader.path}: {topic!r} at stamp {stamp_ns}"
-            raise RecordingError(f"{where}: {error}") from error
+        with _located(reader, topic, message.header.stamp):
+            poses[decode_stamp(message.header.stamp)] = pose_matrix(message.pose.pose)
     return dict(sorted(poses.items()))
 
 
-def _stamp(reader: BagReader, topic: str, stamp: StampLike) -> int:
+@contextmanager
+def _located(reader: BagReader, topic: str, stamp: StampLike) -> Iterator[None]:
+    """Names the recording, topic and stamp of a message that cannot be used."""
     try:
-        return decode_stamp(stamp)
-    except MessageError as error:
-        raise RecordingError(f"{reader.path}: {topic!r}: {error}") from error
+        yield
+    except (MessageError, RecordingError) as error:
+        where = f"{reader.path}: {topic!r} at stamp {stamp.sec} s {stamp.nanosec} ns"
+        raise RecordingError(f"{where}: {error}") from error

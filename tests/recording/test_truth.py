@@ -54,8 +54,6 @@ def test_truth_comes_back(tmp_path):
         assert len(truth) == 5
         for index in (4, 0, 2):
             assert_same(truth[tiny_bags.stamp(index)], truth_of(index))
-        assert tiny_bags.stamp(9) not in truth
-        assert truth.get(tiny_bags.stamp(9)) is None
 
 
 def test_object_ids_come_back_where_they_are_known():
@@ -124,10 +122,11 @@ def test_recording_without_truth(tmp_path):
 
 
 def test_cloud_without_truth_fields_is_refused(tmp_path):
-    with BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader:
-        truth = read_truth(reader, "/points")
-        with pytest.raises(RecordingError, match=r"no field flow_x, .*class_id; it has x, y, z"):
-            truth[tiny_bags.stamp(0)]
+    with (
+        BagReader(tiny_bags.write_mcap(tmp_path / "bag")) as reader,
+        pytest.raises(RecordingError, match=r"no field flow_x, .*class_id; it has x, y, z"),
+    ):
+        read_truth(reader, "/points")
 
 
 def test_valid_row_without_flow_is_refused():
