@@ -71,7 +71,8 @@ def _add_topics(group: Arguments) -> None:
 def _add_method_arguments(group: Arguments) -> None:
     group.value(
         "--methods NAME,...",
-        "methods to compare, see docs/evaluation.md; file:DIR scores flow from files, "
+        "methods to compare, see docs/evaluation.md; NAME+SETTING=VALUE is a variant of a method, "
+        "file:DIR scores flow from files, "
         "command:LINE runs another program (the rest of the text is its command line); may be "
         f"repeated (default: {','.join(DEFAULT_METHODS)}; without PyTorch {DEFAULT_METHODS[0]})",
         action="append",
