@@ -135,6 +135,6 @@ class FinishedTask:
 
     recording: str
     method: str
-    num_examples: int | None = None
+    num_examples: int
     counts: dict[str, int] = field(default_factory=dict)
     damages: list[str] = field(default_factory=list)
