@@ -26,7 +26,7 @@ _SWEEP: Final = ["recording", "number"]
 def errors_by_sweep(table: pd.DataFrame, group: str) -> pd.DataFrame:
     """Returns the EPE of a group of points in metres: a line for each sweep, a column a method.
 
-    `table` is that of `summary.row_table`; sweeps without any error are missing.
+    `table` is a `summary.row_table`; sweeps without any error are missing.
     """
     name = f"errors.{group}.epe_m"
     if name not in table:
@@ -51,7 +51,7 @@ def common_sweeps(table: pd.DataFrame) -> tuple[int, pd.DataFrame] | None:
 def differences(table: pd.DataFrame, under_test: str, methods: Iterable[str]) -> pd.DataFrame:
     """Compares the EPE of the method under test with that of other methods, metres.
 
-    `table` is that of `summary.row_table`.
+    `table` is a `summary.row_table`.
 
     Returns:
         A line for each other method and group of points, on the sweeps that both answered:

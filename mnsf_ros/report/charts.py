@@ -105,7 +105,7 @@ def _shares(results: RunResults, shown: list[str]) -> dict[str, Markup]:
 def stage_times_ms(table: pd.DataFrame) -> dict[str, dict[str, float]]:
     """Returns method to stage to mean wall time in milliseconds; `other` is outside of all stages.
 
-    `table` is that of `summary.row_table`. Methods without times are missing.
+    `table` is a `summary.row_table`. Methods without times are missing.
     """
     timed = table.loc[[row.failure is None and row.time_ms >= 0 for row in table["row"]]]
     found: dict[str, dict[str, float]] = {}

@@ -25,7 +25,7 @@ def protocol_text(
 ) -> list[str]:
     """Returns sentences on the examples, points, settings and times of a run.
 
-    `table` is that of `summary.row_table`, `used` has the settings of each method.
+    `table` is a `summary.row_table`, `used` has the settings of each method.
     """
     methods = [name for name in used if name in set(table["method"])]
     return [

@@ -23,7 +23,7 @@ class Column(NamedTuple):
         title: Title with unit.
         decimals: Digits behind the point; None for whole numbers with commas.
         better: Its best value, if it has one.
-        factor: Unit of the values in that of the title.
+        factor: Factor from values to the unit of the title, 100 for shares in percent.
     """
 
     title: str
