@@ -12,9 +12,6 @@ PACKAGE = "mnsf_ros"
 HERE = Path(__file__).resolve().parent  # colcon links this file into its build folder
 VERSION = re.search(r'__version__ = "(.+)"', (HERE / PACKAGE / "__init__.py").read_text())[1]
 
-# A placeholder: replace OWNER by where you publish it.
-URL = "https://github.com/OWNER/mnsf_ros"
-
 # The PyPI wheels of ROS 2 must never be a hard requirement: beside an installed ROS they would
 # shadow it. They are an extra, for machines without ROS.
 ROS_WHEELS = [
@@ -29,17 +26,11 @@ EVALUATION = ["cattrs>=23.2", "Jinja2>=3.1", "matplotlib>=3.6", "pandas>=2.2"]
 setup(
     name=PACKAGE,
     version=VERSION,
-    description="Online lidar scene flow for ROS 2: the motion of every point, without training",
+    description="Online lidar scene flow for ROS 2: the motion of every point, without a GPU",
     long_description=(HERE / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
-    url=URL,
-    project_urls={
-        "Documentation": f"{URL}/tree/main/docs",
-        "Changelog": f"{URL}/blob/main/CHANGELOG.rst",
-        "Issues": f"{URL}/issues",
-        "Paper": "https://arxiv.org/abs/2403.16116",
-    },
+    project_urls={"Paper": "https://arxiv.org/abs/2403.16116"},
     keywords=["lidar", "scene flow", "point cloud", "ROS 2", "moving objects"],
     author="The mnsf_ros developers",
     author_email="mnsf_ros@users.noreply.github.com",

@@ -10,6 +10,8 @@ from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_settings
 
 _WIDTH = 96
+# Their settings are those of the group `lidar_1`.
+_LIKE_LIDAR_1 = ("lidar_2", "lidar_3", "lidar_4")
 
 
 def settings_yaml(settings: Settings, title: str, names: Collection[str] | None = None) -> str:
@@ -36,15 +38,18 @@ def settings_yaml(settings: Settings, title: str, names: Collection[str] | None 
 
 
 def settings_markdown(presets: dict[str, Settings]) -> str:
-    """A table of all settings, with one column for each preset."""
-    names = list(presets)
-    header = ["setting", "meaning", "unit", "range", *names]
+    """A table of all settings: value in the first preset, and in others where it differs."""
+    first, *others = presets
+    header = ["setting", "meaning", "range", first, ", ".join(others)]
     rows = [header, ["---"] * len(header)]
     for setting in declared_settings():
-        values = [_scalar(presets[name].value_of(setting.name)) for name in names]
+        if setting.group in _LIKE_LIDAR_1:
+            continue
+        value, *further = (_scalar(each.value_of(setting.name)) for each in presets.values())
         fixed = " (fixed at start)" if setting.fixed else ""
-        text = f"{setting.text}{fixed}"
-        rows.append([f"`{setting.name}`", text, setting.unit, setting.range_text(), *values])
+        span = " ".join(filter(None, (setting.range_text(), setting.unit)))
+        changed = "" if set(further) == {value} else ", ".join(further)
+        rows.append([f"`{setting.name}`", f"{setting.text}{fixed}", span, value, changed])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
 
 

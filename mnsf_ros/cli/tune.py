@@ -59,7 +59,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--minutes M", "end the search after M minutes (default: none)", float)
     arguments.value(
         "--parameters NAME,...",
-        "parameters to tune (default: those listed in docs/tuning.md, By trials)",
+        "parameters to tune (default: those listed in docs/parameters.md)",
     )
     arguments.assignments("set a parameter, which is then not tuned; may be repeated")
     arguments.value(

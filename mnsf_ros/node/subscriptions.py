@@ -34,7 +34,7 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 _LOST = (
     "sweeps_lost_in_transport",
     "sweeps are lost in transport: publish them reliable, or start the publisher with the Fast DDS "
-    "profile of this package (see docs/getting_started.md)",
+    "profile of this package (see docs/ros_interface.md)",
 )
 _MISSED = (
     CLOUDS_MISSED,
