@@ -12,9 +12,9 @@ import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, SurfaceClass
-from mnsf_ros.simulation.ground import ground_hits, intensities
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
 from mnsf_ros.simulation.scene import build_scene
+from mnsf_ros.simulation.street import ground_hits, intensities
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
