@@ -68,16 +68,6 @@ class Schedules:
         """The schedules of an estimate whose time budget begins to run now."""
         return cls(settings, is_warm, cancelled, time.monotonic())
 
-    @property
-    def forward(self) -> Schedule:
-        """Of the first of two fields."""
-        return self.fields(2)[0]
-
-    @property
-    def backward(self) -> Schedule:
-        """Of the second of two fields."""
-        return self.fields(2)[1]
-
     def fields(self, number: int) -> tuple[Schedule, ...]:
         """Of some fields that are fitted one after the other, before the fusion."""
         return tuple(self.field(_FIELDS_DONE * (k + 1) / number) for k in range(number))

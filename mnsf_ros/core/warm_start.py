@@ -31,11 +31,6 @@ class Learners:
     fusion: Learner
     stack: Learner | None = None
 
-    @property
-    def forward(self) -> Learner:
-        """The field toward the next sweep."""
-        return self.fields[0]
-
     @classmethod
     def fresh(
         cls,

@@ -44,7 +44,7 @@ def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.T
     learners = bench.learners = _starting_learners(bench, num_fields)
     schedules = replace(schedules, is_warm=bench.start is Start.WARM)
     if len(bench.before) < num_fields - 1:
-        return _fitted_flows(bench, [schedules.forward], keep_best=True)[0]
+        return _fitted_flows(bench, schedules.fields(2)[:1], keep_best=True)[0]
     # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
     forward_flow, *backward_flows = _field_flows(bench, schedules)
     # 3.: the backward flow is inverted.
@@ -71,7 +71,7 @@ def _still_fit(carried: Learners, bench: Workbench) -> bool:
     # A cold start after this must not differ from any other: give back what was drawn.
     state = bench.generator.get_state()
     ratio = bench.settings.warm_start.max_loss_ratio
-    fits = still_fits(carried.forward, bench.points, bench.next.distance, ratio)
+    fits = still_fits(carried.fields[0], bench.points, bench.next.distance, ratio)
     bench.generator.set_state(state)
     return fits
 
@@ -145,8 +145,9 @@ def _inverted(bench: Workbench, backward_flows: Sequence[torch.Tensor]) -> list[
 def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
     """MNSF (cycle consistency) of the paper's tables, with NSFP's cycle term; (N, 3) metres."""
     (previous,) = bench.before
-    forward_flow = _cycle_flow("forward", bench, bench.next, schedules.forward)
-    backward_flow = _cycle_flow("backward", bench, previous, schedules.backward)
+    first, second = schedules.fields(2)
+    forward_flow = _cycle_flow("forward", bench, bench.next, first)
+    backward_flow = _cycle_flow("backward", bench, previous, second)
     inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
     precision = layer_precision(bench.settings.compute)
     network = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
