@@ -125,34 +125,6 @@ def test_flow_of_the_middle_sweep(pipeline, add, recorder, make_sweep, motion):
     assert 0 < snapshot.latency_ms(50) < (time.monotonic_ns() - arrived_ns) / 1e6
 
 
-def test_each_further_sweep_gives_one_more_flow_from_a_warm_start(add, recorder, make_sweep):
-    sweeps = [make_sweep(index) for index in range(6)]
-    for sweep in sweeps:
-        add(sweep)
-    assert recorder.current_stamps == [sweep.stamp_ns for sweep in sweeps[1:-1]]
-    starts = [estimate.start for _, estimate in recorder.handed_out]
-    assert starts == [Start.COLD_FIRST] + 3 * [Start.WARM]
-
-
-def test_sweeps_faster_than_the_estimate_are_dropped_and_the_newest_wins(
-    pipeline, recorder, make_sweep, wait_until, hold_first_flow
-):
-    hold_first_flow(pipeline)
-    for index in range(3, 20):
-        pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        wait_until(lambda: pipeline._preparing.load == 0)
-    wait_until(lambda: pipeline.load == 2)
-    recorder.let_go()
-    wait_until(lambda: pipeline.load == 0)
-    assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(18).stamp_ns]
-    assert counts_of(pipeline) == {
-        "sweeps_received": 20,
-        "triplets_formed": 18,
-        "triplets_dropped": 16,
-        "flows_out": 2,
-    }
-
-
 def test_sweeps_that_nobody_watches_are_only_kept(pipeline, add, recorder, make_sweep):
     add(*(make_sweep(index) for index in range(4)), is_watched=False)
     assert recorder.handed_out == []
@@ -241,29 +213,6 @@ class TestSettings:
         assert len(recorder.handed_out) == 4
 
 
-class TestReset:
-    def test_starts_anew(self, pipeline, add, recorder, make_sweep):
-        for index in range(4):
-            add(make_sweep(index))
-        pipeline.reset()
-        for index in range(4, 8):
-            add(make_sweep(index))
-        starts = [estimate.start for _, estimate in recorder.handed_out]
-        assert starts == 2 * [Start.COLD_FIRST, Start.WARM]
-        assert recorder.current_stamps == [make_sweep(index).stamp_ns for index in (1, 2, 5, 6)]
-        assert_balanced(pipeline)
-
-    def test_abandons_what_is_under_way_and_what_waits(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
-    ):
-        pipeline, _ = with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until)
-        pipeline.reset()
-        wait_until(lambda: pipeline.load == 0)
-        assert recorder.handed_out == []
-        assert counts_of(pipeline)["triplets_abandoned"] == 2
-        assert_balanced(pipeline)
-
-
 class TestFailure:
     def test_of_a_triplet_is_counted_and_the_next_one_is_fine(
         self, pipeline, add, recorder, make_sweep
@@ -323,16 +272,6 @@ def test_after_a_bag_has_looped_there_is_flow_again(pipeline, add, recorder, mak
 
 
 class TestClose:
-    def test_in_the_middle_of_an_estimate_hands_out_nothing_any_more(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
-    ):
-        pipeline, _ = with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until)
-        assert pipeline.close(PATIENCE_S) is True
-        assert pipeline.load == 0
-        assert recorder.handed_out == recorder.failures == []
-        assert "flows_out" not in counts_of(pipeline)
-        assert "estimates_failed" not in counts_of(pipeline)
-
     def test_while_a_flow_is_handed_out_lets_it_be_the_last(
         self, pipeline, recorder, make_sweep, wait_until, hold_first_flow
     ):
@@ -342,11 +281,6 @@ class TestClose:
         recorder.let_go()
         assert pipeline.close(PATIENCE_S) is True
         assert recorder.current_stamps == [make_sweep(1).stamp_ns]
-
-    def test_makes_late_sweeps_harmless(self, pipeline, add, recorder, make_sweep):
-        assert pipeline.close(PATIENCE_S) is True
-        add(*(make_sweep(index) for index in range(4)))
-        assert recorder.handed_out == recorder.failures == []
 
     def test_while_it_fails_reports_no_failure(self, pipeline, recorder, hold_first_flow):
         recorder.error = RuntimeError("the publisher is gone")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import MethodTraits, PreparingEstimator, never
+from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method
 from mnsf_ros.online import online_pipeline, stream
@@ -364,16 +364,6 @@ class TestFlowOfTheOnlineMethod:
             np.testing.assert_array_equal(flow.over_ground.confidence, other.over_ground.confidence)
             np.testing.assert_array_equal(flow.over_ground.track_ids, other.over_ground.track_ids)
             assert flow.start is other.start
-
-    def test_is_prepared_ahead(self, quick_settings):
-        assert isinstance(make_method("online", quick_settings), PreparingEstimator)
-
-    def test_without_drops(self, make_pipeline, quick_settings, add, flows, offline, wait_until):
-        pipeline = make_pipeline(quick_settings)
-        for index in range(12):
-            add(pipeline, index)
-            wait_until(lambda: pipeline.load == 0)
-        self.assert_same(flows, offline(*range(2, 12)))
 
     @pytest.fixture
     def gated(self, script, make_pipeline, monkeypatch, quick_settings):

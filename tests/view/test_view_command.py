@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,6 +21,7 @@ pytest.importorskip("websockets")
 from rosbags.typesys import Stores, get_typestore
 from viewer import Viewer
 
+from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -63,14 +63,16 @@ def serving(*arguments: str) -> Iterator[str]:
             view.kill()
 
 
-def refused(*arguments: str) -> str:
-    """The one line that the command ends with."""
-    done = subprocess.run(
-        command(*arguments), capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    return line
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Runs the command and returns the one line that it ends with."""
+
+    def run_refused(*arguments: str) -> str:
+        assert run(["view", *arguments]) == EXIT_USAGE
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    return run_refused
 
 
 def test_a_recording_is_seen_coloured(street: Path) -> None:
@@ -106,7 +108,9 @@ def test_what_is_left_of_a_recording_is_seen(street: Path, tmp_path: Path) -> No
         viewer.until(lambda it: len(it.messages[FLOW]) >= 3)
 
 
-def test_what_cannot_be_shown_is_one_line(street: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_shown_is_one_line(
+    street: Path, tmp_path: Path, refused: Callable[..., str]
+) -> None:
     with BagWriter(tmp_path / "empty") as writer:
         empty = TYPES.types["std_msgs/msg/String"](data="no cloud")
         raw = bytes(TYPES.serialize_cdr(empty, "std_msgs/msg/String"))
@@ -131,22 +135,11 @@ def test_an_address_of_ipv6_has_brackets() -> None:
         assert re.fullmatch(r"ws://\[::1\]:\d+", addresses.url)
 
 
-def test_without_foxglove_it_says_what_to_install(street: Path, tmp_path: Path) -> None:
-    hidden = tmp_path / "foxglove"
-    hidden.mkdir()
-    (hidden / "__init__.py").write_text("raise ImportError('hidden')\n")
-    done = subprocess.run(
-        command(str(street)),
-        env=os.environ
-        | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert "pip install '.[view]'" in line
+def test_without_foxglove_it_says_what_to_install(
+    street: Path, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    assert "pip install '.[view]'" in refused(str(street))
 
 
 def test_topics_of_a_node_are_handed_on_while_somebody_looks(own_domain: None) -> None:
