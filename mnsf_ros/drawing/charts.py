@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: errors over bands and sweeps, shares of points, time of each stage."""
+"""The charts of the report: errors over sweeps, shares of points, time of each stage."""
 
 from __future__ import annotations
 
@@ -29,29 +29,10 @@ _SHADES: Final = (1.0, 0.5, 0.22)
 # Above this ratio of largest to smallest value, a linear scale would hide the small ones.
 _LOG_RATIO: Final = 30.0
 _SMALLEST_SHARE: Final = 1e-3
-_BAND_WIDTH, _BAND_HEIGHT, _BAR_WIDTH = 5.2, 3.1, 10.4
+_WIDTH, _HEIGHT = 10.4, 3.1
 _ERROR: Final = "EPE (m)"
 _LEGEND_ROW, _BAR_ROW = 0.21, 0.32
 _KNOWN_STAGES: Final = ("prepare", "forward", "backward", "fusion")
-
-
-@mpl.rc_context(CHART_STYLE)
-def band_chart(
-    title: str, across: str, bands: Sequence[str], values: Mapping[str, Sequence[float]]
-) -> str:
-    """Returns errors over B bands as inline SVG, one line for each series.
-
-    `across` names the bands, with unit. Each series has B values in metres, at least 0, NaN where
-    there is none. Series differ by more than their colour.
-    """
-    figure, axes, columns = _with_legend(_BAND_WIDTH, _BAND_HEIGHT, values)
-    for number, (name, series) in enumerate(values.items()):
-        axes.plot(range(len(bands)), series, label=shortened(name), **_look(number))
-    axes.set_xticks(range(len(bands)), bands)
-    axes.set_xlim(-0.5, len(bands) - 0.5)
-    _set_error_scale(axes, across, values)
-    _draw_legend(figure, axes, columns)
-    return inline_svg(figure, f"{title}: {_ERROR} over {across}. The numbers are in a table below.")
 
 
 @mpl.rc_context(CHART_STYLE)
@@ -63,7 +44,7 @@ def curve_chart(
     `across` names the N places. Each series has N values in metres, at least 0, NaN where there
     is none.
     """
-    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, curves)
+    figure, axes, columns = _with_legend(_WIDTH, _HEIGHT, curves)
     for number, (name, values) in enumerate(curves.items()):
         # A sweep between two without a flow is a point, which a line alone would not show.
         look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
@@ -82,7 +63,7 @@ def share_bars(
 
     Each series has B shares from 0 to 1.
     """
-    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAND_HEIGHT, shares)
+    figure, axes, columns = _with_legend(_WIDTH, _HEIGHT, shares)
     width = 0.8 / max(1, len(shares))
     for number, (name, series) in enumerate(shares.items()):
         lefts = [place - 0.4 + number * width for place in range(len(bins))]
@@ -137,7 +118,7 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     stages = stage_names(times_ms)
     totals_ms = {name: math.fsum(part.values()) for name, part in times_ms.items()}
     longest_ms = max(totals_ms.values(), default=0.0) or 1.0
-    figure, axes, columns = _with_legend(_BAR_WIDTH, _BAR_ROW * len(times_ms) + 0.15, stages)
+    figure, axes, columns = _with_legend(_WIDTH, _BAR_ROW * len(times_ms) + 0.15, stages)
     lefts_ms = [0.0] * len(times_ms)
     for number, stage in enumerate(stages):
         parts_ms = [part.get(stage, 0.0) for part in times_ms.values()]

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The charts of a run: errors by range and speed, over the sweeps and the points, and run times."""
+"""The charts of a run: errors of its sweeps and points, and run times."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from mnsf_ros.drawing.charts import band_chart, curve_chart, share_bars, stage_bars
+from mnsf_ros.drawing.charts import curve_chart, share_bars, stage_bars
 from mnsf_ros.evaluation.comparison import errors_by_sweep
 from mnsf_ros.evaluation.metrics import ERROR_LIMITS_M
 from mnsf_ros.evaluation.summary import errors_in, part_of
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.tables import bin_names, epe_in_bins
+from mnsf_ros.report.tables import bin_names
 
 # A reference so much worse than the best method would flatten all other lines of a chart.
 _OFF_THE_CHART: Final = 5.0
@@ -25,17 +25,15 @@ _REST_SHARE: Final = 0.02
 
 
 class Charts(NamedTuple):
-    """The charts of a run, each with its title.
+    """The charts of a run.
 
     Attributes:
-        wide: Errors of the sweeps, and shares of points; none without truth.
-        bins: Errors in bins of range and of speed; none without truth.
+        errors: Title to chart of the errors of sweeps, and of points; none without truth.
         times: The time of each stage; empty if nothing was timed.
         not_drawn: References that the charts of errors leave out; empty if none.
     """
 
-    wide: dict[str, Markup]
-    bins: dict[str, Markup]
+    errors: dict[str, Markup]
     times: Markup
     not_drawn: str
 
@@ -46,13 +44,9 @@ def charts_of(results: RunResults) -> Charts:
     shown = _on_the_chart(scored["epe_m"], results.record.references)
     left_out = ", ".join(name for name in scored.index if name not in shown)
     reason = f"an error more than {_OFF_THE_CHART:g} times that of the best method"
-    summary, range_m = results.summary.loc[shown], "bin of distance from the sensor (m)"
-    speed_m_s = "bin of true speed without ego motion (m/s)"
     times_ms = stage_times_ms(results.table)
     return Charts(
-        wide=_curves(results, shown) | _shares(results, shown),
-        bins=_bins("Error in bins of range", range_m, epe_in_bins(summary, "by_range"))
-        | _bins("Error in bins of speed", speed_m_s, epe_in_bins(summary, "by_speed")),
+        errors=_curves(results, shown) | _shares(results, shown),
         times=Markup(stage_bars(times_ms) if times_ms else ""),
         not_drawn=f"Not in these charts: {left_out}, with {reason}." if left_out else "",
     )
@@ -63,13 +57,6 @@ def _on_the_chart(epe_m: pd.Series, references: frozenset[str]) -> list[str]:
     limit_m = max(_OFF_THE_CHART * rivals_m.min(), rivals_m.max()) if len(rivals_m) else math.inf
     is_shown = ~epe_m.index.isin(list(references)) | (epe_m <= (limit_m or math.inf))
     return list(epe_m.index[is_shown])
-
-
-def _bins(title: str, across: str, bins: pd.DataFrame) -> dict[str, Markup]:
-    if bins.empty:
-        return {}
-    values = {method: line.tolist() for method, line in bins.iterrows()}
-    return {title: Markup(band_chart(title, across, bin_names(list(bins)), values))}
 
 
 def _curves(results: RunResults, shown: list[str]) -> dict[str, Markup]:

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, product
 from typing import Final, NamedTuple
 
 import pandas as pd
@@ -17,6 +18,7 @@ from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
+_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 _EVENTS: Final = {one.value: one.text for one in Event if one is not Event.SWEEPS_READ}
 
 
@@ -66,6 +68,7 @@ def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
             source = "flag in the truth"
             if not all(has_truth):
                 source += ", height map where there is no truth"
+            source += "; methods with networks are given these points, online finds ground itself"
         text += f", without ground ({source})"
     number = options.num_points
     chosen = "all" if number is None else f"{number:,} random points of each sweep"
@@ -124,120 +127,106 @@ def notes_of(
     run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow] = ()
 ) -> list[Note]:
     """Returns the limits of the figures of a run, the incomplete recordings first."""
-    recordings = run.recordings
-    damages = chain(*(one.damages for one in recordings), *(one.damages for one in finished))
-    incomplete = (
-        _unfinished(run, finished, rows),
-        (f"Damage: {damage}" for damage in damages),
-        _without_example(run, finished),
-        _without_flow(rows),
-    )
-    others = (
-        _failures(rows),
-        _without_errors(run, rows),
-        _listed(
-            [one.name for one in recordings if not one.has_checksums],
-            "no checksums, so flipped bits inside a message would go unnoticed.",
-        ),
-        _listed(
-            [one.name for one in recordings if one.truth is None], "no true flow, so no errors."
-        ),
-        (
-            f"{task.recording}: {_EVENTS[name]}: {count:,}."
+    damages = chain(*(one.damages for one in run.recordings), *(one.damages for one in finished))
+    found = [
+        *_unfinished(run, finished, rows),
+        *(Note(f"Damage: {damage}", is_incomplete=True) for damage in damages),
+        *_without_example(run, finished),
+        *_failures(rows),
+        *_recordings_without(run, rows),
+        *(
+            Note(f"{task.recording}: {_EVENTS[name]}: {count:,}.")
             for task in finished
             for name, count in task.counts.items()
             if name in _EVENTS
         ),
-        _mixed_sessions(run.sessions),
-    )
-    # Methods notice the same in the same recording.
-    return [
-        *(Note(text, is_incomplete=True) for text in dict.fromkeys(chain(*incomplete))),
-        *(Note(text) for text in dict.fromkeys(chain(*others))),
+        *_mixed_sessions(run.sessions),
     ]
+    # Methods notice the same in the same recording.
+    return sorted(dict.fromkeys(found), key=lambda note: not note.is_incomplete)
 
 
 def _unfinished(
     run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow]
-) -> Iterator[str]:
+) -> Iterator[Note]:
     """Tasks that were interrupted or gave up."""
     ended = {(one.recording, one.method) for one in finished}
     count = Counter((row.recording, row.method) for row in rows)
-    for recording in run.recordings:
-        for method in run.method_names:
-            if (recording.name, method) not in ended:
-                yield (
-                    f"Unfinished: {method} on {recording.name}, examples so far: "
-                    f"{count[recording.name, method]:,}; continue with --resume."
-                )
+    for key in product([one.name for one in run.recordings], run.method_names):
+        if key not in ended:
+            recording, method = key
+            text = f"{method} on {recording}, examples so far: {count[key]:,}"
+            yield Note(f"Unfinished: {text}; continue with --resume.", is_incomplete=True)
 
 
-def _without_example(run: RunRecord, finished: Sequence[FinishedTask]) -> Iterator[str]:
+def _without_example(run: RunRecord, finished: Sequence[FinishedTask]) -> Iterator[Note]:
     num_sweeps = {one.name: one.num_sweeps for one in run.recordings}
     for task in finished:
         if task.num_examples == 0:
             there = num_sweeps[task.recording]
             needed = num_sweeps_needed(run.options, there)
-            yield (
+            yield Note(
                 f"No example: {task.recording} contains no {needed} consecutive sweeps with at "
                 f"most buffer.max_interval_s between them (sweeps in all: {there:,}). --pairs "
-                "uses two."
+                "uses two.",
+                is_incomplete=True,
             )
 
 
-def _without_flow(rows: Sequence[ResultRow]) -> Iterator[str]:
-    """Tasks that failed on all of their examples; dropped examples do not count."""
-    failed = Counter((row.method, row.recording) for row in rows if row.has_failed)
+def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
+    """Failures of each method, those whose reasons differ in numbers alone together.
+
+    Dropped examples do not count. A recording is incomplete if all of its examples failed.
+    """
     answered = {(row.method, row.recording) for row in rows if row.failure is None}
-    for (method, recording), count in failed.items():
-        if (method, recording) not in answered:
-            yield f"No flow: {method} failed on every example of {recording}: {count:,}."
-
-
-def _failures(rows: Sequence[ResultRow]) -> Iterator[str]:
-    """Number and first reason of the failures of each method."""
-    failed = [row for row in rows if row.has_failed]
-    count = Counter(row.method for row in failed)
-    firsts = {row.method: row for row in reversed(failed)}
-    for method in count:
-        first = firsts[method]
-        yield (
-            f"{method}: examples without a flow: {count[method]:,}; the first, sweep "
-            f"{first.number} of {first.recording}: {str(first.failure).removesuffix('.')}."
-        )
-
-
-def _without_errors(run: RunRecord, rows: Iterable[ResultRow]) -> Iterator[str]:
-    """Recordings with truth for none of the scored points."""
-    num_points: Counter[str] = Counter()
+    kinds: dict[tuple[str, str], list[ResultRow]] = {}
     for row in rows:
-        if row.failure is None:
-            num_points[row.recording] += row.errors["all"].num_points if row.errors else 0
-    for one in run.recordings:
-        if one.truth is not None and num_points.get(one.name) == 0:
-            yield f"{one.name}: no scored point has valid truth, so no errors."
+        if row.has_failed:
+            kinds.setdefault((row.method, _NUMBER.sub("#", str(row.failure))), []).append(row)
+    for (method, _), failed in kinds.items():
+        first, reason = failed[0], str(failed[0].failure).removesuffix(".")
+        text = (
+            f"{method}: examples without a flow: {len(failed):,}; the first, sweep "
+            f"{first.number} of {first.recording}: {reason}."
+        )
+        names = dict.fromkeys(row.recording for row in failed)
+        lost = [name for name in names if (method, name) not in answered]
+        yield Note(f"{text} No flow at all: {_listed(lost)}." if lost else text, bool(lost))
 
 
-def _mixed_sessions(sessions: Sequence[SessionRecord]) -> Iterator[str]:
+def _recordings_without(run: RunRecord, rows: Iterable[ResultRow]) -> Iterator[Note]:
+    """Recordings without checksums, without truth, and with truth for no scored point."""
+    good = [row for row in rows if row.failure is None]
+    scored = {row.recording for row in good if row.errors and row.errors["all"].num_points}
+    unscored = {row.recording for row in good} - scored
+    blind = {one.name for one in run.recordings if one.truth is None}
+    lacks = {
+        "no checksums, so flipped bits inside a message would go unnoticed": {
+            one.name for one in run.recordings if not one.has_checksums
+        },
+        "no true flow, so no errors": blind,
+        "no scored point has valid truth, so no errors": unscored - blind,
+    }
+    for text, lacking in lacks.items():
+        names = [one.name for one in run.recordings if one.name in lacking]
+        if names:
+            yield Note(f"{_listed(names)}: {text}.")
+
+
+def _mixed_sessions(sessions: Sequence[SessionRecord]) -> Iterator[Note]:
     """Differences between the sessions of a resumed run."""
-    values = pd.DataFrame(
-        {
-            "git commits": str(session.git_commit),
-            "machines": session.machine.name,
-            "processors": session.machine.processor,
-            "gpus": str(session.machine.gpu),
-            **{f"versions of {name}": number for name, number in session.versions.items()},
-        }
-        for session in sessions
-    )
-    for name in values:
-        found = values[name].dropna().unique()
-        if len(found) > 1:
-            yield f"Rows of {len(sessions)} sessions with different {name}: {', '.join(found)}."
+    facts: dict[str, dict[str, None]] = {}
+    for session in sessions:
+        versions = {f"versions of {name}": number for name, number in session.versions.items()}
+        own = {"git commits": str(session.git_commit), "machines": str(session.machine)}
+        for name, text in (own | versions).items():
+            facts.setdefault(name, {})[text] = None
+    for name, texts in facts.items():
+        if len(texts) > 1:
+            found = "; ".join(texts)
+            yield Note(f"Rows of {len(sessions)} sessions with different {name}: {found}.")
 
 
-def _listed(names: Sequence[str], text: str) -> Iterator[str]:
-    """One note on all recordings of these names, if there are any."""
+def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    if names:
-        yield f"{', '.join(names[:_MAX_NAMES])}{more}: {text}"
+    return f"{', '.join(names[:_MAX_NAMES])}{more}"

@@ -3,36 +3,18 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
 
 import pandas as pd
 
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.summary import row_table, summary_of
 from mnsf_ros.presets import UsedSettings
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
-
-_NUMBER: Final = re.compile(r"\d+(\.\d+)?")
-
-
-class MissedMover(NamedTuple):
-    """A mover that was missed, in the sweep in which it has most points."""
-
-    row: ResultRow
-    item: ObjectRow
-    num_sweeps: int
-
-    @property
-    def lost_by(self) -> str:
-        """Stage that rejected it; a dash if the method does not say."""
-        return "-" if self.item.lost_by is None else self.item.lost_by.value
 
 
 @dataclass(frozen=True)
@@ -50,7 +32,6 @@ class RunResults:
         notes: Limits of the figures.
         focus: The method under test; empty if there is none.
         worst: Lines of its examples with a flow, the worst one first.
-        missed: Movers that it missed in some sweep, the one of most sweeps first.
     """
 
     record: RunRecord
@@ -62,7 +43,6 @@ class RunResults:
     notes: list[Note]
     focus: str
     worst: pd.DataFrame
-    missed: list[MissedMover]
 
     @property
     def is_incomplete(self) -> bool:
@@ -106,7 +86,6 @@ def results_of(
     focus = _method_under_test(record, summary, focus)
     used = {name: record.used_settings(name) for name in dict.fromkeys([*names, *summary.index])}
     used[focus] = record.used_settings(focus)
-    own = [row for row in rows if row.method == focus]
     return RunResults(
         record=record,
         table=table,
@@ -117,7 +96,6 @@ def results_of(
         notes=notes_of(record, list(finished), rows),
         focus=focus,
         worst=_worst_first(table[table["method"] == focus]),
-        missed=_missed_movers(own),
     )
 
 
@@ -138,30 +116,3 @@ def _worst_first(own: pd.DataFrame) -> pd.DataFrame:
     badness_m = [float("nan") if row.failure else row.badness_m for row in own["row"]]
     known = own.assign(badness_m=badness_m).dropna(subset="badness_m")
     return known.sort_values("badness_m", ascending=False, kind="stable")
-
-
-def _missed_movers(rows: Sequence[ResultRow]) -> list[MissedMover]:
-    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
-    for row in rows:
-        for item in row.missed_movers:
-            missed.setdefault((row.recording, item.object_id), []).append((row, item))
-    most = (
-        MissedMover(*max(sweeps, key=lambda one: (one[1].num_points, -one[0].number)), len(sweeps))
-        for sweeps in missed.values()
-    )
-    return sorted(most, key=lambda one: -one.num_sweeps)
-
-
-def failures_of(table: pd.DataFrame) -> list[tuple[str, str]]:
-    """Returns method and count, and reason, of missing flows, the most frequent first.
-
-    Reasons that differ in numbers alone are one.
-    """
-    failed = [(row.method, row.failure.text) for row in table["row"] if row.failure is not None]
-    texts = pd.DataFrame(failed, columns=["method", "text"])
-    kinds = texts["text"].map(lambda text: _NUMBER.sub("#", text))
-    found = texts.groupby(["method", kinds.rename("kind")], sort=False)["text"].agg(list)
-    return [
-        (f"{method}: {len(own):,} ×", own[0] if len(set(own)) == 1 else f"the first one: {own[0]}")
-        for (method, _), own in sorted(found.items(), key=lambda one: -len(one[1]))
-    ]

@@ -10,6 +10,8 @@ import pandas as pd
 
 from mnsf_ros.drawing.charts import time_text
 from mnsf_ros.evaluation.comparison import common_sweeps, differences, verdict
+from mnsf_ros.evaluation.movers import ObjectRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import (
@@ -146,50 +148,52 @@ def worst_table(results: RunResults) -> TextTable:
 
 
 def missed_table(results: RunResults) -> TextTable:
-    """Returns the movers that were missed most often."""
+    """Returns the movers that were missed most often, each in its sweep with most points."""
+    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
+    for row in results.table["row"]:
+        for item in row.missed_movers if row.method == results.focus else ():
+            missed.setdefault((row.recording, item.object_id), []).append((row, item))
     header = ("mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by")
-    rows = [
-        (
-            f"{one.row.recording}: {one.item.kind}",
-            str(one.num_sweeps),
-            f"{one.row.stamp_ns / NANOSECONDS:.3f}",
-            ", ".join(f"{value:.1f}" for value in one.item.place_m),
-            f"{one.item.speed_m_s:.1f}",
-            f"{one.item.num_points:,}",
-            one.lost_by,
+    rows = []
+    for sweeps in sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]:
+        row, item = max(sweeps, key=lambda one: one[1].num_points)
+        cells = (
+            f"{row.recording}: {item.kind}",
+            str(len(sweeps)),
+            f"{row.stamp_ns / NANOSECONDS:.3f}",
+            ", ".join(f"{value:.1f}" for value in item.place_m),
+            f"{item.speed_m_s:.1f}",
+            f"{item.num_points:,}",
+            NO_VALUE if item.lost_by is None else item.lost_by.value,
         )
-        for one in results.missed[:_NUM_LISTED]
-    ]
+        rows.append(cells)
     title = f"Movers that {results.focus} missed in most sweeps (see also mnsf explain)"
     return TextTable(header, rows, title)
 
 
-# Column of the summary, its unit, and what it is.
-_TILES: Final = (
-    ("consistency.nearest_m", "moved points to the next sweep"),
-    ("consistency.zero_nearest_m", "the same without any flow"),
-    ("consistency.cycle_m", "forward-backward disagreement"),
-)
+# Columns of the summary in metres, and what they are.
+_TRUE_ERRORS: Final = {
+    "errors.all.epe_m": "mean end point error",
+    "errors.dynamic.epe_m": "error of dynamic points",
+}
+_DISTANCES: Final = {
+    "consistency.nearest_m": "moved points to the next sweep",
+    "consistency.zero_nearest_m": "the same without any flow",
+    "consistency.cycle_m": "forward-backward disagreement",
+}
 
 
 def tiles_of(results: RunResults) -> list[tuple[str, str]]:
     """Returns a few large figures of the method under test, each with its meaning."""
     if results.focus not in results.summary.index:
         return []
-    own = results.summary.loc[results.focus]
-    epe_m, dynamic_m = (own.get(f"errors.{name}.epe_m", math.nan) for name in ("all", "dynamic"))
-    if math.isnan(epe_m):
-        known = [(own.get(name, math.nan), text) for name, text in _TILES]
-        tiles = [(f"{value:.3f} m", text) for value, text in known if not math.isnan(value)]
-    else:
-        accurate = format_percent(own["errors.all.acc5"])
-        tiles = [(f"{epe_m:.3f} m", "mean end point error")]
-        tiles += [(f"{accurate} %", "points within 5 cm or 5 %")]
-        if not math.isnan(dynamic_m):
-            tiles.append((f"{dynamic_m:.3f} m", "error of dynamic points"))
-    tiles.append((time_text(own["time_ms"]), "run time per sweep"))
-    if not math.isnan(own["latency_ms"]):
-        tiles.append((time_text(own["latency_ms"]), "from sweep to flow"))
+    own = results.summary.loc[results.focus].dropna()
+    figures = _TRUE_ERRORS if "errors.all.epe_m" in own else _DISTANCES
+    tiles = [(f"{own[name]:.3f} m", text) for name, text in figures.items() if name in own]
+    if "errors.all.acc5" in own:
+        tiles.append((f"{format_percent(own['errors.all.acc5'])} %", "points within 5 cm or 5 %"))
+    times = {"time_ms": "run time per sweep", "latency_ms": "from sweep to flow"}
+    tiles += [(time_text(own[name]), text) for name, text in times.items() if name in own]
     counts = (own[f"num_{name}"] for name in ("examples", "dropped", "failed"))
     num_examples, num_dropped, num_failed = map(int, counts)
     tiles.append((f"{num_examples:,}", "flows"))

@@ -42,6 +42,7 @@ def _percent(title: str, better: Better = None) -> Column:
     return Column(f"{title} (%)", 1, better, 100.0)
 
 
+_EPE: Final = ".epe_m"
 TIME: Final = Column("time (ms)", 0, "min")
 # The paper's column order.
 _ERRORS: Final = {
@@ -220,18 +221,12 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
 
 
 def _bins_table(summary: pd.DataFrame, field: str, title: str, unit: str) -> TextTable:
-    bins = epe_in_bins(summary, field)
-    names = zip(bins, bin_names(list(bins)), strict=True)
-    columns = {limit: Column(f"{name} {unit}", 3, "min") for limit, name in names}
-    return made_table(bins, columns, title)
-
-
-def epe_in_bins(summary: pd.DataFrame, field: str) -> pd.DataFrame:
-    """Returns the EPE in bins of range or speed, metres: a column for each upper limit."""
-    bins = part_of(summary, field)
-    limits = [name.removesuffix(".epe_m") for name in bins if name.endswith(".epe_m")]
-    limits.sort(key=float)
-    return bins[[f"{limit}.epe_m" for limit in limits]].set_axis(limits, axis=1)
+    limits = [name for name in part_of(summary, field) if name.endswith(_EPE)]
+    limits.sort(key=lambda name: float(name.removesuffix(_EPE)))
+    names = bin_names([name.removesuffix(_EPE) for name in limits])
+    named = zip(limits, names, strict=True)
+    columns = {limit: Column(f"{name} {unit}", 3, "min") for limit, name in named}
+    return made_table(part_of(summary, field), columns, title)
 
 
 def bin_names(limits: Sequence[str]) -> list[str]:

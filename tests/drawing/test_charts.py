@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 import pytest
 
 from mnsf_ros.drawing.charts import (
-    band_chart,
     curve_chart,
     share_bars,
     stage_bars,
@@ -24,7 +23,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def chart(**values):
-    return band_chart("title", "range (m)", ["a", "b", "c"], values)
+    return curve_chart("title", "number of the sweep", [1, 2, 3], values)
 
 
 def texts(svg):

@@ -36,7 +36,7 @@ def test_protocol_says_what_the_figures_are_of():
     for part in (
         "Unweighted mean over 1 example from 1 recording.",
         "2,048 random points of each sweep, the same for all methods. Seed 7.",
-        "without ground (flag in the truth)",
+        "Scored points: range 0 to ",
         "Settings: mnsf: preset paper, warm start off.",
         "on cpu with 1 thread",
     ):
@@ -68,8 +68,12 @@ def test_protocol_tells_the_settings_of_each_method():
 @pytest.mark.parametrize(
     ("ground", "truths", "said"),
     [
-        ("truth", ["/t", "/t"], "without ground (flag in the truth);"),
-        ("truth", ["/t", None], "flag in the truth, height map where there is no truth);"),
+        (
+            "truth",
+            ["/t", "/t"],
+            "(flag in the truth; methods with networks are given these points",
+        ),
+        ("truth", ["/t", None], "(flag in the truth, height map where there is no truth; "),
         ("truth", [None], "without ground (height map);"),
         ("settings", ["/t"], "without ground (height map);"),
     ],
@@ -108,19 +112,23 @@ def test_many_recordings_are_one_note():
         assert note.startswith("bag_0, bag_1, bag_2, bag_3 and 2 more: no ")
 
 
-def test_failures_are_told_with_the_first_reason():
+def test_failures_are_told_with_the_first_of_reasons_that_differ_in_numbers_alone():
     found = [
         row(1, "mnsf", 0.1),
-        failed(3, "fnsf", "there is no odometry."),
-        failed(4, "fnsf", "something else"),
-        row(5, "fnsf", 0.1),
+        failed(3, "fnsf", "sweep 1700: 1.5 points are left."),
+        failed(4, "fnsf", "sweep 1800: 2.5 points are left."),
+        failed(5, "fnsf", "cancelled"),
+        row(6, "fnsf", 0.1),
         dropped(2, "zero"),
         failed(1, "zero", "no points", recording="drive"),
     ]
     incomplete, others = notes(found)
-    assert incomplete == ["No flow: zero failed on every example of drive: 1."]
-    text = "fnsf: examples without a flow: 2; the first, sweep 3 of street: there is no odometry."
-    assert text in others
+    text = "examples without a flow: {}; the first, sweep {} of {}: {}.".format
+    assert incomplete == [f"zero: {text(1, 1, 'drive', 'no points')} No flow at all: drive."]
+    assert others[-2:] == [
+        f"fnsf: {text(2, 3, 'street', 'sweep 1700: 1.5 points are left')}",
+        f"fnsf: {text(1, 5, 'street', 'cancelled')}",
+    ]
 
 
 def test_truth_that_is_valid_nowhere_is_told():
@@ -133,6 +141,6 @@ def test_rows_of_sessions_that_differ_are_told():
     assert notes(sessions=[session(), session()]) == ([], [])
     other = session(git_commit="def", versions={"torch": "0.1"})
     assert notes(sessions=[session(), other])[1] == [
-        "Rows of 2 sessions with different git commits: abc123, def.",
-        "Rows of 2 sessions with different versions of torch: 2.0, 0.1.",
+        "Rows of 2 sessions with different git commits: abc123; def.",
+        "Rows of 2 sessions with different versions of torch: 2.0; 0.1.",
     ]
