@@ -86,14 +86,8 @@ def test_arguments_come_first_and_time_is_what_the_program_tells(script, triplet
     assert said.read_text() == f'["--weights", "{said}", "$HOME;"]'
 
 
-def test_command_in_the_name(script, triplet):
-    python, path = script(NETWORK)
-    result = make_method(f"command:{python} '{path}' --device cpu", QUICK).estimate(triplet)
-    assert result.flow.any()
-
-
 @pytest.mark.parametrize("name", ["flot", "3dflow"])
-def test_learned_network_from_its_environment_variable(script, triplet, monkeypatch, name):
+def test_command_from_the_name_or_an_environment_variable(script, triplet, monkeypatch, name):
     variable = f"MNSF_{name.upper()}"
     monkeypatch.delenv(variable, raising=False)
     text = f"^method '{name}' runs the command in the environment variable {variable}, which is not"
@@ -101,7 +95,8 @@ def test_learned_network_from_its_environment_variable(script, triplet, monkeypa
         make_method(name, QUICK)
     python, path = script(NETWORK)
     monkeypatch.setenv(variable, f"{python} '{path}'")
-    assert make_method(name, QUICK).estimate(triplet).flow.any()
+    for each in (name, f"command:{python} '{path}' --device cpu"):
+        assert make_method(each, QUICK).estimate(triplet).flow.any()
 
 
 @pytest.mark.parametrize(
@@ -137,11 +132,13 @@ def test_program_that_gives_no_flow(script, triplet, code, text):
     assert str(info.value).startswith(f"{sys.executable}: ")
 
 
-def test_program_that_is_not_there(triplet, tmp_path):
-    with pytest.raises(
-        MethodError, match=r"missing: cannot be started: No such file or directory$"
-    ):
-        estimate([str(tmp_path / "missing")], triplet)
+def test_program_that_cannot_be_started(triplet, tmp_path):
+    missing = [str(tmp_path / "missing")]
+    with pytest.raises(MethodError, match=r"missing: cannot be started: No such file or dir"):
+        estimate(missing, triplet)
+    nothing = replace(triplet, current=as_sweep(np.zeros((0, 3))))
+    with pytest.raises(SweepError, match="0 of 0 points are left"):
+        estimate(missing, nothing)
 
 
 def test_program_that_hangs_is_ended_with_all_that_it_started(triplet, tmp_path):
@@ -165,9 +162,3 @@ def test_program_that_hangs_is_ended_with_all_that_it_started(triplet, tmp_path)
             return
         time.sleep(0.05)
     pytest.fail(f"its child is still there: {state}")
-
-
-def test_empty_sweep_is_refused_before_anything_starts(triplet):
-    nothing = SweepTriplet(None, as_sweep(np.zeros((0, 3))), triplet.next)
-    with pytest.raises(SweepError, match="0 of 0 points are left"):
-        estimate(["/no/such/program"], nothing)

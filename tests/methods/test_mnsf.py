@@ -10,7 +10,7 @@ import pytest
 import torch
 from moving_sweeps import QUICK
 
-from mnsf_ros.errors import CancelledError, OptimizationError, SweepError
+from mnsf_ros.errors import OptimizationError
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
@@ -68,16 +68,16 @@ def triplet(scene):
     return triplet_of(scene)
 
 
-@pytest.mark.parametrize("name", ["online", "paper"])
-@pytest.mark.parametrize("seed", [0, 1])
-def test_preset_finds_the_flow(make_scene, device, name, seed):
-    scene = make_scene(seed=seed)
+@pytest.mark.parametrize(("name", "num_sweeps"), [("online", 2), ("online", 3), ("paper", 3)])
+def test_preset_finds_the_flow(scene, triplet, device, name, num_sweeps):
     changes = {"optimization.time_budget_ms": 0, "compute.device": device.type}
-    result = estimate(triplet_of(scene), preset(name).changed(changes))
+    given = triplet if num_sweeps == 3 else pair_of(triplet)
+    result = estimate(given, preset(name).changed(changes))
     moving, still = mean_errors(result.flow, scene)
     # The moving box moves 0.54 m.
     assert moving < 0.1
-    assert still < 0.1
+    assert still < (0.1 if num_sweeps == 3 else 0.15)
+    assert list(result.fits) == ["forward", "backward", "fusion"][: 2 * num_sweeps - 3]
     assert result.device == device.type
     assert result.distance_kind == {"online": "tree", "paper": "grid"}[name]
 
@@ -93,28 +93,6 @@ def test_precision_that_is_asked_for(monkeypatch, triplet, stacked):
     flow, rounded, again = (result.flow for result in results)
     assert 0 < np.abs(rounded - flow).mean() < 0.05
     assert np.array_equal(rounded, again)
-
-
-@pytest.mark.parametrize("distance", ["grid", "tree"])
-def test_two_sweeps_are_enough(scene, triplet, distance):
-    settings = preset("online").changed(
-        {"optimization.time_budget_ms": 0, "distance.kind": distance}
-    )
-    result = estimate(pair_of(triplet), settings)
-    moving, still = mean_errors(result.flow, scene)
-    assert moving < 0.1
-    assert still < 0.15
-    assert list(result.times_ms) == ["prepare", "forward"]
-    assert list(result.fits) == ["forward"]
-
-
-def test_early_stopping_has_a_patience_for_the_fields_and_one_for_the_fusion(triplet):
-    settings = SHORT.changed(
-        {"early_stopping.patience": 2, "early_stopping.min_delta_m": 10, "fusion.patience": 4}
-    )
-    result = estimate(triplet, settings)
-    assert set(result.stop_reasons.values()) == {"converged"}
-    assert [fit.iterations for fit in result.fits.values()] == [3, 3, 5]
 
 
 def test_unequal_intervals(make_scene):
@@ -150,21 +128,6 @@ def test_one_row_for_each_point_in_its_order(triplet):
     assert result.kept.tolist() == estimate(triplet, whole).kept.tolist()
 
 
-def test_every_point_gets_a_finite_flow(scene):
-    outside = [(500, 0, 0), (0, 0, 90), (0.1, 0, 0), (1e7, -1e7, 0), (1e20, 0, -1e20)]
-    triplet = SweepTriplet(
-        Sweep.from_array(np.vstack([scene.previous, outside])),
-        Sweep.from_array(np.vstack([outside, scene.current])),
-        Sweep.from_array(np.vstack([scene.next, outside])),
-    )
-    result = estimate(triplet)
-    assert not result.kept[:5].any()
-    assert 0 < result.kept.sum() < len(result.kept)
-    assert np.isfinite(result.flow).all()
-    # Points that the crop leaves out have no say in the flow of the others.
-    np.testing.assert_array_equal(result.flow[5:], estimate(triplet_of(scene)).flow)
-
-
 def test_largest_number_of_points_to_fit_to(triplet):
     whole = SHORT.changed({"optimization.batch_points": 0})
     num_kept = int(estimate(triplet, whole).kept.sum())
@@ -176,21 +139,10 @@ def test_largest_number_of_points_to_fit_to(triplet):
     assert not np.array_equal(flow(num_kept - 1), flow(0))
 
 
-def test_same_input_and_seed_give_the_same_bits(triplet, device):
-    settings = SHORT.changed({"compute.device": device.type})
-    first, again, other = (
-        estimate(triplet, settings.changed({"compute.seed": seed})).flow for seed in (3, 3, 4)
-    )
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
-
-
-@pytest.mark.parametrize("batch_points", [0, 100])
 @pytest.mark.parametrize("start", [Start.COLD_BY_SETTING, Start.COLD_GAP, Start.COLD_LOSS])
-def test_cold_start_does_not_depend_on_what_came_before(make_scene, start, batch_points):
+def test_cold_start_does_not_depend_on_what_came_before(make_scene, start):
     settings = SHORT.changed(
         {
-            "optimization.batch_points": batch_points,
             "warm_start.enabled": start is not Start.COLD_BY_SETTING,
             "warm_start.max_loss_ratio": 1,
         }
@@ -216,26 +168,6 @@ def test_prepared_sweeps_of_other_settings_are_not_used(triplet):
     assert estimator.with_settings(grid).estimate(triplet).distance_kind == "grid"
 
 
-@pytest.mark.parametrize("which", ["previous", "current", "next"])
-@pytest.mark.parametrize("num_points", [0, 1])
-def test_sweep_with_too_few_points(triplet, which, num_points):
-    sweeps = {"previous": triplet.previous, "current": triplet.current, "next": triplet.next}
-    sweeps[which] = Sweep.from_array(np.full((num_points, 3), 5.0), stamp_ns=42)
-    text = rf"^sweep 42: 0 of {num_points} points are left after crop and ground removal"
-    with pytest.raises(SweepError, match=text):
-        estimate(SweepTriplet(**sweeps))
-
-
-def test_cancelled_at_any_step(triplet):
-    asked = []
-    make_method("mnsf", SHORT).estimate(triplet, lambda: asked.append(None) is not None)
-    assert len(asked) == 3 * 10  # before each step of each network
-    for patience in (0, 5, 15, 25, 29):
-        answers = iter([False] * patience + [True])
-        with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
-            make_method("mnsf", SHORT).estimate(triplet, lambda: next(answers))  # noqa: B023
-
-
 # Steps of 1.0 blow up so deep a network: after the second step its flow is no float32.
 EXPLOSIVE = SHORT.changed(
     {
@@ -255,20 +187,13 @@ EXPLOSIVE = SHORT.changed(
         (10, "^the loss became nan, expected a finite number of metres$"),
     ],
 )
-@pytest.mark.parametrize("distance", ["grid", "tree"])
-def test_no_finite_flow_is_an_error_not_a_result(triplet, distance, max_iterations, text):
-    settings = EXPLOSIVE.changed(
-        {"distance.kind": distance, "optimization.max_iterations": max_iterations}
+def test_no_finite_flow_is_an_error_that_leaves_nothing_behind(triplet, max_iterations, text):
+    estimator = make_method(
+        "mnsf", EXPLOSIVE.changed({"optimization.max_iterations": max_iterations})
     )
     for each in (triplet, pair_of(triplet)):
         with pytest.raises(OptimizationError, match=text):
-            estimate(each, settings)
-
-
-def test_estimator_recovers_from_an_explosion(triplet):
-    estimator = make_method("mnsf", EXPLOSIVE)
-    with pytest.raises(OptimizationError):
-        estimator.estimate(triplet)
+            estimator.estimate(each)
     result = estimator.with_settings(SHORT).estimate(triplet)
     np.testing.assert_array_equal(result.flow, estimate(triplet).flow)
 

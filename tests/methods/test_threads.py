@@ -44,15 +44,3 @@ def test_no_library_takes_more_threads_than_it_may(translated, used, method):
             assert numbers["edt"] == numbers["torch"] == num_threads
     if method in ("online", "ego-estimated"):
         np.testing.assert_array_equal(*flows)
-
-
-@pytest.mark.parametrize("method", ["mnsf", "online"])
-def test_another_number_of_threads_keeps_the_world(translated, used, method):
-    settings = QUICK.changed({**GRID, "optimization.max_iterations": 3})
-    estimator = make_method(method, settings)
-    first = estimator.estimate(translated).over_ground
-    estimator = estimator.with_settings(settings.changed({"compute.num_threads": 2}))
-    again = estimator.estimate(translated).over_ground
-    if method == "mnsf":
-        assert torch.get_num_threads() == 2
-    np.testing.assert_array_equal(first.world_from_sensor, again.world_from_sensor)
