@@ -38,7 +38,7 @@ from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, evaluated_methods
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings, parse_assignments
 
-Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Subparsers: TypeAlias = "argparse._SubParsersAction[IntermixedParser]"
 
 ALL = "all"
 RESUME = "continue an interrupted run: repeat the command and add --resume"

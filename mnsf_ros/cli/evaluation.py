@@ -30,7 +30,7 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.parallel import Executor, executor
 from mnsf_ros.evaluation.recordings import inspected_recordings, path_text, short_name
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
 from mnsf_ros.evaluation.task import TaskFailed
@@ -57,27 +57,27 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
             raise SettingsError("--resume needs --out DIR, the folder of the interrupted run")
         options.out = _new_folder(options.bags)
     evaluation = _evaluation_options(options)
+    check_folder(options.out, resume=options.resume)
+    methods = _methods(options, evaluation, console)
+    evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = _executor(options, evaluation)
-    with RunFolder(options.out).opened(resume=options.resume) as folder:
-        methods = _methods(options, evaluation, console)
-        evaluation = evaluation.for_methods(methods, pairs=options.pairs)
-        recordings, unreadable = inspected_recordings(
-            options.bags,
-            *(options.points, options.truth, options.odometry),
-            watching=partial(_checking, console),
-        )
-        with pool as execute:
-            session = SessionRecord.now(["mnsf", *sys.argv[1:]])
-            tasks = folder.begin(RunRecord(evaluation, methods, recordings, [session]))
-            console.say(f"Results folder: {path_text(folder.path)}")
-            for key in sorted(folder.restarted):
-                console.say(f"{_title(key)}: cannot be resumed halfway, starts again")
-            try:
-                given_up = _run_tasks(tasks, evaluation, execute, folder, console)
-            finally:
-                # Also after Ctrl-C: what is finished is worth a table.
-                number = evaluation.num_pictured
-                is_complete = folder.has_results and _conclude(folder, number, console)
+    recordings, unreadable = inspected_recordings(
+        options.bags,
+        *(options.points, options.truth, options.odometry),
+        watching=partial(_checking, console),
+    )
+    with pool as execute:
+        folder = RunFolder(options.out)
+        session = SessionRecord.now(["mnsf", *sys.argv[1:]])
+        record = RunRecord(evaluation, methods, recordings, [session])
+        tasks = folder.begin(record, resume=options.resume)
+        console.say(f"Results folder: {path_text(folder.path)}")
+        try:
+            given_up = _run_tasks(tasks, evaluation, execute, folder, console)
+        finally:
+            # Also after Ctrl-C: what is finished is worth a table.
+            number = evaluation.num_pictured
+            is_complete = folder.has_results and _conclude(folder, number, console)
     for text in (*given_up, *unreadable):
         console.warn(text)
     return is_complete and not given_up and not unreadable

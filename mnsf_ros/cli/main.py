@@ -14,15 +14,12 @@ from types import FrameType
 
 from mnsf_ros import __version__
 from mnsf_ros.cli import (
-    convert,
-    demo,
     evaluate,
     explain,
     flow,
     parameters,
-    play,
+    recordings,
     report,
-    simulate,
     study,
     tune,
     view,
@@ -31,19 +28,20 @@ from mnsf_ros.cli.arguments import Arguments, IntermixedParser
 from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.errors import MnsfError
 
+# In the order of the help.
 _SUBCOMMANDS = (
-    demo,
-    view,
-    play,
-    flow,
-    evaluate,
-    explain,
-    report,
-    study,
-    tune,
-    simulate,
-    convert,
-    parameters,
+    recordings.add_demo,
+    view.add_to,
+    recordings.add_play,
+    flow.add_to,
+    evaluate.add_to,
+    explain.add_to,
+    report.add_to,
+    study.add_to,
+    tune.add_to,
+    recordings.add_simulate,
+    recordings.add_convert,
+    parameters.add_to,
 )
 
 # They read no files of others.
@@ -124,8 +122,8 @@ def _parsed(arguments: list[str] | None) -> argparse.Namespace:
     subparsers = parser.add_subparsers(
         required=True, metavar="COMMAND", parser_class=IntermixedParser
     )
-    for subcommand in _SUBCOMMANDS:
-        subcommand.add_to(subparsers)
+    for add_to in _SUBCOMMANDS:
+        add_to(subparsers)
     for name, subparser in subparsers.choices.items():
         if name not in _WITHOUT_LIMIT:
             add_max_memory(Arguments(subparser))

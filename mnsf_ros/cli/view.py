@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
-from mnsf_ros.cli.play import rate
+from mnsf_ros.cli.recordings import rate
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.presets import PRESET_NAMES, preset
 

@@ -145,13 +145,11 @@ class ExampleBuilder:
                 self._interrupt()
                 continuity.interrupt()
                 continue
-            cloud: CloudRows = sweep.source
-            continuity.add(sweep.stamp_ns, cloud.num_points)
+            continuity.add(sweep.stamp_ns)
             example = self._completed_by(sweep)
             if example is not None:
                 yield example
         self._findings.count(Event.SWEEPS_MISSING, continuity.num_missing)
-        self._findings.count(Event.SIZES_JUMP, continuity.num_jumps)
 
     def _interrupt(self) -> None:
         """Lets no triplet span this place."""

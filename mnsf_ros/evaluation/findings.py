@@ -48,10 +48,6 @@ class Event(Enum):
         "sweeps_missing",
         "sweeps missing by the stamps of their neighbours, without damage found there",
     )
-    SIZES_JUMP = (
-        "sizes_jump",
-        "sweeps with less than half or more than twice the points of both neighbours",
-    )
     TRUTH_WITHOUT_SWEEP = "truth_without_sweep", "truth clouds without a sweep"
     TRUTH_UNFIT = (
         "truth_unfit",
@@ -114,28 +110,25 @@ class Findings:
 
 
 _LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missing
-_FACTOR: Final = 2  # between the sizes of neighbours
 _MIN_SWEEPS: Final = 5
 
 
 class Continuity:
-    """Finds missing and damaged sweeps by stamps and sizes, in the order of the stamps.
+    """Finds missing sweeps by stamps, in the order of the stamps.
 
-    Recordings without checksums can lose or change messages without any sign of damage.
+    Recordings without checksums can lose messages without any sign of damage.
     """
 
     def __init__(self, max_interval_s: float) -> None:
         """Ignores longer intervals, which are counted as gaps."""
         self._max_interval_ns = max_interval_s * 1e9
         self._stamps: list[int] = []
-        self._sizes: list[int] = []
         # Of the sweeps after which some are known to be missing.
         self._interrupted: list[int] = []
 
-    def add(self, stamp_ns: int, num_points: int) -> None:
-        """Adds the next sweep, with the number of points of its cloud."""
+    def add(self, stamp_ns: int) -> None:
+        """Adds the next sweep."""
         self._stamps.append(stamp_ns)
-        self._sizes.append(num_points)
 
     def interrupt(self) -> None:
         """Marks a place where sweeps are known to be missing."""
@@ -150,15 +143,6 @@ class Continuity:
         usual = float(np.median(intervals))
         long = intervals[(intervals > _LONG * usual) & (intervals <= self._max_interval_ns)]
         return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0
-
-    @property
-    def num_jumps(self) -> int:
-        """Sweeps with less than half or more than twice the points of both neighbours."""
-        sizes = np.array(self._sizes, np.float64)
-        before, size, after = sizes[:-2], sizes[1:-1], sizes[2:]
-        is_small = _FACTOR * size < np.minimum(before, after)
-        is_large = size > _FACTOR * np.maximum(before, after)
-        return int(np.count_nonzero(is_small | is_large))
 
     def _intervals(self) -> NDArray[np.int64]:
         """Nanoseconds between sweeps, without those where sweeps are known to be missing."""

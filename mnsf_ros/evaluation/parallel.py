@@ -54,14 +54,16 @@ def executor(
         num_gpus: GPU share of each task on the cluster.
 
     Raises:
-        EvaluationError: A number is out of range; on entering the context, the cluster cannot be
-            reached.
+        EvaluationError: A number is out of range, or processes are asked for on a cluster; on
+            entering the context, the cluster cannot be reached.
     """
     if num_workers < 1:
         raise EvaluationError(f"workers: got {num_workers}, expected 1 or more")
     if num_gpus < 0:
         raise EvaluationError(f"num_gpus: got {num_gpus}, expected 0 or more")
     if ray_address is not None:
+        if num_workers > 1:
+            raise EvaluationError("--workers cannot be combined with --ray")
         import ray
 
         return _ray_cluster(ray, ray_address, num_gpus)

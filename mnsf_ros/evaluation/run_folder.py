@@ -6,35 +6,43 @@ Both only grow while a run lasts, so that an interruption costs nothing but the 
 A task is finished if it has its line and all of its rows.
 
 All files are UTF-8 in every locale. What cannot be encoded, as bytes of a path that are no text, is
-written as `\udcff`, which is read back from JSON as it was.
+written as `\udcff`, which is read back from JSON as it was. Numbers that are not finite are `null`.
 """
 
 from __future__ import annotations
 
-import fcntl
+import json
+import math
 import os
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Any, Final, TypeVar
+
+import cattrs
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
-from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask, TaskKey
-from mnsf_ros.evaluation.recordings import path_text
+from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, EvaluationTask, TaskKey
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_json import Kind, from_json, to_json
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
 from mnsf_ros.evaluation.task import TaskEvent
+from mnsf_ros.setting import SettingValue
+from mnsf_ros.settings import Settings
 
 RUN_FILE: Final = "run.json"
 ROWS_FILE: Final = "rows.jsonl"
 TASKS_FILE: Final = "tasks.jsonl"
+_MAX_SHOWN: Final = 80
+
+Kind = TypeVar("Kind")
 
 
 class StoppedError(EvaluationError):
@@ -46,7 +54,7 @@ class WritingError(StoppedError):
 
 
 class RunFolder:
-    """Reads the files of a run, and adds to them: `opened`, `begin`, `take`.
+    """Reads the files of a run, and adds to them: `begin`, then `take`.
 
     Whatever reads raises an EvaluationError if a file is missing or damaged; whatever writes raises
     a WritingError if that fails.
@@ -54,74 +62,58 @@ class RunFolder:
     Attributes:
         path: The folder.
         flows: The flows that a report shows.
-        restarted: Tasks of a resumed run that start again, because their rows depend on each other.
     """
 
     def __init__(self, path: Path) -> None:
-        """Names a folder to read from; `opened` is for a run that adds to it."""
         self.path = path
         self.flows = ShownFlows(path)
-        self.restarted: frozenset[TaskKey] = frozenset()
-        self._before: RunRecord | None = None
         self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
-        self._session = ExitStack()
         self._num_pictured = 0
         self._num_rows: dict[TaskKey, int] = {}
 
-    @contextmanager
-    def opened(self, *, resume: bool) -> Iterator[RunFolder]:
-        """Opens a new folder, or a run to resume. Nothing is written before `begin`.
-
-        Raises:
-            EvaluationError: The folder holds something and `resume` is not set, or no run.
-        """
-        check_folder(self.path, resume=resume)
-        if _holds_something(self.path):
-            self._before = self.read_record()
-        with self._session:
-            yield self
-
-    def begin(self, record: RunRecord) -> list[EvaluationTask]:
+    def begin(self, record: RunRecord, *, resume: bool) -> list[EvaluationTask]:
         """Writes the record of the run; returns the tasks that are left to do.
 
-        A resumed run may have more recordings and methods.
+        A resumed run may have more recordings and methods. Its unfinished tasks go on after the
+        rows that are there, or start again if a row depends on those before it.
 
         Raises:
-            EvaluationError: The folder holds a run with other settings or another recording of the
-                same name; or another process is writing to it.
+            EvaluationError: The folder holds something and `resume` is not set, or no run, or a
+                run with other settings or another recording of the same name.
         """
-        whole = record.resuming(self._before, self.path) if self._before is not None else record
-        self._session.enter_context(_locked(self.path))
+        check_folder(self.path, resume=resume)
+        whole = record
+        if _holds_something(self.path):
+            whole = record.resuming(self.read_record(), self.path)
+        with _writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+        tasks = self._left(record)
         replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
         self._num_pictured = record.options.num_pictured
-        return self._left(record)
+        self._num_rows = {task.key: len(task.skipped) for task in tasks}
+        return tasks
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
         """The tasks that are left to do, without the rows of those that start again."""
-        options, numbers = record.options, self.numbers()
+        options, numbers = record.options, self._numbers()
         finished = self._finished(numbers)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
         left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
-        indivisible = {task.key for task in left if options.is_indivisible(task.method)}
-        self.flows.drop(indivisible)
-        self.restarted = frozenset(indivisible & numbers.keys())
-        if self._before is not None:
+        again = {task.key for task in left if options.is_indivisible(task.method)}
+        self.flows.drop(again)
+        if self.has_results:
             # Without the line that was being written when a process was killed.
-            rows = (row for row in self.rows if (row.recording, row.method) not in indivisible)
+            rows = (row for row in self.rows if (row.recording, row.method) not in again)
             replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
-            kept = (task for key, task in finished.items() if key not in indivisible)
+            kept = (task for key, task in finished.items() if key not in again)
             replace_file(self._tasks, (f"{to_json(task)}\n" for task in kept))
-        skipped = {
-            key: frozenset(known) for key, known in numbers.items() if key not in indivisible
-        }
-        left = [replace(task, skipped=skipped.get(task.key, frozenset())) for task in left]
-        self._num_rows = {task.key: len(task.skipped) for task in left}
-        return left
+        known = {key: frozenset(numbers[key]) for key in numbers.keys() - again}
+        return [replace(task, skipped=known.get(task.key, frozenset())) for task in left]
 
     def take(self, task: EvaluationTask, event: TaskEvent) -> None:
         """Writes down an event of a task."""
         if isinstance(event, ResultRow):
-            append_line(self._rows, event)
+            _append_line(self._rows, event)
             self._num_rows[task.key] += 1
         elif isinstance(event, ShownFlow):
             with _writing(self.path / PICTURES_FOLDER):
@@ -130,7 +122,7 @@ class RunFolder:
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [path_text(str(damage)) for damage in event.damages]
             finished = FinishedTask(*task.key, self._num_rows[task.key], counts, damages)
-            append_line(self._tasks, finished)
+            _append_line(self._tasks, finished)
 
     @property
     def rows(self) -> Iterator[ResultRow]:
@@ -142,16 +134,16 @@ class RunFolder:
         """Whether anything was done yet."""
         return self._rows.exists() or self._tasks.exists()
 
-    def numbers(self) -> dict[TaskKey, set[int]]:
-        """Returns the numbers of the sweeps of all rows, by recording and method."""
+    def finished(self) -> dict[TaskKey, FinishedTask]:
+        """Returns the tasks that are finished, with all of their rows."""
+        return self._finished(self._numbers())
+
+    def _numbers(self) -> dict[TaskKey, set[int]]:
+        """The numbers of the sweeps of all rows."""
         numbers: dict[TaskKey, set[int]] = defaultdict(set)
         for row in self.rows:
             numbers[row.recording, row.method].add(row.number)
         return dict(numbers)
-
-    def finished(self) -> dict[TaskKey, FinishedTask]:
-        """Returns the tasks that are finished, with all of their rows."""
-        return self._finished(self.numbers())
 
     def _finished(self, numbers: dict[TaskKey, set[int]]) -> dict[TaskKey, FinishedTask]:
         tasks = {(one.recording, one.method): one for one in _read_lines(self._tasks, FinishedTask)}
@@ -162,7 +154,9 @@ class RunFolder:
         file = self.path / RUN_FILE
         if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
-        record = read_json(file, RunRecord)
+        with _open(file) as stream:
+            text = stream.read()
+        record = from_json(text, RunRecord, str(file))
         if record.format != FORMAT:
             raise EvaluationError(f"{file}: was written by another version of mnsf_ros")
         return record
@@ -198,26 +192,27 @@ def replace_file(file: Path, parts: Iterable[str]) -> None:
             draft.unlink(missing_ok=True)
 
 
-def read_json(file: Path, kind: type[Kind]) -> Kind:
-    """Returns the typed object in a file.
+def to_json(value: object, *, indent: int | None = None) -> str:
+    """Returns a typed object as JSON, without a newline at its end."""
+    values = _CONVERTER.unstructure(value)
+    return json.dumps(values, indent=indent, allow_nan=False, ensure_ascii=False)
+
+
+def from_json(text: str, kind: type[Kind], place: str) -> Kind:
+    """Returns the typed object in a text that was found at a place.
 
     Raises:
-        EvaluationError: The file cannot be read, or holds something else.
+        EvaluationError: The text holds something else; names the place in one line.
     """
-    with _open(file) as stream:
-        text = stream.read()
     try:
-        return from_json(text, kind)
-    except EvaluationError as error:
-        raise EvaluationError(f"{file}: {error}") from error
+        return _CONVERTER.structure(json.loads(text), kind)
+    except Exception as error:  # cattrs raises groups of whatever its hooks raise
+        reason = cattrs.transform_error(error, path="")[0].removesuffix(" @ ")
+        shown = " ".join(text[:_MAX_SHOWN].split())
+        raise EvaluationError(f"{place}: cannot be read ({reason}): {shown!r}") from error
 
 
-def append_line(file: Path, value: object) -> None:
-    """Adds a typed object as one line of JSON.
-
-    Raises:
-        WritingError: That fails.
-    """
+def _append_line(file: Path, value: object) -> None:
     line = to_json(value)
     with _writing(file), file.open("a", encoding="utf-8", errors="backslashreplace") as stream:
         stream.write(f"{line}\n")
@@ -232,22 +227,6 @@ def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
     """Whether the recording of a task's flow is there, or nobody wants it."""
     path = flow_path(options.flow_folder, *task.key)
     return path is None or path.exists()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Makes a folder if there is none, and keeps other processes from writing to it."""
-    with _writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise EvaluationError(f"{folder}: another process is writing to it") from error
-        yield
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager
@@ -266,12 +245,8 @@ def _read_lines(file: Path, kind: type[Kind]) -> Iterator[Kind]:
     with _open(file) as stream:
         # One at a time: the rows of many recordings are too much for the memory.
         for number, line in enumerate(stream, 1):
-            if not line.endswith("\n"):
-                return
-            try:
-                yield from_json(line, kind)
-            except EvaluationError as error:
-                raise EvaluationError(f"{file}, line {number}: {error}") from error
+            if line.endswith("\n"):
+                yield from_json(line, kind, f"{file}, line {number}")
 
 
 @contextmanager
@@ -284,3 +259,38 @@ def _open(file: Path) -> Iterator[IO[str]]:
             yield stream
     except (OSError, UnicodeDecodeError) as error:
         raise EvaluationError(f"{file}: cannot be read: {error}") from error
+
+
+def _converter() -> cattrs.Converter:
+    converter = cattrs.Converter(forbid_extra_keys=True)
+    converter.register_structure_hook(float, _number)
+    converter.register_unstructure_hook(float, lambda x: x if math.isfinite(x) else None)
+    converter.register_structure_hook_func(lambda kind: kind == SettingValue, lambda x, _: x)
+    converter.register_structure_hook(Settings, lambda values, _: _settings(**values))
+    converter.register_unstructure_hook(
+        Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
+    )
+    unrecorded: dict[type[Any], tuple[str, ...]] = {
+        EvaluationOptions: UNRECORDED,
+        EvaluatedRecording: ("inspection",),
+    }
+    for owner, names in unrecorded.items():
+        left_out: dict[str, Any] = {name: override(omit=True) for name in names}
+        structure = make_dict_structure_fn(
+            owner, converter, _cattrs_forbid_extra_keys=True, **left_out
+        )
+        converter.register_structure_hook(owner, structure)
+        unstructure = make_dict_unstructure_fn(owner, converter, **left_out)
+        converter.register_unstructure_hook(owner, unstructure)
+    return converter
+
+
+def _number(value: Any, _: type) -> float:  # noqa: ANN401 - whatever JSON has there
+    return math.nan if value is None else float(value)
+
+
+def _settings(values: dict[str, object], explicit: list[str]) -> Settings:
+    return replace(Settings().changed(values), explicit=frozenset(explicit))
+
+
+_CONVERTER: Final = _converter()

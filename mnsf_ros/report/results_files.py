@@ -11,8 +11,7 @@ import pandas as pd
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
-from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables

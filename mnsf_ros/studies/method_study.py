@@ -111,14 +111,14 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
     record = RunRecord(evaluation, methods, recordings, [SessionRecord.now(options.command)])
-    with RunFolder(options.out / "evaluation").opened(resume=options.resume) as folder:
-        tasks, numbers = folder.begin(record), count(1)
-        for task, event in run_serially(tasks, evaluation):
-            folder.take(task, event)
-            if isinstance(event, ResultRow):
-                options.say(f"{next(numbers)}: {_said(event)}")
-        results = read_results(folder)
-        write_results(folder, results, tables_of(results))
+    folder = RunFolder(options.out / "evaluation")
+    tasks, numbers = folder.begin(record, resume=options.resume), count(1)
+    for task, event in run_serially(tasks, evaluation):
+        folder.take(task, event)
+        if isinstance(event, ResultRow):
+            options.say(f"{next(numbers)}: {_said(event)}")
+    results = read_results(folder)
+    write_results(folder, results, tables_of(results))
     if not any(row.errors for row in results.table["row"]):
         why = f": {results.notes[0].text}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.cli import convert
+from mnsf_ros.cli import recordings
 from mnsf_ros.datasets.formats import FORMATS
 from mnsf_ros.errors import DatasetError, RecordingError
 
@@ -20,7 +20,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "recordings.md"
 
 def run(*arguments):
     parser = argparse.ArgumentParser(prog="mnsf")
-    convert.add_to(parser.add_subparsers())
+    recordings.add_convert(parser.add_subparsers())
     options = parser.parse_args(["convert", *map(str, arguments)])
     options.run(options)
 

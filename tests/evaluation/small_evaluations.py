@@ -16,8 +16,7 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_json import to_json
+from mnsf_ros.evaluation.run_folder import RunFolder, to_json
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
@@ -123,11 +122,11 @@ def options(changes=None, **values):
 def run(out, recordings, methods, options, *, resume=False, watch=lambda task, event: None):
     """Runs what is left to do; returns the events and the folder."""
     record, events = RunRecord(options, methods, recordings, [SESSION]), []
-    with RunFolder(out).opened(resume=resume) as folder:
-        for task, event in run_serially(folder.begin(record), options):
-            folder.take(task, event)
-            events.append(event)
-            watch(task, event)
+    folder = RunFolder(out)
+    for task, event in run_serially(folder.begin(record, resume=resume), options):
+        folder.take(task, event)
+        events.append(event)
+        watch(task, event)
     return events, folder
 
 

@@ -150,7 +150,7 @@ def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, mnsf, monkeypat
 
 
 @pytest.mark.parametrize("method", ["zero", "ego-estimated"])
-def test_interruption_leaves_a_table_and_resume_says_what_starts_again(
+def test_interruption_leaves_a_table_and_resume_does_the_rest(
     bag, tmp_path, mnsf, monkeypatch, method
 ):
     def run_until_interrupted(tasks, options):
@@ -169,10 +169,7 @@ def test_interruption_leaves_a_table_and_resume_says_what_starts_again(
     for text in (ended.out, page):
         assert f"Unfinished: {method} on drive, examples so far: 1;" in text
         assert "over 1 to 4 examples" in text
-    ended = mnsf(*arguments, "--resume")
-    assert ended.status == COMPLETE
-    starts_again = "ego-estimated on drive: cannot be resumed halfway, starts again"
-    assert (starts_again in ended.out) == (method == "ego-estimated")
+    assert mnsf(*arguments, "--resume").status == COMPLETE
     assert len(rows_in(tmp_path / "out")) == 8
 
 

@@ -141,6 +141,27 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
     }
 
 
+@pytest.mark.parametrize(
+    ("missing", "count"),
+    [((), 0), ((5,), 1), ((5, 6), 2), ((5, 8), 2), ((0,), 0), (range(4, 14), 0)],
+)
+def test_missing_sweeps_are_counted_up_to_the_largest_interval(missing, count):
+    findings = Findings()
+    sweeps = [small.sweep(index) for index in range(18) if index not in missing]
+    list(examples_of(sweeps, findings=findings))
+    assert findings.counts[Event.SWEEPS_MISSING] == count
+
+
+@pytest.mark.parametrize(
+    "indices", [[0, 1.2, 2, 3.3, 4, 4.9, 6], [0, 1, 3], [0, 1, 2, 3, 1, 2, 3, 4], [0] * 8, []]
+)
+def test_unsteady_clock_jump_back_and_equal_stamps_are_no_loss(indices):
+    findings = Findings()
+    sweeps = [replace(small.sweep(0), stamp_ns=round(small.stamp(index))) for index in indices]
+    list(examples_of(sweeps, findings=findings))
+    assert findings.counts[Event.SWEEPS_MISSING] == 0
+
+
 def test_odometry_that_is_missing_or_of_another_frame_is_counted():
     findings = Findings()
     poses = PoseTrack([StampedPose(small.stamp(1), small.pose(1), "base_link")])

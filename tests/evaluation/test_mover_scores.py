@@ -15,7 +15,7 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_json import from_json, to_json
+from mnsf_ros.evaluation.run_folder import from_json, to_json
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
@@ -274,7 +274,7 @@ def test_rows_of_a_run_have_movers_and_come_back_from_json():
     # Over ground and in the axes of the current sweep, whatever the sensor does.
     assert item.speed_m_s == pytest.approx(5.0, abs=1e-4)
     assert item.velocity_error_m_s == pytest.approx(0.0, abs=1e-4)
-    assert from_json(to_json(row), ResultRow).movers == row.movers
+    assert from_json(to_json(row), ResultRow, "row").movers == row.movers
     assert scored_row(one, "mnsf", FlowEstimate(flow, np.ones(N, bool))).movers is None
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import multiprocessing
 import os
 import signal
+import subprocess
 import sys
-from dataclasses import replace
+import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 import small_evaluations as small
@@ -19,7 +21,6 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.parallel import executor, run_serially
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import StoppedError
 from mnsf_ros.evaluation.task import TaskFailed
 
 needs_ray = [
@@ -33,24 +34,6 @@ needs_ray = [
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
-
-
-class Dies(frozenset):
-    """Kills the process that comes to the second sweep of a task, as for lack of memory."""
-
-    def __contains__(self, number):
-        if number == 2:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return False
-
-
-class Waits(frozenset):
-    """Makes the process that comes to the second sweep of a task wait for ever."""
-
-    def __contains__(self, number):
-        if number == 2:
-            signal.pause()
-        return False
 
 
 def events_by_task(execute, tasks, options):
@@ -68,8 +51,7 @@ def events_by_task(execute, tasks, options):
 )
 def test_events_are_the_same_wherever_tasks_run(bag, where):
     options = small.options(num_points=40)
-    tasks = [small.task_at(bag, method) for method in ("fnsf", "nothing")]
-    tasks.append(replace(small.task_at(bag, "zero"), skipped=frozenset([2])))
+    tasks = [small.task_at(bag, method) for method in ("fnsf", "nothing", "zero")]
     serial = events_by_task(run_serially, tasks, options)
     with executor(**where) as execute:
         parallel = events_by_task(execute, tasks, options)
@@ -78,30 +60,6 @@ def test_events_are_the_same_wherever_tasks_run(bag, where):
     (failed,) = serial["drive", "nothing"]
     assert isinstance(failed, TaskFailed)
     assert "unknown method" in failed.reason
-
-
-@pytest.mark.slow
-def test_killed_worker_stops_the_run_after_what_is_finished(bag):
-    tasks = [small.task_at(bag, method) for method in ("zero", "ego", "fnsf")]
-    tasks[2] = replace(tasks[2], skipped=Dies())
-    events = []
-    with (
-        executor(num_workers=2) as execute,
-        pytest.raises(StoppedError, match="a worker was lost") as caught,
-    ):
-        events += execute(tasks, small.options())
-    assert "\n" not in str(caught.value)
-    assert "fnsf" not in {task.method.name for task, _ in events}
-
-
-@pytest.mark.slow
-def test_workers_are_gone_when_nobody_waits_for_them(bag):
-    tasks = [replace(small.task_at(bag, method), skipped=Waits()) for method in ("ego", "fnsf")]
-    with executor(num_workers=2) as execute:
-        events = execute([small.task_at(bag, "zero"), *tasks], small.options())
-        assert next(events)[0].method.name == "zero"
-        assert multiprocessing.active_children()
-    assert not multiprocessing.active_children()
 
 
 @pytest.mark.slow
@@ -126,14 +84,46 @@ def test_run_of_a_killed_worker_is_resumed(bag, tmp_path, capsys, monkeypatch):
     assert len({(row["method"], row["number"]) for row in rows}) == len(rows) == 12
 
 
+@pytest.mark.slow
+def test_workers_end_when_the_driver_is_killed(bag, tmp_path):
+    begun, program = tmp_path / "begun", tmp_path / "method.py"
+    program.write_text(f"import time; open({str(begun)!r}, 'w'); time.sleep(300)")
+    command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", bag, "--methods=zero,ego"]
+    command += [f"--methods=command:{sys.executable} {program}", "--workers=2"]
+    with subprocess.Popen(
+        [*command, f"--out={tmp_path / 'out'}"], start_new_session=True
+    ) as process:
+        while not begun.exists():
+            time.sleep(0.1)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        process.kill()
+    give_up = time.monotonic() + 60
+    while any(map(is_running, children)) and time.monotonic() < give_up:
+        time.sleep(0.1)
+    still_there = list(filter(is_running, children))
+    # The program of the worker goes on without it.
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    assert len(children) >= 2
+    assert still_there == []
+
+
+def is_running(pid):
+    """Whether there is such a process; one that nobody has waited for is none."""
+    with suppress(OSError):
+        return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    return False
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         ({"num_workers": 0}, "workers: got 0, expected 1 or more"),
         ({"num_gpus": -1}, "num_gpus: got -1"),
+        ({"num_workers": 2, "ray_address": "local"}, "--workers cannot be combined with --ray"),
     ],
 )
-def test_numbers_out_of_range_are_refused(arguments, text):
+def test_numbers_that_cannot_be_used_are_refused(arguments, text):
     with pytest.raises(EvaluationError, match=text):
         executor(**arguments)
 

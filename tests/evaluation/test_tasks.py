@@ -10,14 +10,12 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.errors import EvaluationError, RecordingError
-from mnsf_ros.evaluation import task as task_module
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.flow_recording import flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
-from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_reader import BagReader
@@ -143,7 +141,6 @@ def test_topics_are_the_usual_ones_or_those_named(bag):
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({"num_points": 0}, "num_points: got 0"),
         ({"seed": -1}, "seed: got -1"),
         ({"num_pictured": -1}, "num_pictured: got -1"),
         ({"realtime_rate": float("nan")}, "realtime rate: got nan"),
@@ -178,31 +175,6 @@ def test_unstamped_sweeps_take_the_time_of_reception(tmp_path):
     *rows, findings = run_task(small.task_at(tmp_path / "bag", "zero"), small.options())
     assert [row.stamp_ns for row in rows] == [small.stamp(1)]
     assert findings.warnings == {Event.SWEEPS_UNSTAMPED: 3}
-
-
-@pytest.mark.parametrize(("method", "num_estimates"), [("zero", 3), ("ego-estimated", 8)])
-def test_every_third_example_is_scored(tmp_path, monkeypatch, method, num_estimates):
-    """A method that registers sweep after sweep sees those between, too."""
-    path = small.write_recording(tmp_path / "drive", 10)
-    calls = []
-
-    def counted(name, settings):
-        estimator = make_method(name, settings)
-        estimate = estimator.estimate
-
-        def counting(triplet, cancelled):
-            calls.append(triplet.current.stamp_ns)
-            return estimate(triplet, cancelled)
-
-        estimator.estimate = counting
-        return estimator
-
-    monkeypatch.setattr("mnsf_ros.online.stream.make_method", counted)
-    monkeypatch.setattr(task_module, "warm_up", lambda method, settings: None)
-    task = small.task_at(path, method)
-    rows = [row for row in run_task(task, small.options(every=3)) if isinstance(row, ResultRow)]
-    assert [row.number for row in rows] == [1, 4, 7]
-    assert len(calls) == num_estimates
 
 
 def test_sampling_counts_examples_wherever_they_are(tmp_path):

@@ -42,11 +42,11 @@ def evaluate(street, out, *, methods=METHODS, resume=False, num_events=None, **v
     methods = evaluated_methods(methods, options)
     record = RunRecord(options, methods, [recording], [SessionRecord.now([])])
     folder = RunFolder(out)
-    with folder.opened(resume=resume):
-        for number, (task, event) in enumerate(run_serially(folder.begin(record), options)):
-            if number == num_events:
-                break
-            folder.take(task, event)
+    tasks = folder.begin(record, resume=resume)
+    for number, (task, event) in enumerate(run_serially(tasks, options)):
+        if number == num_events:
+            break
+        folder.take(task, event)
     return folder
 
 

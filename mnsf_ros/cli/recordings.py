@@ -1,0 +1,167 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""`mnsf simulate`, `convert`, `play` and `demo`: recordings that are made, or published."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand
+from mnsf_ros.cli.console import Console
+from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
+from mnsf_ros.node.environment import prepare_environment, require_ros
+from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.simulation.settings import SimulationSettings, simulation_settings
+
+_SLOWEST: Final = 0.01
+_FASTEST: Final = 100.0
+# Of settings of the simulator without a unit in their name.
+_METAVARS: Final = {int: "N", float: "SHARE", str: "NAME"}
+
+
+def add_simulate(subparsers: Subparsers) -> None:
+    """Adds `mnsf simulate`."""
+    summary = "write a recording of a simulated street with its true flow"
+    arguments = add_subcommand(subparsers, "simulate", summary, _simulate)
+    arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
+    arguments.flag("--force", FORCE)
+    for setting in simulation_settings():
+        metavar = setting.unit.upper() or _METAVARS[setting.kind]
+        name = f"--{setting.name.replace('_', '-')} {metavar}"
+        arguments.value(name, setting.text, default=setting.default)
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    from mnsf_ros.demo.console_progress import simulate_with_progress
+
+    settings = SimulationSettings(
+        **{setting.name: getattr(options, setting.name) for setting in simulation_settings()}
+    )
+    console = Console()
+    simulate_with_progress(settings, options.out, console, overwrite=options.force)
+    console.say(
+        f"{options.out}: {settings.num_sweeps} sweeps of the scenario {settings.scenario} with "
+        f"true flow, seed {settings.seed}",
+        soft_wrap=True,
+    )
+
+
+def add_convert(subparsers: Subparsers) -> None:
+    """Adds `mnsf convert`."""
+    formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
+    arguments = add_subcommand(
+        subparsers,
+        "convert",
+        "write a sequence of a public data set as a recording with its true flow",
+        _convert,
+        epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md",
+    )
+    arguments.value("format FORMAT", ", ".join(FORMATS), choices=FORMATS)
+    source_text = "file or folder of the data set; see the list of formats below"
+    arguments.value("source SOURCE", source_text, Path)
+    arguments.value("out OUT", "folder to write, or a single file OUT.mcap", Path)
+    arguments.flag("--force", FORCE)
+    arguments.flag("--compress", "compress the recording (zstd)")
+    arguments.value("--sequence NAME", "scene (nuscenes) or segment (waymo), if several")
+    arguments.value("--labels DIR", "scene flow labels of the log (argoverse2)", Path)
+    arguments.value("--first N", "first sweep, counted from 0", default=0)
+    arguments.value("--count N", "number of sweeps (default: all)", int)
+    margin_m = TruthSettings.box_margin_m
+    arguments.value(
+        "--box-margin M", "enlarge boxes by M metres in each dimension", default=margin_m
+    )
+    arguments.flag("--unlabelled-static", "treat unlabelled points as static instead of as unknown")
+
+
+def _convert(options: argparse.Namespace) -> None:
+    from mnsf_ros.datasets.recording_writer import write_recording
+    from mnsf_ros.demo.console_progress import counting_progress
+    from mnsf_ros.recording.new_folder import check_target
+
+    check_target(options.out, overwrite=options.force)
+    settings = TruthSettings(options.box_margin, options.unlabelled_static)
+    source = open_source(
+        options.format, options.source, sequence=options.sequence, labels=options.labels
+    ).part(options.first, options.count)
+    console = Console()
+    with counting_progress(console) as progress:
+        task = progress.add_task(f"converting {options.source.name}", total=source.num_sweeps)
+        summary = write_recording(
+            source,
+            options.out,
+            settings,
+            lambda done: progress.update(task, completed=done),
+            overwrite=options.force,
+            compress=options.compress,
+        )
+    lines = [f"{summary.num_sweeps} sweeps in {options.out}", str(summary)]
+    for line in (*lines, *(f"warning: {text}" for text in summary.warnings())):
+        console.say(line, soft_wrap=True)
+
+
+def add_play(subparsers: Subparsers) -> None:
+    """Adds `mnsf play`."""
+    arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _play)
+    arguments.value("bag", "recording, of ROS 1 or ROS 2", Path)
+    arguments.value("--topics TOPIC,...", "only these topics")
+    arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
+    arguments.flag("--loop", "start again at the end")
+    arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
+
+
+def _play(options: argparse.Namespace) -> None:
+    require_ros()
+    prepare_environment()
+    from mnsf_ros.demo.console_progress import counting_progress
+    from mnsf_ros.demo.play import PlayOptions, play
+    from mnsf_ros.recording.bag_topics import known_topic
+    from mnsf_ros.recording.inspection import open_recording
+
+    console = Console(stderr=True)
+    topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
+    how = PlayOptions(topics, options.rate, options.loop, options.clock)
+    with open_recording(options.bag, console.warn) as reader:
+        for topic in topics:
+            known_topic(reader.path, reader.topics, topic)
+        total = sum(reader.topics[topic].count for topic in topics or reader.topics)
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        with counting_progress(console) as progress:
+            task = progress.add_task(
+                f"playing on ROS domain {domain}", total=None if options.loop else total
+            )
+            play(reader, how, lambda number: progress.update(task, completed=number), console.warn)
+
+
+def rate(text: str) -> float:
+    """Returns how fast to play.
+
+    Raises:
+        ArgumentTypeError: The text is no number, or one out of range.
+    """
+    with suppress(ValueError):
+        if _SLOWEST <= float(text) <= _FASTEST:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected {_SLOWEST:g} to {_FASTEST:g}")
+
+
+def add_demo(subparsers: Subparsers) -> None:
+    """Adds `mnsf demo`."""
+    summary = "replay a recording to the live node and show the flow"
+    arguments = add_subcommand(subparsers, "demo", summary, _demo)
+    arguments.value("--bag", "recording; without it, a street is simulated", Path)
+    arguments.points()
+    arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
+    arguments.value("--duration S", "length of the simulated recording", default=6.0)
+    arguments.value("--seed", "seed of the simulated recording", default=0)
+    arguments.value("--out DIR", "folder for all that is made", default=Path("demo"))
+
+
+def _demo(options: argparse.Namespace) -> None:
+    require_ros()
+    from mnsf_ros.demo.demo_run import run_demo
+
+    street = SimulationSettings(seed=options.seed, duration_s=options.duration)
+    run_demo(options.bag or street, options.points, preset(options.preset), options.out, Console())
