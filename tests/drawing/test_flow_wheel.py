@@ -6,7 +6,6 @@ from __future__ import annotations
 import colorsys
 
 import numpy as np
-import pytest
 
 from mnsf_ros.drawing import color_wheel
 from mnsf_ros.drawing.color_wheel import SLOW, packed_colors, wheel_image
@@ -25,38 +24,20 @@ def hsv(colors):
     return np.array([colorsys.rgb_to_hsv(*color) for color in colors])
 
 
-@pytest.mark.parametrize("neutral", [(1.0, 1.0, 1.0), NEUTRAL])
-def test_no_motion_is_neutral(neutral):
-    colors = flow_colors(np.zeros((2, 3)), 1.0, neutral=neutral)
-    np.testing.assert_array_equal(colors, [neutral, neutral])
-
-
-def test_hue_is_the_direction():
+def test_hue_is_the_direction_and_saturation_the_speed_up_to_the_full_one():
     hues = hsv(flow_colors(DIRECTIONS, 1.0))[:, 0]
     difference = (hues - ANGLES / (2 * np.pi) + 0.5) % 1.0 - 0.5
     np.testing.assert_allclose(difference, 0.0, atol=1e-12)
-
-
-def test_known_directions():
-    flow = np.array([[1, 0], [-1, 0], [np.cos(np.pi / 3), np.sin(np.pi / 3)]])
-    red_cyan_yellow = [[1, 0, 0], [0, 1, 1], [1, 1, 0]]
-    np.testing.assert_allclose(flow_colors(flow, 1.0), red_cyan_yellow, atol=1e-12)
-
-
-def test_saturation_is_the_speed_up_to_the_full_one():
     lengths = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 1e30])
     colors = flow_colors(lengths[:, None] * DIRECTIONS[7], 2.0)
     np.testing.assert_allclose(hsv(colors)[:, 1], [0, 0.25, 0.5, 0.75, 1, 1, 1], atol=1e-12)
+    # Ahead is red; heights do not count.
+    np.testing.assert_allclose(flow_colors(np.array([[1, 0, 9]]), 1.0), [[1, 0, 0]], atol=1e-12)
 
 
-def test_height_does_not_count():
-    flow = np.random.default_rng(0).normal(size=(20, 3))
-    np.testing.assert_array_equal(flow_colors(flow, 1.0), flow_colors(flow[:, :2], 1.0))
-
-
-def test_without_flow_is_neutral():
-    flow = np.array([[np.nan, 1], [1, np.inf], [np.nan, np.nan], [-np.inf, np.nan]])
-    np.testing.assert_array_equal(flow_colors(flow, 1.0, neutral=NEUTRAL), [NEUTRAL] * 4)
+def test_no_flow_is_neutral():
+    flow = np.array([[0, 0], [np.nan, 1], [1, np.inf], [np.nan, np.nan], [-np.inf, np.nan]])
+    np.testing.assert_array_equal(flow_colors(flow, 1.0, neutral=NEUTRAL), [NEUTRAL] * 5)
 
 
 def test_wheel_image_shows_directions_as_the_picture_does():
@@ -89,17 +70,8 @@ def test_packed_colors_are_those_of_the_wheel():
 
 
 def test_packed_colors_of_strange_motions():
-    motion = np.array(
-        [
-            [0, 0, 9],
-            [np.nan, 1, 0],
-            [1, np.inf, 0],
-            [-0.0, -0.0, 0],
-            [1e38, 1e38, 0],
-            [-1, -0.0, 0],
-        ],
-        np.float32,
-    )
+    zero, missing = [[0, 0, 9]], [[np.nan, 1, 0], [1, np.inf, 0], [-0.0, -0.0, 0]]
+    motion = np.array([*zero, *missing, [1e38, 1e38, 0], [-1, -0.0, 0]], np.float32)
     none, *others = packed_colors(motion, 1.0)
     assert unpacked(np.array([none])).tolist() == [[round(255 * level) for level in SLOW]]
     assert others[:3] == [none] * 3

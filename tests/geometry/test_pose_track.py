@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from box_street import angle_deg, distance_m, pose
+from box_street import distance_m, pose
 
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
@@ -43,123 +43,113 @@ def pose_at(track, time_ms):
     return None if found is None else found.world_from_frame
 
 
-class TestBetweenPoses:
-    @pytest.mark.parametrize("time_ms", [0, 1, 50, 100, 130, 200])
-    def test_pose_is_interpolated(self, time_ms):
-        track = track_of(0, 100, 200)
-        np.testing.assert_allclose(pose_at(track, time_ms), path(time_ms), atol=1e-9)
-
-    def test_a_gap_is_not_bridged(self):
-        track = track_of(0, 300, 601)
-        assert pose_at(track, 150) is not None
-        assert pose_at(track, 450) is None
-        # At a pose itself there is nothing to bridge.
-        np.testing.assert_array_equal(pose_at(track, 601), path(601))
+@pytest.mark.parametrize("time_ms", [0, 1, 50, 100, 130, 200])
+def test_pose_is_interpolated(time_ms):
+    track = track_of(0, 100, 200)
+    np.testing.assert_allclose(pose_at(track, time_ms), path(time_ms), atol=1e-9)
 
 
-class TestBesideThePoses:
-    def test_the_motion_goes_on_for_a_tenth_of_a_second(self):
-        track = track_of(0, 100)
-        np.testing.assert_allclose(pose_at(track, 170), path(170), atol=1e-9)
-        assert pose_at(track, 200) is not None
-        assert pose_at(track, 200.001) is None
-
-    def test_the_noise_of_close_poses_does_not_grow(self):
-        """At 500 Hz a millimetre between neighbors would be 50 after a tenth of a second."""
-        track = PoseTrack()
-        for number, time_ms in enumerate(range(0, 102, 2)):
-            noise = pose(y=0.001 * (-1) ** number)
-            track.add(stamped(time_ms, path(time_ms) @ noise))
-        assert distance_m(pose_at(track, 190), path(190)) < 0.01
-
-    def test_close_poses_after_a_gap_go_on_by_themselves(self):
-        track = track_of(0, 1000, 1010)
-        np.testing.assert_allclose(pose_at(track, 1030), path(1030), atol=1e-9)
-
-    def test_one_pose_holds_at_its_own_stamp_only(self):
-        track = track_of(0)
-        np.testing.assert_array_equal(pose_at(track, 0), path(0))
-        assert pose_at(track, 1) is None
-        assert pose_at(track, -1) is None
-        assert PoseTrack().pose_at(0) is None
+def test_a_gap_is_not_bridged():
+    track = track_of(0, 300, 601)
+    assert pose_at(track, 150) is not None
+    assert pose_at(track, 450) is None
+    # At a pose itself there is nothing to bridge.
+    np.testing.assert_array_equal(pose_at(track, 601), path(601))
 
 
-class TestOrder:
-    @pytest.mark.parametrize("time_ms", [200, 150, -700])
-    def test_a_pose_that_is_not_newer_is_left_out(self, time_ms):
-        track = track_of(0, 100, 200)
-        assert track.add(stamped(time_ms, pose(99))) is False
-        np.testing.assert_allclose(pose_at(track, 150), path(150), atol=1e-9)
-
-    def test_a_clock_that_jumps_back_forgets_what_was_before(self):
-        track = track_of(5000, 5100)
-        assert track.add(stamped(0)) is True
-        assert track.add(stamped(100)) is True
-        assert pose_at(track, 5050) is None
-        np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
-
-    def test_only_so_many_poses_are_kept(self):
-        track = track_of(*range(0, 30_000, 10))
-        assert pose_at(track, 5) is None
-        np.testing.assert_allclose(pose_at(track, 29_985), path(29_985), atol=1e-9)
+def test_the_motion_goes_on_for_a_tenth_of_a_second():
+    track = track_of(0, 100)
+    np.testing.assert_allclose(pose_at(track, 170), path(170), atol=1e-9)
+    assert pose_at(track, 200) is not None
+    assert pose_at(track, 200.001) is None
 
 
-class TestReading:
-    TIMES_MS = (0, 90, 200, 500, 801, 900, 1850, 1950)
-
-    @pytest.mark.parametrize("time_ms", [-1, 0, 40, 350, 650, 850, 960, 2040])
-    def test_recorded_and_live_poses_give_the_same(self, time_ms):
-        """But for what is live not known yet, where a pose after the stamp is still to come."""
-        live, offline = track_of(*self.TIMES_MS), recorded(*self.TIMES_MS)
-        np.testing.assert_equal(pose_at(offline, time_ms), pose_at(live, time_ms))
-
-    def test_nothing_is_read_beyond_need(self):
-        poses = (stamped(time_ms) for time_ms in range(0, 10_000, 100))
-        track = PoseTrack(poses)
-        np.testing.assert_allclose(pose_at(track, 250), path(250), atol=1e-9)
-        assert next(poses).stamp_ns == START_NS + 400 * MS
-
-    def test_no_pose_where_damage_took_some(self):
-        track = recorded(0, 100, None, 300, 400)
-        np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
-        assert pose_at(track, 200) is None
-        np.testing.assert_array_equal(pose_at(track, 300), path(300))
-        np.testing.assert_allclose(pose_at(track, 350), path(350), atol=1e-9)
-
-    def test_second_round_of_a_loop_is_found_behind_poses_that_nobody_asked_for(self):
-        track = recorded(*range(0, 5000, 100), None, *range(0, 300, 100))
-        assert pose_at(track, 2000) is not None
-        np.testing.assert_allclose(pose_at(track, 150), path(150), atol=1e-9)
-        assert pose_at(track, 2000) is None
-
-    def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses(self):
-        track = recorded(*range(1_000_000, 1_020_000, 100))
-        for time_ms in (1_001_000, 5000, 1_000_900, 1_010_000):
-            expected = None if time_ms == 5000 else path(time_ms)
-            np.testing.assert_equal(pose_at(track, time_ms), expected)
+def test_the_noise_of_close_poses_does_not_grow():
+    """At 500 Hz a millimetre between neighbors would be 50 after a tenth of a second."""
+    track = PoseTrack()
+    for number, time_ms in enumerate(range(0, 102, 2)):
+        noise = pose(y=0.001 * (-1) ** number)
+        track.add(stamped(time_ms, path(time_ms) @ noise))
+    assert distance_m(pose_at(track, 190), path(190)) < 0.01
 
 
-class TestMount:
-    def test_place_of_the_sensor_is_added_in_the_frame_of_the_robot(self):
-        track = mounted(sensor_x_m=2.0, sensor_z_m=1.5)
-        track.add(StampedPose(0, pose(10, 20, yaw_deg=90), "base"))
-        # The robot looks along y: 2 m ahead of it is 2 m along y.
-        found = track.pose_at(0)
-        np.testing.assert_allclose(
-            found.world_from_frame, pose(10, 22, 1.5, yaw_deg=90), atol=1e-12
-        )
-        assert found.frame_id == ""
-
-    def test_a_lever_makes_a_turn_of_the_robot_a_motion_of_the_sensor(self):
-        track = mounted(sensor_x_m=1.0)
-        track.add(stamped(0, pose()))
-        track.add(stamped(100, pose(yaw_deg=60)))
-        first, middle, last = (pose_at(track, time_ms) for time_ms in (0, 50, 100))
-        assert distance_m(first, last) == pytest.approx(1.0)
-        assert angle_deg(first, middle) == pytest.approx(30)
-        # On the arc, not on the chord.
-        assert np.linalg.norm(middle[:3, 3]) == pytest.approx(1.0)
+def test_one_pose_holds_at_its_own_stamp_only():
+    track = track_of(0)
+    np.testing.assert_array_equal(pose_at(track, 0), path(0))
+    assert pose_at(track, 1) is None
+    assert pose_at(track, -1) is None
+    assert PoseTrack().pose_at(0) is None
 
 
-def mounted(**settings):
-    return PoseTrack(mount=sensor_mount(EgoMotionSettings(**settings)))
+@pytest.mark.parametrize("time_ms", [200, 150, -700])
+def test_a_pose_that_is_not_newer_is_left_out(time_ms):
+    track = track_of(0, 100, 200)
+    assert track.add(stamped(time_ms, pose(99))) is False
+    np.testing.assert_allclose(pose_at(track, 150), path(150), atol=1e-9)
+
+
+def test_a_clock_that_jumps_back_forgets_what_was_before():
+    track = track_of(5000, 5100)
+    assert track.add(stamped(0)) is True
+    assert track.add(stamped(100)) is True
+    assert pose_at(track, 5050) is None
+    np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
+
+
+def test_only_so_many_poses_are_kept():
+    track = track_of(*range(0, 30_000, 10))
+    assert pose_at(track, 5) is None
+    np.testing.assert_allclose(pose_at(track, 29_985), path(29_985), atol=1e-9)
+
+
+TIMES_MS = (0, 90, 200, 500, 801, 900, 1850, 1950)
+
+
+@pytest.mark.parametrize("time_ms", [-1, 0, 40, 350, 650, 850, 960, 2040])
+def test_recorded_and_live_poses_give_the_same(time_ms):
+    """But for what is live not known yet, where a pose after the stamp is still to come."""
+    live, offline = track_of(*TIMES_MS), recorded(*TIMES_MS)
+    np.testing.assert_equal(pose_at(offline, time_ms), pose_at(live, time_ms))
+
+
+def test_nothing_is_read_beyond_need():
+    poses = (stamped(time_ms) for time_ms in range(0, 10_000, 100))
+    track = PoseTrack(poses)
+    np.testing.assert_allclose(pose_at(track, 250), path(250), atol=1e-9)
+    assert next(poses).stamp_ns == START_NS + 400 * MS
+
+
+def test_no_pose_where_damage_took_some():
+    track = recorded(0, 100, None, 300, 400)
+    np.testing.assert_allclose(pose_at(track, 50), path(50), atol=1e-9)
+    assert pose_at(track, 200) is None
+    np.testing.assert_array_equal(pose_at(track, 300), path(300))
+    np.testing.assert_allclose(pose_at(track, 350), path(350), atol=1e-9)
+
+
+def test_second_round_of_a_loop_is_found_behind_poses_that_nobody_asked_for():
+    track = recorded(*range(0, 5000, 100), None, *range(0, 300, 100))
+    assert pose_at(track, 2000) is not None
+    np.testing.assert_allclose(pose_at(track, 150), path(150), atol=1e-9)
+    assert pose_at(track, 2000) is None
+
+
+def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_poses():
+    track = recorded(*range(1_000_000, 1_020_000, 100))
+    for time_ms in (1_001_000, 5000, 1_000_900, 1_010_000):
+        expected = None if time_ms == 5000 else path(time_ms)
+        np.testing.assert_equal(pose_at(track, time_ms), expected)
+
+
+def test_place_of_the_sensor_is_added_in_the_frame_of_the_robot():
+    settings = EgoMotionSettings(sensor_x_m=2.0, sensor_z_m=1.5)
+    track = PoseTrack(mount=sensor_mount(settings))
+    track.add(StampedPose(0, pose(10, 20, yaw_deg=90), "base"))
+    # The robot looks along y: 2 m ahead of it is 2 m along y.
+    found = track.pose_at(0)
+    np.testing.assert_allclose(found.world_from_frame, pose(10, 22, 1.5, yaw_deg=90), atol=1e-12)
+    assert found.frame_id == ""
+    # Between two poses the sensor is on the arc of its lever, not on the chord.
+    track.add(StampedPose(100 * MS, pose(10, 20, yaw_deg=150), "base"))
+    position = track.pose_at(50 * MS).world_from_frame[:3, 3]
+    np.testing.assert_allclose(np.linalg.norm(position - (10, 20, 1.5)), 2.0, atol=1e-9)

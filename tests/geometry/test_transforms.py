@@ -19,33 +19,23 @@ from mnsf_ros.geometry.transforms import (
 from mnsf_ros.settings import EgoMotionSettings
 
 
-class TestInterpolatedPose:
-    def test_ends_are_the_two_poses(self):
-        first, second = pose(1, 2, 3, yaw_deg=20), pose(4, 5, 6, yaw_deg=-40, pitch_deg=5)
-        np.testing.assert_allclose(interpolated_pose(first, second, 0), first, atol=1e-12)
-        np.testing.assert_allclose(interpolated_pose(first, second, 1), second, atol=1e-12)
-
-    @pytest.mark.parametrize("share", [0.25, 0.5, 1.5, -1])
-    def test_shift_and_turn_are_in_proportion(self, share):
-        found = interpolated_pose(pose(1, yaw_deg=10), pose(3, yaw_deg=50), share)
-        expected = pose(1 + 2 * share, yaw_deg=10 + 40 * share)
-        np.testing.assert_allclose(found, expected, atol=1e-12)
-
-    def test_turns_the_shorter_way(self):
-        found = interpolated_pose(pose(yaw_deg=170), pose(yaw_deg=-170), 0.5)
-        np.testing.assert_allclose(found, pose(yaw_deg=180), atol=1e-12)
+@pytest.mark.parametrize("share", [0, 0.25, 0.5, 1, 1.5, -1])
+def test_shift_and_turn_are_in_proportion_to_the_share(share):
+    found = interpolated_pose(pose(1, yaw_deg=10), pose(3, yaw_deg=50), share)
+    expected = pose(1 + 2 * share, yaw_deg=10 + 40 * share)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    # The shorter way round.
+    found = interpolated_pose(pose(yaw_deg=170), pose(yaw_deg=-170), share)
+    np.testing.assert_allclose(found, pose(yaw_deg=170 + 20 * share), atol=1e-12)
 
 
-class TestSensorMount:
-    def test_angles_are_yaw_then_pitch_then_roll(self):
-        sensor = sensor_mount(EgoMotionSettings(sensor_yaw_deg=90, sensor_pitch_deg=90))
-        # Pitched by 90 degrees the sensor's x points down; its z is the old x, yawed to the left.
-        np.testing.assert_allclose(sensor[:3, 0], (0, 0, -1), atol=1e-12)
-        np.testing.assert_allclose(sensor[:3, 2], (0, 1, 0), atol=1e-12)
-
-    def test_roll_turns_about_the_axis_ahead(self):
-        sensor = sensor_mount(EgoMotionSettings(sensor_roll_deg=90))
-        np.testing.assert_allclose(sensor[:3, 1], (0, 0, 1), atol=1e-12)
+def test_sensor_is_turned_by_yaw_then_pitch_then_roll():
+    sensor = sensor_mount(EgoMotionSettings(sensor_yaw_deg=90, sensor_pitch_deg=90))
+    # Pitched by 90 degrees the sensor's x points down; its z is the old x, yawed to the left.
+    np.testing.assert_allclose(sensor[:3, 0], (0, 0, -1), atol=1e-12)
+    np.testing.assert_allclose(sensor[:3, 2], (0, 1, 0), atol=1e-12)
+    sensor = sensor_mount(EgoMotionSettings(sensor_roll_deg=90))
+    np.testing.assert_allclose(sensor[:3, 1], (0, 0, 1), atol=1e-12)
 
 
 def test_inverse_takes_points_back():
@@ -54,17 +44,11 @@ def test_inverse_takes_points_back():
     np.testing.assert_allclose(apply(invert(there), apply(there, points)), points, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "matrix",
-    [
-        np.zeros((4, 4)),
-        np.eye(3),
-        np.diag([2.0, 2, 2, 1]),
-        np.diag([1.0, 1, -1, 1]),
-        np.diag([1, 1, 1, np.nan]),
-        np.diag([1, 1, 1, 2.0]),
-    ],
-)
+SCALED, MIRRORED = np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1])
+ODD = [np.diag([1, 1, 1, value]) for value in (np.nan, 2.0)]
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.eye(3), SCALED, MIRRORED, *ODD])
 def test_what_is_no_rigid_motion_is_refused(matrix):
     assert not is_rigid(matrix)
     with pytest.raises(ValueError, match=r"rigid|reshape"):

@@ -66,10 +66,12 @@ def assert_same(encoding, *, made=None, is_dense=True):
     return found
 
 
-@pytest.mark.parametrize("frame_id", ["", "a", "ab", "abc", "abcd", "base/lidär", "x" * 300])
+@pytest.mark.parametrize("frame_id", ["", "a", "ab", "abc", "abcd", "base/lidär", "lidar\0hidden"])
 def test_a_name_of_any_length_moves_what_follows_as_rclpy_does(frame_id):
     encoding = encoding_of_columns(columns(7, "x", "y", "z"), 1, 7)
-    assert assert_same(encoding, made=header(frame_id)).header.frame_id == frame_id
+    found = assert_same(encoding, made=header(frame_id))
+    # A name ends at a zero, as in rclpy.
+    assert found.header.frame_id == frame_id.partition("\0")[0]
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (1, 0), (1, 1), (3, 5), (1, 10_000), (64, 200)])
@@ -93,8 +95,3 @@ def test_a_cloud_of_many_rows_with_padding():
             encoding_with_columns(source, columns(height * width, "a"), clash_prefix="s_")
         )
         np.testing.assert_array_equal(decode_points(message)["x"], values[:, :-1])
-
-
-def test_a_name_ends_at_a_zero_as_in_rclpy():
-    encoding = encoding_of_columns(columns(2, "x"), 1, 2)
-    assert assert_same(encoding, made=header("lidar\0hidden")).header.frame_id == "lidar"

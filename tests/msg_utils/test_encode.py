@@ -127,32 +127,12 @@ class TestCloudWithColumns:
         assert np.isnan(np.frombuffer(encoded.data, "<f4", 3, 60)).all()
         assert not np.shares_memory(encoded.data, np.frombuffer(cloud.data, np.uint8))
 
-    def test_a_big_endian_cloud_stays_big_endian(self, stack):
-        data = struct.pack(">fff", 1, 2, 3)
-        cloud = stack.make_cloud(XYZ, data, width=1, point_step=12, is_bigendian=True)
-        encoded = encode_with_columns(cloud, {**flow(0.5), "age": np.array([258], np.uint16)})
-        assert encoded.is_bigendian is True
-        assert encoded.data.tobytes() == data + flow_bytes(0.5, ">") + b"\x01\x02" + bytes(2)
-        assert decode_xyz(message_of(stack, encoded))[0].tolist() == [[1.0, 2.0, 3.0]]
-
     def test_columns_of_any_byte_order_and_stride(self, make_cloud):
         cloud = make_cloud([("a", 0, 2, 1)], b"\x01\x02", width=2, point_step=1)
         columns = {"b": np.array([1, 2], ">u2"), "c": np.arange(8, dtype=np.int32)[::-4]}
         encoded = encode_with_columns(cloud, columns)
         assert as_tuples(encoded) == [("a", 0, 2, 1), ("b", 2, 4, 1), ("c", 4, 5, 1)]
         assert encoded.data.tobytes() == struct.pack("<BxHiBxHi", 1, 1, 7, 2, 2, 3)
-
-    def test_padding_is_dropped(self, stack):
-        rows = [[1, 2, 3], [4, 5, 6]]
-        data = b"".join(struct.pack("<3f", *row) + b"\xff" * 5 for row in rows)
-        cloud = stack.make_cloud(
-            [("x", 0, 7, 1)], data, width=3, height=2, point_step=4, row_step=17
-        )
-        encoded = encode_with_columns(cloud, {"age": np.arange(6, dtype=np.uint8)})
-        assert (encoded.height, encoded.width) == (2, 3)
-        assert (encoded.point_step, encoded.row_step) == (5, 15)
-        expected = struct.pack("<fBfBfBfBfBfB", 1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6, 5)
-        assert encoded.data.tobytes() == expected
 
     def test_fields_with_the_name_of_a_column_are_renamed(self, stack):
         fields = [*XYZ, ("flow_x", 12, 7, 1), ("my_flow_x", 16, 7, 1), ("flow_x", 20, 7, 1)]

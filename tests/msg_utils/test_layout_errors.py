@@ -23,50 +23,27 @@ FUNCTIONS = [
 
 def expect(cloud, text):
     for function in FUNCTIONS:
-        with pytest.raises(MessageError, match=f"^{re.escape(text)}$"):
+        with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
             function(cloud)
+
+
+ROW = {"width": 2, "point_step": 12}
+# Neither overflows nor allocates.
+HUGE = {"width": 2**31, "height": 2**31, "point_step": 1, "row_step": 2**31}
 
 
 @pytest.mark.parametrize(
     ("fields", "num_bytes", "layout", "text"),
     [
-        (
-            XYZ, 23, {"width": 2, "point_step": 12},
-            "data has 23 bytes, expected at least 24 (height 1, width 2, point_step 12, row_step "
-            "24)",
-        ),
-        (
-            XYZ, 51, {"width": 2, "height": 2, "point_step": 12, "row_step": 28},
-            "data has 51 bytes, expected at least 52 (height 2, width 2, point_step 12, row_step "
-            "28)",
-        ),
-        (
-            XYZ, 24, {"width": 2, "point_step": 0},
-            "point_step is 0, expected at least 1 for the 2 points of a cloud of height 1 and "
-            "width 2",
-        ),
-        (
-            XYZ, 22, {"width": 2, "point_step": 11},
-            "field 'z' (offset 8, count 1, FLOAT32) ends at byte 12 of the point, expected at most "
-            "point_step 11",
-        ),
-        (
-            [("x", 0, 8, 2**32 - 1)], 24, {"width": 2, "point_step": 12},
-            "field 'x' (offset 0, count 4294967295, FLOAT64) ends at byte 34359738360 of the point,"
-            " expected at most point_step 12",
-        ),
-        (
-            XYZ, 24, {"width": 2, "point_step": 12, "row_step": 23},
-            "row_step is 23, expected at least 24 (width 2 x point_step 12)",
-        ),
-        (  # 4.6e18 points: neither overflows nor allocates
-            [("x", 0, 2, 1)], 100,
-            {"width": 2**31, "height": 2**31, "point_step": 1, "row_step": 2**31},
-            "data has 100 bytes, expected at least 4611686018427387904 (height 2147483648, "
-            "width 2147483648, point_step 1, row_step 2147483648)",
-        ),
+        (XYZ, 23, ROW, "data has 23 bytes, expected at least 24 (height 1, width 2, point_step"),
+        (XYZ, 51, ROW | {"height": 2, "row_step": 28}, "data has 51 bytes, expected at least 52 ("),
+        (XYZ, 24, ROW | {"point_step": 0}, "point_step is 0, expected at least 1 for the 2 points"),
+        (XYZ, 22, ROW | {"point_step": 11}, "field 'z' (offset 8, count 1, FLOAT32) ends at byte"),
+        ([("x", 0, 8, 2**32 - 1)], 24, ROW, "field 'x' (offset 0, count 4294967295, FLOAT64) ends"),
+        (XYZ, 24, ROW | {"row_step": 23}, "row_step is 23, expected at least 24 (width 2 x point_"),
+        ([("x", 0, 2, 1)], 100, HUGE, "data has 100 bytes, expected at least 4611686018427387904"),
     ],
-)  # fmt: skip
+)
 def test_contradictions_are_named(stack, fields, num_bytes, layout, text):
     expect(stack.make_cloud(fields, bytes(num_bytes), **layout), text)
 
@@ -77,22 +54,18 @@ def test_contradictions_are_named(stack, fields, num_bytes, layout, text):
         (("x", 0, 0, 1), "datatype of field 'x' is 0, expected one of 1 (INT8), 2 (UINT8), 3"),
         (("x", 0, 300, 1), "datatype of field 'x' is 300, expected an integer from 0 to 255"),
         (("x", -4, 7, 1), "offset of field 'x' is -4, expected an integer from 0 to 4294967295"),
-        (("x", 0.0, 7, 1), "offset of field 'x' is 0.0, expected an integer from 0 to 4294967295"),
         (("x", 0, 7, 2**32), "count of field 'x' is 4294967296, expected an integer from 0 to 429"),
         ((None, 0, 7, 1), "name of a field is None, expected a string"),
         (("a\nb", 0, 7, -1), "count of field 'a\\nb' is -1, expected an integer from 0"),
+        (("b" * 100_000, 0, 7, -1), "count of field 'bbb"),
     ],
+    ids=range(7),
 )
-def test_bad_fields_are_named(make_cloud, field, text):
+def test_bad_fields_are_named_in_a_short_line(make_cloud, field, text):
     for function in FUNCTIONS:
-        with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
+        with pytest.raises(MessageError, match=f"^{re.escape(text)}") as caught:
             function(make_cloud([field], bytes(16), width=1, point_step=16))
-
-
-def test_a_very_long_name_is_shortened_in_the_error(make_cloud):
-    with pytest.raises(MessageError, match=r"^count of field 'aaa+\.\.\.a+' is -1") as caught:
-        decode_points(make_cloud([("a" * 100_000, 0, 7, -1)], bytes(16), point_step=16))
-    assert len(str(caught.value)) < 200
+        assert len(str(caught.value)) < 200
 
 
 @pytest.mark.parametrize(
@@ -110,17 +83,10 @@ def test_clouds_without_positions_are_refused(stack, fields, text):
         decode_xyz(cloud)
 
 
-@pytest.mark.parametrize(
-    ("name", "maximum"),
-    [
-        ("height", 4294967295),
-        ("width", 4294967295),
-        ("point_step", 2147483647),
-        ("row_step", 4294967295),
-    ],
-)
+@pytest.mark.parametrize("name", ["height", "width", "point_step", "row_step"])
 @pytest.mark.parametrize("value", [-1, 2**32, 12.0, "12", None])
-def test_values_that_are_no_size(make_cloud, name, maximum, value):
+def test_values_that_are_no_size(make_cloud, name, value):
+    maximum = 2**31 - 1 if name == "point_step" else 2**32 - 1
     cloud = make_cloud(XYZ, bytes(12), point_step=12)
     setattr(cloud, name, value)
     expect(cloud, f"{name} is {value!r}, expected an integer from 0 to {maximum}")

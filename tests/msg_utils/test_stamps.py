@@ -12,28 +12,20 @@ import pytest
 from msg_utils.errors import MessageError
 from msg_utils.stamps import decode_stamp, encode_stamp
 
+LATEST = (2_147_483_647, 999_999_999, 2_147_483_647_999_999_999)
+
 
 @pytest.mark.parametrize(
     ("sec", "nanosec", "stamp_ns"),
-    [
-        (0, 0, 0),
-        (0, 1, 1),
-        (1, 0, 1_000_000_000),
-        (1_700_000_000, 123_456_789, 1_700_000_000_123_456_789),
-        (2_147_483_647, 999_999_999, 2_147_483_647_999_999_999),
-    ],
+    [(0, 0, 0), (1, 0, 10**9), (1_700_000_000, 123_456_789, 1_700_000_000_123_456_789), LATEST],
 )
 def test_both_directions(stack, sec, nanosec, stamp_ns):
     assert decode_stamp(stack.make_stamp(sec, nanosec)) == stamp_ns
     assert encode_stamp(stamp_ns) == (sec, nanosec)
 
 
-@pytest.mark.parametrize(
-    ("nanosec", "stamp_ns"),
-    [(1_000_000_000, 8_000_000_000), (4_294_967_295, 11_294_967_295)],
-)
-def test_nanoseconds_of_a_second_or_more_are_carried(stack, nanosec, stamp_ns):
-    assert decode_stamp(stack.make_stamp(7, nanosec)) == stamp_ns
+def test_nanoseconds_of_a_second_or_more_are_carried(stack):
+    assert decode_stamp(stack.make_stamp(7, 4_294_967_295)) == 11_294_967_295
 
 
 def test_numpy_integers_do_not_overflow():
@@ -45,22 +37,13 @@ def test_numpy_integers_do_not_overflow():
     assert type(encoded.nanosec) is int
 
 
-@pytest.mark.parametrize(
-    ("sec", "nanosec", "text"),
-    [
-        (2**31, 0, "stamp.sec is 2147483648, expected an integer from 0 to 2147483647"),
-        (-1, 0, "stamp.sec is -1, expected an integer from 0 to 2147483647"),
-        (1.5, 0, "stamp.sec is 1.5, expected an integer from 0 to 2147483647"),
-        (None, 0, "stamp.sec is None, expected an integer from 0 to 2147483647"),
-        (0, -1, "stamp.nanosec is -1, expected an integer from 0 to 4294967295"),
-        (0, 2**32, "stamp.nanosec is 4294967296, expected an integer from 0 to 4294967295"),
-        (0, "now", "stamp.nanosec is 'now', expected an integer from 0 to 4294967295"),
-        (0, np.array([1, 2]), "stamp.nanosec is array([1, 2]), expected an integer from 0 to 4294"),
-    ],
-)
-def test_impossible_stamps_are_refused(sec, nanosec, text):
-    with pytest.raises(MessageError, match=f"^{re.escape(text)}"):
-        decode_stamp(SimpleNamespace(sec=sec, nanosec=nanosec))
+@pytest.mark.parametrize(("name", "maximum"), [("sec", 2**31 - 1), ("nanosec", 2**32 - 1)])
+@pytest.mark.parametrize("value", [-1, 2**32, 1.5, None, "now", np.array([1, 2])])
+def test_impossible_stamps_are_refused(name, maximum, value):
+    stamp = SimpleNamespace(**({"sec": 0, "nanosec": 0} | {name: value}))
+    text = f"stamp.{name} is {value!r}, expected an integer from 0 to {maximum}"
+    with pytest.raises(MessageError, match=f"^{re.escape(text)}$"):
+        decode_stamp(stamp)
 
 
 @pytest.mark.parametrize("stamp_ns", [-1, 2_147_483_648_000_000_000, 1e9])
