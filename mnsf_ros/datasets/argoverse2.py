@@ -22,7 +22,7 @@ from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -40,10 +40,10 @@ _CATEGORY: Final = {"category_indices": 0, "classes": 0, "classes_0": -1}
 def open_log(source: Path, labels: Path | None = None) -> SweepSource:
     """Opens the folder of a log, with `sensors/lidar` in it.
 
-    Scene flow labels of this log in the folder `labels` are used instead of boxes.
+    Scene flow labels of this log in the folder `labels`, files named by stamp, replace the boxes.
     """
     files = numbered_files(source / "sensors" / "lidar", "*.feather")
-    flows = {} if labels is None else _flow_files(labels, list(files))
+    flows = {} if labels is None else _flow_files(labels, files)
     annotations = source / "annotations.feather"
     # Logs of the test split and of the lidar data set have none.
     has_boxes = labels is None and annotations.is_file()
@@ -63,23 +63,13 @@ def open_log(source: Path, labels: Path | None = None) -> SweepSource:
     return SweepSource("egovehicle", len(files), sweeps())
 
 
-def _flow_files(folder: Path, stamps_ns: list[int]) -> dict[int, Path]:
-    """Returns the labels of the sweeps by stamp: of all but the last, or only of the first ones.
-
-    Their names are the stamps of the sweeps, or numbers from 0 or 1, as some tools write them.
-    """
+def _flow_files(folder: Path, stamps_ns: Collection[int]) -> dict[int, Path]:
+    """Returns the labels of the sweeps by stamp: of all but the last, or only of some."""
     files = numbered_files(folder, "*.feather")
-    unknown = sorted(files.keys() - set(stamps_ns))
-    if not unknown:
-        return files
-    numbers = list(files)
-    is_counted = numbers[0] in (0, 1) and numbers[-1] - numbers[0] == len(files) - 1
-    if not is_counted or len(files) >= len(stamps_ns):
-        raise DatasetError(
-            f"{folder}: {files[unknown[0]].name!r} has the stamp of no sweep, and "
-            f"{len(files)} files cannot be counted off against {len(stamps_ns)} sweeps"
-        )
-    return dict(zip(stamps_ns, files.values(), strict=False))
+    for stamp_ns, file in files.items():
+        if stamp_ns not in stamps_ns:
+            raise DatasetError(f"{file}: its name is the stamp of no sweep")
+    return files
 
 
 def _sweep(

@@ -14,7 +14,7 @@ from mnsf_ros.datasets.source_files import as_type, reading
 from mnsf_ros.datasets.surface_classes import argoverse2_classes
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
-from mnsf_ros.geometry.transforms import FloatArray, invert, rigid_pose
+from mnsf_ros.geometry.transforms import FloatArray, invert
 from mnsf_ros.sweeps_io.files import require
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import DTypeLike, NDArray
 
-# A lidar 1 m before the axis about which a vehicle turns goes so far astray at 1° per second.
-_SAME_PLACE_M: Final = 2e-3
-_SAME_TURN: Final = 1e-3
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17
 _STAMP: Final = re.compile("[0-9]{1,19}")
@@ -45,15 +42,19 @@ def open_file(source: Path) -> SweepSource:
 
 
 def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
-    track = _LidarTrack()
+    """Yields the sweeps, with poses chained by the flow of static points.
+
+    Poses of the files may be those of the vehicle instead of the points' frame. From the first
+    sweep without flow on the pose is unknown.
+    """
+    pose: FloatArray | None = np.eye(4)  # the frame of the first sweep is the world's
     with reading(source), require("h5py").File(source, "r") as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
-                group = _Group(file, key)
-                sweep = _sweep(int(key), group)
-                world_from_vehicle = rigid_pose(group.array("pose", np.float64))
+                sweep = _sweep(int(key), _Group(file, key))
+            yield replace(sweep, pose=pose)
             motion = None if sweep.given is None else sweep.given.next_from_current
-            yield replace(sweep, pose=track.advance(world_from_vehicle, motion))
+            pose = None if pose is None or motion is None else pose @ invert(motion)
 
 
 class _Group:
@@ -120,41 +121,3 @@ def _with_flow(sweep: LabelledSweep, group: _Group) -> LabelledSweep:
         return sweep
     motion = fit_rigid_motion(sweep.xyz[static], given.flow[static])
     return replace(sweep, given=replace(given, next_from_current=motion))
-
-
-class _LidarTrack:
-    """Poses of the frame of the points, chained from sweep to sweep.
-
-    The flow of static points gives the motion of that frame. The poses of the files may be those
-    of the vehicle instead, which differ wherever it turns: they count only across sweeps without
-    flow, and only if they agreed with all flow before.
-    """
-
-    def __init__(self) -> None:
-        self._pose: FloatArray | None = np.eye(4)  # the frame of the first sweep is the world's
-        self._last: tuple[FloatArray, FloatArray | None] | None = None
-        self._agreed: list[bool] = []
-
-    def advance(
-        self, world_from_vehicle: FloatArray, motion: FloatArray | None
-    ) -> FloatArray | None:
-        """Returns `world_from_sweep` of the next sweep; None from the first unknown motion on.
-
-        The file has the pose `world_from_vehicle`. `motion` is next_from_current of this sweep by
-        its static flow, None without flow.
-        """
-        if self._last is not None and self._pose is not None:
-            last_pose, last_motion = self._last
-            by_poses = invert(world_from_vehicle) @ last_pose
-            if last_motion is not None:
-                self._agreed.append(_is_same(by_poses, last_motion))
-            elif self._agreed and all(self._agreed):
-                last_motion = by_poses
-            self._pose = None if last_motion is None else self._pose @ invert(last_motion)
-        self._last = (world_from_vehicle, motion)
-        return self._pose
-
-
-def _is_same(one: FloatArray, other: FloatArray) -> bool:
-    apart = np.abs(one - other)
-    return bool(apart[:3, :3].max() < _SAME_TURN and apart[:3, 3].max() < _SAME_PLACE_M)

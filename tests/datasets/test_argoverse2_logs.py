@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import io
 import math
 
 import numpy as np
@@ -20,14 +21,10 @@ def write_feather(path, columns, **options):
 
 
 def pose_columns(poses):
-    poses = np.array(poses).reshape(-1, 4, 4)
-    half_yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0]) / 2
-    zeros = np.zeros(len(poses))
     # Quaternions may have either sign and need not be of length 1.
-    return {
-        "qw": -2 * np.cos(half_yaw), "qx": zeros, "qy": zeros, "qz": -2 * np.sin(half_yaw),
-        "tx_m": poses[:, 0, 3], "ty_m": poses[:, 1, 3], "tz_m": poses[:, 2, 3],
-    }  # fmt: skip
+    rows = [[*(-2 * np.array(tiny_world.quaternion(pose))), *pose[:3, 3]] for pose in poses]
+    names = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
+    return dict(zip(names, np.transpose(rows), strict=True))
 
 
 def write_log(folder, *, annotations=True):
@@ -89,56 +86,36 @@ def test_a_log_without_annotations_has_no_valid_flow(tmp_path):
     assert not any(truth.valid.any() for truth in found.truth)
 
 
-def write_labels(folder, layout, category=19):
+def write_labels(folder, columns, category=19):
+    """Flow in files with the columns of the official tools, or with those of others."""
     for index in range(tiny_world.NUM_SWEEPS - 1):
         tiny = tiny_world.sweep(index)
         flow = tiny_world.expected_flow(index, tiny.xyz, tiny.part).astype(np.float16)
-        columns = {f"flow_t{axis}_m": flow[:, column] for column, axis in enumerate("xyz")}
+        found = {f"flow_t{axis}_m": flow[:, column] for column, axis in enumerate("xyz")}
         valid, is_car = tiny.part != tiny_world.GONE, np.isin(tiny.part, (1, 2, 4, 5))
-        if layout == "stamps":
-            moving = np.isin(tiny.part, (tiny_world.MOVER, tiny_world.MARGIN))
-            columns |= {"is_valid": valid, "is_dynamic": moving}
-            columns["category_indices"] = np.where(is_car, category, 0).astype(np.uint8)
-            name = tiny_world.stamp_ns(index)
+        if columns == "official":
+            found |= {"is_valid": valid, "is_dynamic": tiny_world.moves(tiny.part)}
+            found["category_indices"] = np.where(is_car, category, 0).astype(np.uint8)
         else:
-            columns |= {"valid": valid, "classes_0": np.where(is_car, 18, -1).astype(np.int8)}
-            name = f"{index:010d}"
-        write_feather(folder / f"{name}.feather", columns)
+            found |= {"valid": valid, "classes_0": np.where(is_car, 18, -1).astype(np.int8)}
+        write_feather(folder / f"{tiny_world.stamp_ns(index)}.feather", found)
     return folder
 
 
-@pytest.mark.parametrize("layout", ["stamps", "counted"])
-def test_flow_labels_replace_the_boxes(tmp_path, layout):
-    labels = write_labels(tmp_path / "labels", layout)
-    log = write_log(tmp_path, annotations=False)
+@pytest.mark.parametrize("columns", ["official", "other"])
+def test_flow_labels_replace_the_boxes(tmp_path, columns):
+    labels = write_labels(tmp_path / "labels", columns)
+    out = convert(write_log(tmp_path), tmp_path / "out", labels=labels)
     # Labels are in half precision.
-    tiny_world.check_recording(
-        convert(log, tmp_path / "out", labels=labels), "egovehicle", tolerance=2e-3
-    )
-
-
-@pytest.mark.parametrize("first", [0, 1])
-def test_the_first_sweeps_alone_may_have_labels(tmp_path, first):
-    written = write_labels(tmp_path / "written", "counted")
-    labels = tmp_path / "labels"
-    labels.mkdir()
-    (written / f"{0:010d}.feather").rename(labels / f"{first:010d}.feather")
-    found = tiny_world.read(convert(write_log(tmp_path), tmp_path / "out", labels=labels))
+    tiny_world.check_recording(out, "egovehicle", tolerance=2e-3)
+    (labels / f"{tiny_world.stamp_ns(1)}.feather").unlink()
+    found = tiny_world.read(convert(tmp_path / "log", tmp_path / "first", labels=labels))
     assert [truth.valid.any() for truth in found.truth] == [True, False, False]
-
-
-@pytest.mark.parametrize("names", [[5, 6], [0, 2], [0, 1, 2], [tiny_world.STEP_NS]])
-def test_other_names_of_labels_are_refused(tmp_path, names):
-    log = write_log(tmp_path)
-    for name in names:
-        write_feather(tmp_path / "labels" / f"{name}.feather", {"a": [1]})
-    with pytest.raises(DatasetError, match=rf"has the stamp of no sweep, and {len(names)} files"):
-        convert(log, tmp_path / "out", labels=tmp_path / "labels")
 
 
 def test_labels_that_do_not_fit_are_refused(tmp_path):
     log = write_log(tmp_path)
-    labels = write_labels(tmp_path / "labels", "stamps", category=31)
+    labels = write_labels(tmp_path / "labels", "official", category=31)
     path = labels / f"{tiny_world.stamp_ns(0)}.feather"
     with pytest.raises(DatasetError, match=rf"{path.name}: cannot be read: category number 31"):
         convert(log, tmp_path / "out", labels=labels)
@@ -146,44 +123,49 @@ def test_labels_that_do_not_fit_are_refused(tmp_path):
     num_points = len(tiny_world.sweep(0).xyz)
     with pytest.raises(DatasetError, match=rf"has {num_points - 7} rows for {num_points} points"):
         convert(log, tmp_path / "out", labels=labels)
+    path.rename(labels / "5.feather")
+    with pytest.raises(DatasetError, match=r"5\.feather: its name is the stamp of no sweep"):
+        convert(log, tmp_path / "out", labels=labels)
+
+
+STAMP = tiny_world.stamp_ns(1)
+
+
+def with_value(column, value):
+    """Puts a value into the row of a sweep."""
+
+    def change(content):
+        rows = feather.read_table(pa.BufferReader(content)).to_pylist()
+        next(row for row in rows if row["timestamp_ns"] == STAMP)[column] = value
+        return feather_bytes(pa.Table.from_pylist(rows))
+
+    return change
+
+
+def feather_bytes(table):
+    stream = io.BytesIO()
+    feather.write_feather(table, stream)
+    return stream.getvalue()
+
+
+ROW = f"cannot be read: sweep of stamp {STAMP}: "
+XY = feather_bytes(pa.table({"x": [1.0], "y": [1.0]}))
 
 
 @pytest.mark.parametrize(
-    ("file", "column", "value", "message"),
+    ("file", "change", "message"),
     [
-        ("annotations", "tx_m", math.nan, "sweep of stamp {}: .*its pose is no rigid motion"),
-        ("annotations", "qw", math.nan, "sweep of stamp {}: .*(rotation|rigid|norm)"),
-        ("annotations", "length_m", -4.0, "sweep of stamp {}: .*its size is"),
-        ("annotations", "height_m", None, "sweep of stamp {}: .*its size is"),
-        ("city_SE3_egovehicle", "tz_m", math.inf, "pose of stamp {}: pose is no rigid motion"),
+        ("annotations", with_value("tx_m", math.nan), f"{ROW}.*its pose is no rigid motion"),
+        ("annotations", with_value("qw", math.nan), f"{ROW}.*(rotation|rigid|norm)"),
+        ("annotations", with_value("length_m", -4.0), f"{ROW}.*its size is"),
+        ("annotations", with_value("height_m", None), f"{ROW}.*its size is"),
+        ("city_SE3_egovehicle", with_value("tz_m", math.inf), f"pose of stamp {STAMP}: pose is no"),
+        ("city_SE3_egovehicle", with_value("timestamp_ns", 5), f"has no pose of stamp {STAMP}"),
+        ("city_SE3_egovehicle", None, "no such file"),
+        (f"{LIDAR}/{STAMP}", XY, "has no column z, intensity, laser_number, offset_ns"),
+        *((f"{LIDAR}/{STAMP}", length, "cannot be read") for length in (0, 7, 1000, -10)),
     ],
 )
-def test_a_damaged_row_is_named_with_its_sweep(tmp_path, file, column, value, message):
-    path = write_log(tmp_path) / f"{file}.feather"
-    rows = feather.read_table(path).to_pylist()
-    stamp = tiny_world.stamp_ns(1)
-    next(row for row in rows if row["timestamp_ns"] == stamp)[column] = value
-    feather.write_feather(pa.Table.from_pylist(rows), path)
-    where = rf"{path.name}: cannot be read: "
-    with pytest.raises(DatasetError, match=where + message.format(stamp)):
-        convert(path.parent, tmp_path / "out")
-
-
-def test_damaged_missing_and_misnamed_files_are_named(tmp_path):
+def test_damage_is_named(tmp_path, file, change, message):
     log = write_log(tmp_path)
-    last = log / LIDAR / f"{tiny_world.stamp_ns(2)}.feather"
-    whole = last.read_bytes()
-    for keep in (0, 7, 1000, len(whole) - 10):
-        last.write_bytes(whole[:keep])
-        with pytest.raises(DatasetError, match=rf"{last.name}: cannot be read"):
-            convert(log, tmp_path / "bag")
-    write_feather(last, {"x": [1.0], "y": [1.0]})
-    with pytest.raises(DatasetError, match=r"has no column z, intensity, laser_number, offset_ns"):
-        convert(log, tmp_path / "bag")
-    stamp = tiny_world.stamp_ns(1)
-    (log / LIDAR / f"{stamp}.feather").rename(log / LIDAR / f"{stamp + 1}.feather")
-    with pytest.raises(DatasetError, match=f"egovehicle.feather: has no pose of stamp {stamp + 1}"):
-        convert(log, tmp_path / "bag")
-    (log / "city_SE3_egovehicle.feather").unlink()
-    with pytest.raises(DatasetError, match=r"city_SE3_egovehicle\.feather: no such file"):
-        convert(log, tmp_path / "bag")
+    tiny_world.check_refused("argoverse2", log, f"{file}.feather", change, message)

@@ -1,6 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -17,17 +18,18 @@ from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 
 
-def convert(name, source, out, first=0, count=None, **settings):
+def read(name, source, out, first=0, count=None, **settings):
     opened = open_source(name, source).part(first, count)
     write_recording(opened, out, TruthSettings(**settings))
-    return out
+    return tiny_world.read(out)
 
 
 # Sweeps.
 
 
-def write_sweeps(folder, *, flow=False, boxes=True):
+def write_sweeps(folder, *, flow=False):
     folder.mkdir()
+    boxes = {}
     for index in range(tiny_world.NUM_SWEEPS):
         tiny = tiny_world.sweep(index)
         arrays = {"ring": np.full(len(tiny.xyz), 3, np.uint8)}
@@ -41,12 +43,8 @@ def write_sweeps(folder, *, flow=False, boxes=True):
             pose=tiny_world.world_from_sweep(index),
             **arrays,
         )
-    if boxes:
-        content = {
-            str(index): [entry(*item) for item in tiny_world.boxes(index).items()]
-            for index in range(tiny_world.NUM_SWEEPS)
-        }
-        (folder / "boxes.json").write_text(json.dumps(content))
+        boxes[str(index)] = [entry(*item) for item in tiny_world.boxes(index).items()]
+    (folder / "boxes.json").write_text(json.dumps(boxes))
     return folder
 
 
@@ -56,75 +54,66 @@ def entry(track, pose):
         "cls": "Van",
         "center": pose[:3, 3].tolist(),
         "size": tiny_world.SIZE.tolist(),
-        "yaw": math.atan2(pose[1, 0], pose[0, 0]),
+        "yaw": tiny_world.yaw(pose),
         "occluded": 0,
     }
 
 
 @pytest.mark.parametrize("flow", [False, True])
 def test_sweeps_become_a_recording_with_truth(tmp_path, flow):
-    source = write_sweeps(tmp_path / "in", flow=flow)
-    found = tiny_world.check_recording(convert("sweeps", source, tmp_path / "out"), "lidar")
-    assert set(found.columns[0]["ring"]) == {3}
+    out = tmp_path / "out"
+    tiny_world.convert("sweeps", write_sweeps(tmp_path / "in", flow=flow), out)
+    assert set(tiny_world.check_recording(out, "lidar").columns[0]["ring"]) == {3}
+
+
+def npz(**changes):
+    """A sweep of which some arrays differ."""
+    stream = io.BytesIO()
+    arrays = {"xyz": np.zeros((3, 3)), "stamp_ns": 5, "pose": np.eye(4), **changes}
+    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
+    return stream.getvalue()
+
+
+def box(**changes):
+    """Changes a box of the second sweep."""
+
+    def change(content):
+        boxes = json.loads(content)
+        boxes["1"][0] |= changes
+        return json.dumps(boxes).encode()
+
+    return change
+
+
+READ, SECOND = "cannot be read: ", "cannot be read: sweep 1: "
 
 
 @pytest.mark.parametrize(
-    ("arrays", "message"),
+    ("file", "change", "message"),
     [
-        ({"xyz": np.zeros((3, 3), complex)}, r"holds complex numbers \(complex128\)"),
-        ({"xyz": np.zeros((3, 2))}, r"xyz has shape \(3, 2\)"),
-        ({"xyz": np.full((3, 3), 1e300)}, "overflow encountered in cast"),
-        ({"ring": np.full(3, np.nan)}, "invalid value encountered in cast"),
-        ({"pose": np.diag([2.0, 2, 2, 1])}, "pose is no rigid motion"),
-        ({"flow": np.zeros((2, 3))}, r"flow has shape \(2, 3\)"),
-        ({"stamp_ns": np.array([None])}, "Object arrays cannot be loaded"),
+        *(("sweep_1.npz", length, READ) for length in (0, 50, 2000)),
+        ("sweep_1.npz", npz(xyz=None), "has no array 'xyz'; it has stamp_ns, pose"),
+        ("sweep_1.npz", npz(xyz=np.zeros((3, 3), complex)), "holds complex numbers"),
+        ("sweep_1.npz", npz(xyz=np.zeros((3, 2))), r"xyz has shape \(3, 2\)"),
+        ("sweep_1.npz", npz(xyz=np.full((3, 3), 1e300)), "overflow encountered in cast"),
+        ("sweep_1.npz", npz(ring=np.full(3, np.nan)), "invalid value encountered in cast"),
+        ("sweep_1.npz", npz(pose=np.diag([2.0, 2, 2, 1])), "pose is no rigid motion"),
+        ("sweep_1.npz", npz(flow=np.zeros((2, 3))), r"flow has shape \(2, 3\)"),
+        ("sweep_1.npz", npz(stamp_ns=np.array([None])), "Object arrays cannot be loaded"),
+        ("boxes.json", box(size=[4, -2, 1]), rf"{SECOND}.*its size is \[4\.0, -2\.0, 1\.0\]"),
+        ("boxes.json", box(yaw=math.nan), f"{SECOND}.*its pose is no rigid motion"),
+        ("boxes.json", box(yaw="5"), f"{SECOND}must be real number"),
+        ("boxes.json", box(center=5), f"{SECOND}cannot unpack"),
+        ("boxes.json", box(track_id=["a"]), f"{SECOND}.*expected a text or an integer"),
+        *(
+            ("boxes.json", json.dumps(content).encode(), READ)
+            for content in ([], 5, None, {"0": 5}, {"0": [5]}, {"0": [{}]}, {"x": []})
+        ),
     ],
 )
-def test_arrays_that_cannot_be_used_are_named(tmp_path, arrays, message):
-    usable = {"xyz": np.zeros((3, 3)), "stamp_ns": 5, "pose": np.eye(4)}
-    np.savez(tmp_path / "one.npz", **(usable | arrays))
-    with pytest.raises(DatasetError, match=rf"one\.npz: cannot be read: .*{message}"):
-        convert("sweeps", tmp_path, tmp_path / "out")
-
-
-def test_damaged_archives_are_named(tmp_path):
+def test_damage_is_named(tmp_path, file, change, message):
     source = write_sweeps(tmp_path / "in")
-    path = source / "sweep_1.npz"
-    whole = path.read_bytes()
-    for keep in (0, 50, len(whole) // 2):
-        path.write_bytes(whole[:keep])
-        with pytest.raises(DatasetError, match=r"sweep_1\.npz: cannot be read"):
-            convert("sweeps", source, tmp_path / "out")
-    np.savez(path, points=np.zeros((3, 3)), stamp_ns=1)
-    with pytest.raises(DatasetError, match="has no array 'xyz'; it has points, stamp_ns"):
-        convert("sweeps", source, tmp_path / "out")
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"size": [4, -2, 1]}, r"its size is \[4\.0, -2\.0, 1\.0\], expected 3 above 0"),
-        ({"yaw": math.nan}, "its pose is no rigid motion"),
-        ({"yaw": "5"}, "must be real number"),
-        ({"center": 5}, "cannot unpack"),
-        ({"track_id": ["a"]}, "expected a text or an integer"),
-    ],
-)
-def test_a_damaged_box_is_named_with_its_sweep(tmp_path, change, message):
-    source = write_sweeps(tmp_path / "in")
-    boxes = json.loads((source / "boxes.json").read_text())
-    boxes["1"][0] |= change
-    (source / "boxes.json").write_text(json.dumps(boxes))
-    with pytest.raises(DatasetError, match=rf"boxes\.json: cannot be read: sweep 1: .*{message}"):
-        open_source("sweeps", source)
-
-
-@pytest.mark.parametrize("content", [[], 5, None, {"0": 5}, {"0": [5]}, {"0": [{}]}, {"x": []}])
-def test_boxes_of_another_structure_are_refused(tmp_path, content):
-    source = write_sweeps(tmp_path / "in")
-    (source / "boxes.json").write_text(json.dumps(content))
-    with pytest.raises(DatasetError, match=r"boxes\.json: cannot be read"):
-        open_source("sweeps", source)
+    tiny_world.check_refused("sweeps", source, file, change, message)
 
 
 # Real extracts lie beside the checkout.
@@ -140,8 +129,7 @@ def extract(name):
 
 def test_a_real_sequence_keeps_its_flow(tmp_path):
     source = extract("kitti_0005")
-    out = convert("sweeps", source, tmp_path / "out", first=4, count=2)
-    found = tiny_world.read(out)
+    found = read("sweeps", source, tmp_path / "out", first=4, count=2)
     with np.load(source / "sweep_004.npz") as arrays:
         truth = found.truth[0]
         assert found.stamps[0] == arrays["stamp_ns"]
@@ -175,64 +163,55 @@ def test_real_boxes_give_the_flow_that_others_found():
 
 # Triplets and pairs.
 
+TINY = [tiny_world.sweep(index) for index in range(3)]
+FLOWS = [tiny_world.expected_flow(index, TINY[index].xyz, TINY[index].part) for index in range(2)]
 
-def write_triplet(path, *, extras=False, forward=True):
-    tiny = [tiny_world.sweep(index) for index in range(3)]
-    arrays = {f"pc{index + 1}": one.xyz for index, one in enumerate(tiny)}
-    flows = [tiny_world.expected_flow(index, tiny[index].xyz, tiny[index].part) for index in (0, 1)]
-    arrays["flow23"] = flows[1].astype(np.float32)
-    if forward:
-        arrays["flow12"] = flows[0].astype(np.float32)
-    if extras:
-        arrays["label_valid"] = np.arange(len(tiny[1].xyz)) % 2 == 0
-        arrays["is_dynamic"] = np.arange(len(tiny[1].xyz)) % 4 == 0
-    np.savez(path, mask1_tracks_flow=np.arange(5), **arrays)
+
+def write_triplet(path, **arrays):
+    points = {f"pc{index + 1}": one.xyz for index, one in enumerate(TINY)}
+    np.savez(path, flow23=FLOWS[1].astype(np.float32), unknown=np.arange(5), **points, **arrays)
     return path
 
 
 def test_a_triplet_has_flow_in_its_first_two_sweeps(tmp_path):
-    path = write_triplet(tmp_path / "triplet.npz")
-    found = tiny_world.read(convert("triplets", path, tmp_path / "out"))
+    path = write_triplet(tmp_path / "triplet.npz", flow12=FLOWS[0])
+    found = read("triplets", path, tmp_path / "out")
     assert found.frames == {"lidar"}
     assert found.poses == {}
-    for index, truth in enumerate(found.truth):
-        tiny = tiny_world.sweep(index)
-        assert np.array_equal(found.xyz[index], tiny.xyz)
-        if index < 2:
-            assert truth.valid.all()
-            expected = tiny_world.expected_flow(index, tiny.xyz, tiny.part)
-            np.testing.assert_allclose(truth.flow, expected, atol=1e-6)
-            moving = np.isin(tiny.part, (tiny_world.MOVER, tiny_world.MARGIN))
-            assert np.array_equal(truth.dynamic, moving)
+    for truth, xyz, tiny in zip(found.truth, found.xyz, TINY, strict=True):
+        assert np.array_equal(xyz, tiny.xyz)
         assert not truth.ground.any()
+    for truth, flow, tiny in zip(found.truth, FLOWS, TINY[:2], strict=False):
+        assert truth.valid.all()
+        np.testing.assert_allclose(truth.flow, flow, atol=1e-6)
+        assert np.array_equal(truth.dynamic, tiny_world.moves(tiny.part))
     assert not found.truth[2].valid.any()
 
 
 def test_flow_of_the_second_sweep_is_enough_and_extras_belong_to_it(tmp_path):
-    path = write_triplet(tmp_path / "triplet.npz", extras=True, forward=False)
-    found = tiny_world.read(convert("triplets", path, tmp_path / "out"))
-    number = np.arange(len(found.xyz[1]))
-    assert np.array_equal(found.truth[1].valid, number % 2 == 0)
-    assert np.array_equal(found.truth[1].dynamic, number % 4 == 0)
+    number = np.arange(len(TINY[1].xyz))
+    extras = {"label_valid": number % 2 == 0, "is_dynamic": number % 4 == 0}
+    path = write_triplet(tmp_path / "triplet.npz", **extras)
+    found = read("triplets", path, tmp_path / "out")
+    assert np.array_equal(found.truth[1].valid, extras["label_valid"])
+    assert np.array_equal(found.truth[1].dynamic, extras["is_dynamic"])
     assert not found.truth[0].valid.any()
-    found = tiny_world.read(convert("triplets", path, tmp_path / "all", unlabelled_static=True))
+    found = read("triplets", path, tmp_path / "all", unlabelled_static=True)
     assert found.truth[1].valid.all()
 
 
 def test_files_of_a_folder_are_far_apart(tmp_path):
     (tmp_path / "in" / "log").mkdir(parents=True)
-    write_triplet(tmp_path / "in" / "log" / "a.npz")
-    tiny = tiny_world.sweep(0)
-    flow = tiny_world.expected_flow(0, tiny.xyz, tiny.part)
-    np.savez(tmp_path / "in" / "second.npz", pc1=tiny.xyz, pc2=tiny_world.sweep(1).xyz, flow=flow)
-    found = tiny_world.read(convert("triplets", tmp_path / "in", tmp_path / "out"))
+    write_triplet(tmp_path / "in" / "log" / "a.npz", flow12=FLOWS[0])
+    np.savez(tmp_path / "in" / "second.npz", pc1=TINY[0].xyz, pc2=TINY[1].xyz, flow=FLOWS[0])
+    found = read("triplets", tmp_path / "in", tmp_path / "out")
     assert np.diff(found.stamps).tolist() == [10**8, 10**8, 98 * 10**8, 10**8]
     assert [truth.valid.all() for truth in found.truth] == [True, True, False, True, False]
 
 
 def test_real_triplets(tmp_path):
     source = extract("triplets")
-    found = tiny_world.read(convert("triplets", source, tmp_path / "out.mcap"))
+    found = read("triplets", source, tmp_path / "out.mcap")
     files = sorted(source.glob("*.npz"))
     assert len(found.stamps) == 3 * len(files)
     with np.load(files[1]) as arrays:
@@ -248,14 +227,11 @@ def test_triplets_that_do_not_fit_are_named(tmp_path):
     for arrays, message in (
         ({"pc1": xyz}, "has no array 'pc2'; it has pc1"),
         ({"pc1": xyz, "pc2": xyz, "flow23": xyz}, r"has no flow \(flow\); it has flow23"),
-        (
-            {"pc1": xyz, "pc2": xyz, "flow": xyz[1:]},
-            "expected that of pc1",
-        ),
+        ({"pc1": xyz, "pc2": xyz, "flow": xyz[1:]}, "expected that of pc1"),
     ):
         np.savez(path, **arrays)
         with pytest.raises(DatasetError, match=rf"triplet\.npz: .*{message}"):
-            convert("triplets", path, tmp_path / "out")
+            read("triplets", path, tmp_path / "out")
     np.save(tmp_path / "single.npy", np.zeros(3))
     with pytest.raises(DatasetError, match="is a single array, expected an npz archive"):
         open_source("triplets", tmp_path / "single.npy")

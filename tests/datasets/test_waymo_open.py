@@ -6,17 +6,17 @@ from __future__ import annotations
 import itertools
 import math
 import zlib
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 import tiny_world
 from scipy.spatial.transform import Rotation
-from tiny_protobuf import crc32c, field, tf_record, varint
+from tiny_protobuf import crc32c, field, tf_record
 
 from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.waymo import LaserCalibration, LaserReturns, shaped, waymo_sweep
-from mnsf_ros.datasets.waymo_records import parse
+from mnsf_ros.datasets.waymo import LaserCalibration, LaserReturns, waymo_sweep
 from mnsf_ros.errors import DatasetError
 
 HEIGHT, WIDTH = 5, 12
@@ -53,17 +53,16 @@ def pixel_poses(index):
     """Roll, pitch, yaw, x, y, z of the vehicle in the world while each column was measured."""
     x, y, z = tiny_world.world_from_sweep(index)[:3, 3]
     late = np.arange(WIDTH) / WIDTH - 0.5
-    columns = np.zeros((WIDTH, 6), np.float32)
-    columns[:, :3] = np.column_stack([np.full(WIDTH, 0.01), np.full(WIDTH, -0.02), 0.03 * late])
-    columns[:, 3:] = np.column_stack([x + 0.8 * late, np.full(WIDTH, y), np.full(WIDTH, z + 0.05)])
+    columns = np.tile(np.float32([0.01, -0.02, 0, x, y, z + 0.05]), (WIDTH, 1))
+    columns[:, 2] += 0.03 * late
+    columns[:, 3] += 0.8 * late
     return np.broadcast_to(columns, (HEIGHT, WIDTH, 6))
 
 
 def point_of(index, laser, image, poses, row, column):
     """The place of one pixel, by rotation matrices."""
     mount, distance = MOUNTS[laser], float(image[row, column, 0])
-    azimuth = math.pi - (column + 0.5) / WIDTH * 2 * math.pi
-    azimuth -= math.atan2(mount[1, 0], mount[0, 0])
+    azimuth = math.pi - (column + 0.5) / WIDTH * 2 * math.pi - tiny_world.yaw(mount)
     up = ANGLES[::-1][row]
     ray = [math.cos(up) * math.cos(azimuth), math.cos(up) * math.sin(azimuth), math.sin(up)]
     point = tiny_world.carried(mount, distance * np.array(ray))
@@ -72,8 +71,7 @@ def point_of(index, laser, image, poses, row, column):
     roll, pitch, yaw, *place = poses[row, column].astype(float)
     for axis, angle in (("x", roll), ("y", pitch), ("z", yaw)):
         point = Rotation.from_euler(axis, angle).apply(point)
-    point = point + place
-    return tiny_world.carried(np.linalg.inv(tiny_world.world_from_sweep(index)), point)
+    return tiny_world.carried(np.linalg.inv(tiny_world.world_from_sweep(index)), point + place)
 
 
 IMAGES = [[made_image(index, laser) for laser in MOUNTS] for index in range(tiny_world.NUM_SWEEPS)]
@@ -101,23 +99,22 @@ def check(source):
     assert index == tiny_world.NUM_SWEEPS - 1
 
 
-def read(name, path, **options):
-    return list(open_source(name, path, **options).sweeps)
-
-
 # The first edition: TFRecord files of messages.
 
 
 def matrix(values):
     shape = field(1, list(values.shape))
-    return zlib.compress(field(1, values.astype("<f4"), packed=True) + field(2, shape))
+    return zlib.compress(field(1, values.astype("<f4").tobytes()) + field(2, shape))
 
 
+@cache
 def frame(index, *, labels=True):
     context, lasers = field(1, "segment"), b""
     for laser, one in zip(MOUNTS, IMAGES[index], strict=True):
         mount = field(1, MOUNTS[laser].ravel())
-        angles = field(2, ANGLES) + field(3, -9.0) + field(4, 9.0)
+        # Angles are packed or not.
+        angles = field(2, ANGLES) if laser == 1 else field(2, ANGLES.tobytes())
+        angles += field(3, -9.0) + field(4, 9.0)
         context += field(3, field(1, laser) + angles + field(5, mount))
         returned = field(2, matrix(one.image)) + field(3, b"camera projection")
         returned += b"" if one.poses is None else field(4, matrix(one.poses))
@@ -133,55 +130,44 @@ def frame(index, *, labels=True):
 
 def label(track, pose):
     length, width, height = tiny_world.SIZE.tolist()
-    heading = math.atan2(pose[1, 0], pose[0, 0])
-    box = [*pose[:3, 3].tolist(), width, length, height, heading]
+    box = [*pose[:3, 3].tolist(), width, length, height, tiny_world.yaw(pose)]
     message = b"".join(field(number, value) for number, value in enumerate(box, start=1))
     return field(1, message) + field(3, 1) + field(4, track)
 
 
 def test_records_become_sweeps(tmp_path):
     pytest.importorskip("google.protobuf")
+    assert crc32c(b"123456789") == 0xE3069283
     path = tmp_path / "segment.tfrecord"
     path.write_bytes(b"".join(tf_record(frame(index)) for index in range(tiny_world.NUM_SWEEPS)))
     check(open_source("waymo-v1", path))
     path.write_bytes(tf_record(frame(0, labels=False)))
-    assert read("waymo-v1", path)[0].boxes is None
+    (sweep,) = open_source("waymo-v1", path).sweeps
+    assert sweep.boxes is None
 
 
-def test_damaged_records_are_named(tmp_path):
+FIRST = tf_record(frame(0))
+FLAT_BOX = field(6, field(1, field(6, -1.0)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (len(FIRST) + 5, "is cut short in the header of record 1"),
+        (-2, "is cut short in record 1"),
+        (lambda whole: b"\0" + whole, "checksum of record 0 is wrong"),
+        (lambda whole: whole[:12] + b"\xff" * 2000 + whole[2012:], "cannot be read"),
+        (tf_record(frame(0)[:-9]), "cannot be read: record 0: .* cut short"),
+        (tf_record(field(2, 5) + field(3, 5)), "cannot be read: record 0: cannot reshape"),
+        (lambda whole: whole + tf_record(FLAT_BOX), "cannot be read: record 2: .*"),
+        (b"", "is empty"),
+    ],
+)
+def test_damaged_records_are_named(tmp_path, change, message):
     pytest.importorskip("google.protobuf")
-    assert crc32c(b"123456789") == 0xE3069283
     path = tmp_path / "segment.tfrecord"
-    first = tf_record(frame(0))
-    whole = first + tf_record(frame(1))
-    flat = field(6, field(1, field(6, -1.0)))
-    damages = {
-        whole[: len(first) + 5]: "cut short in the header of record 1",
-        whole[:-2]: "cut short in record 1",
-        b"\0" + whole: "checksum of record 0 is wrong",
-        first[:12] + b"\xff" * 2000 + first[2012:]: "tfrecord: cannot be read",
-        tf_record(frame(0)[:-9]): "tfrecord: cannot be read: record 0: .* cut short",
-        tf_record(field(2, 5) + field(3, 5)): "cannot be read: record 0: cannot reshape",
-        whole + tf_record(frame(1) + flat): "cannot be read: record 2: box of track",
-        b"": r"segment\.tfrecord: is empty",
-    }
-    for damaged, message in damages.items():
-        path.write_bytes(damaged)
-        with pytest.raises(DatasetError, match=message):
-            read("waymo-v1", path)
-
-
-def test_fields_of_a_record():
-    pytest.importorskip("google.protobuf")
-    numbers = np.array([1.5, -2.5])
-    angles = field(2, numbers) + field(2, numbers, packed=True)
-    calibration = parse("Calibration", field(1, -3) + angles + field(4, 0.5) + field(99, "x"))
-    assert (calibration.name, calibration.low, calibration.high) == (-3, 0.0, 0.5)
-    assert list(calibration.angles) == [1.5, -2.5] * 2
-    dims = field(1, [1, 2]) + field(1, varint(3) + varint(2**30))
-    assert list(parse("Matrix", field(2, dims)).shape.dims) == [1, 2, 3, 2**30]
-    frame = parse("Frame", field(2, 2**40) + field(6, [field(4, "räder"), field(3, 4)]))
-    assert [(label.id, label.type) for label in frame.labels] == [("räder", 0), ("", 4)]
+    path.write_bytes(FIRST + tf_record(frame(1)))
+    tiny_world.check_refused("waymo-v1", path, "", change, message)
 
 
 # The second edition: Parquet files.
@@ -221,8 +207,7 @@ def columns(component, values):
 def box_row(track, pose):
     row = {f"{BOX}.center.{axis}": place for axis, place in zip("xyz", pose[:3, 3], strict=True)}
     row |= {f"{BOX}.size.{axis}": side for axis, side in zip("xyz", tiny_world.SIZE, strict=True)}
-    heading = math.atan2(pose[1, 0], pose[0, 0])
-    row |= {f"{BOX}.heading": heading, "[LiDARBoxComponent].type": 1}
+    row |= {f"{BOX}.heading": tiny_world.yaw(pose), "[LiDARBoxComponent].type": 1}
     return {**row, "key.laser_object_id": track}
 
 
@@ -248,50 +233,36 @@ def test_parquet_files_become_sweeps(tmp_path):
         open_source("waymo", source, sequence="three")
 
 
-def test_parquet_files_that_do_not_fit_are_named(tmp_path):
-    source, rows = write_split(tmp_path / "split"), tables()
-    path = source / "lidar/one.parquet"
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DatasetError, match=r"lidar/one\.parquet: cannot be read"):
-        read("waymo", source)
-    changes = {
-        "are not in the order of 'key.frame": {
-            name: rows[name][::-1] for name in ("lidar", "lidar_pose")
-        },
-        "has no pose in .*lidar_pose": {"lidar_pose": rows["lidar_pose"][:1]},
-        r"has no column .*\[VehiclePoseComponent\]": {"vehicle_pose": [{"a": 1}]},
-        "rows for 3 inclinations": {
-            "lidar_calibration": [calibration_row(laser, [0.1] * 3) for laser in (1, 2)]
-        },
-        "cannot be read: it has no 2": {"lidar_calibration": [calibration_row(1, [0.1])]},
-    }
-    for message, change in changes.items():
-        write_split(source, **change)
-        with pytest.raises(DatasetError, match=message):
-            read("waymo", source)
+def with_first(table, **values):
+    first, *others = tables()[table]
+    return {table: [first | values, *others]}
+
+
+ROWS = tables()
+FEW_ANGLES = [calibration_row(laser, [0.1] * 3) for laser in MOUNTS]
+FRAME = f"frame {tiny_world.stamp_ns(0) // 1000}: "
 
 
 @pytest.mark.parametrize(
-    ("table", "change", "message"),
+    ("changes", "message"),
     [
-        ("lidar_box", {f"{BOX}.size.x": None}, "its size is"),
-        ("lidar_box", {f"{BOX}.heading": math.nan}, "its pose is no rigid motion"),
-        ("lidar_box", {f"{BOX}.heading": None}, "must be real number"),
-        ("vehicle_pose", {VEHICLE: [0.0] * 16}, "pose is no rigid motion"),
-        ("vehicle_pose", {VEHICLE: [0.0] * 15}, "cannot reshape"),
+        ({name: ROWS[name][::-1] for name in ("lidar", "lidar_pose")}, "not in the order of 'key."),
+        ({"lidar_pose": ROWS["lidar_pose"][:1]}, "has no pose in .*lidar_pose"),
+        ({"vehicle_pose": [{"a": 1}]}, r"has no column .*\[VehiclePoseComponent\]"),
+        ({"lidar_calibration": FEW_ANGLES}, "rows for 3 inclinations"),
+        ({"lidar_calibration": FEW_ANGLES[:1]}, "cannot be read: it has no 2"),
+        (with_first("lidar_box", **{f"{BOX}.size.x": None}), f"{FRAME}.*its size is"),
+        (with_first("lidar_box", **{f"{BOX}.heading": math.nan}), f"{FRAME}.*no rigid motion"),
+        (with_first("lidar_box", **{f"{BOX}.heading": None}), f"{FRAME}must be real number"),
+        (with_first("vehicle_pose", **{VEHICLE: [0.0] * 16}), f"{FRAME}pose is no rigid motion"),
+        (with_first("vehicle_pose", **{VEHICLE: [0.0] * 15}), f"{FRAME}cannot reshape"),
     ],
 )
-def test_a_damaged_row_is_named_with_its_file_and_frame(tmp_path, table, change, message):
-    rows = tables()[table]
-    rows[0] |= change
-    source = write_split(tmp_path / "split", **{table: rows})
-    where = rf"{table}/one\.parquet: cannot be read: frame {tiny_world.stamp_ns(0) // 1000}: "
-    with pytest.raises(DatasetError, match=f"{where}.*{message}"):
-        read("waymo", source)
-
-
-# Range images alone.
+def test_parquet_files_that_do_not_fit_are_named(tmp_path, changes, message):
+    source = write_split(tmp_path, **changes)
+    with pytest.raises(DatasetError, match=rf"/one\.parquet: .*{message}"):
+        list(open_source("waymo", source).sweeps)
+    tiny_world.check_refused("waymo", write_split(tmp_path), "lidar/one.parquet", 999, "cannot be")
 
 
 def test_evenly_spread_rows_and_zones_without_labels():
@@ -305,17 +276,6 @@ def test_evenly_spread_rows_and_zones_without_labels():
         # The upper half of the angles comes first, and columns go clockwise from the back.
         assert math.asin(z / 10) == pytest.approx((0.1, -0.1)[row], abs=1e-6)
         assert math.degrees(math.atan2(y, x)) == pytest.approx(135 - 90 * column, abs=1e-4)
-
-
-def test_a_frame_without_returns_is_an_empty_sweep():
-    assert len(waymo_sweep(5000, np.eye(4), [], None)) == 0
-    empty, poses = np.zeros((2, 4, 4), np.float32), np.zeros((2, 4, 6), np.float32)
-    level = LaserCalibration(np.eye(4), np.zeros(0), (-0.2, 0.2))
-    assert len(waymo_sweep(5000, np.eye(4), [LaserReturns(1, empty, poses, level)], ())) == 0
-
-
-def test_images_of_another_shape_are_refused():
-    with pytest.raises(ValueError, match=r"shape \[2, 2, 3\], expected \(H, W, 4\)"):
-        shaped(np.zeros(12), [2, 2, 3], 4)
-    with pytest.raises(ValueError, match="cannot reshape"):
-        shaped(np.zeros(12), [2, 2, 4], 4)
+    # A frame without returns is an empty sweep.
+    empty = LaserReturns(1, np.zeros((2, 4, 4), np.float32), np.zeros((2, 4, 6)), level)
+    assert [len(waymo_sweep(5, np.eye(4), lasers, ())) for lasers in ([], [empty])] == [0, 0]

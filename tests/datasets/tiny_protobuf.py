@@ -9,23 +9,17 @@ import numpy as np
 
 
 def varint(value):
-    value &= 2**64 - 1
-    out = bytearray()
-    while True:
+    out = b""
+    while value > 0x7F:
         value, low = value >> 7, value & 0x7F
-        out.append(low | (0x80 if value else 0))
-        if not value:
-            return bytes(out)
+        out += bytes([low | 0x80])
+    return out + bytes([value])
 
 
-def field(number, value, *, packed=False):
-    """One field: int as varint, float as double, str and bytes with a length, lists repeated."""
-    if isinstance(value, (list, tuple)):
+def field(number, value):
+    """One field: int as varint, float as double, str and bytes with a length, others repeated."""
+    if isinstance(value, (list, tuple, np.ndarray)):
         return b"".join(field(number, one) for one in value)
-    if isinstance(value, np.ndarray):
-        if packed:
-            return field(number, value.tobytes())
-        return b"".join(varint(number << 3 | 1) + struct.pack("<d", one) for one in value)
     if isinstance(value, int):
         return varint(number << 3) + varint(value)
     if isinstance(value, float):
@@ -45,9 +39,7 @@ def crc32c(data):
 
 
 def tf_record(data):
-    def masked(part):
-        crc = crc32c(part)
-        return struct.pack("<I", ((crc >> 15 | crc << 17) + 0xA282EAD8) % 2**32)
-
     length = struct.pack("<Q", len(data))
-    return length + masked(length) + data + b"crc!"
+    crc = crc32c(length)
+    masked = ((crc >> 15 | crc << 17) + 0xA282EAD8) % 2**32
+    return length + struct.pack("<I", masked) + data + b"crc!"

@@ -7,13 +7,18 @@ ground and the walls move as the vehicle does, the points of a car as its box do
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.truth import read_sensor_poses, read_truth
 from msg_utils.point_cloud2 import decode_points, decode_xyz
@@ -27,9 +32,18 @@ CAR, PERSON, CYCLIST, THING = 6, 7, 8, 9
 STATIC, MOVER, MARGIN, OUTSIDE, PARKED, GONE = range(6)
 
 
-def pose(x, y, z, yaw):
-    cos, sin = np.cos(yaw), np.sin(yaw)
+def pose(x, y, z, turn):
+    cos, sin = np.cos(turn), np.sin(turn)
     return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, z], [0, 0, 0, 1]], float)
+
+
+def yaw(pose):
+    return math.atan2(pose[1, 0], pose[0, 0])
+
+
+def quaternion(pose):
+    """Real part first."""
+    return [math.cos(yaw(pose) / 2), 0.0, 0.0, math.sin(yaw(pose) / 2)]
 
 
 def carried(transform, points):
@@ -70,18 +84,10 @@ def sweep(index, num_points=40):
     """One sweep; its points and those of the next one do not correspond."""
     rng = np.random.default_rng(index)
     inside = rng.uniform(-0.49, 0.49, (num_points, 3)) * SIZE * (1, 1, 0.5) + (0, 0, 0.3)
-    beside = np.column_stack(
-        [
-            rng.uniform(-1.5, 1.5, num_points),
-            np.where(rng.random(num_points) < 0.5, -1, 1) * (SIZE[1] / 2 + 0.2),
-            rng.uniform(0.0, 0.7, num_points),
-        ]
-    )
-    outside = beside * (1, (SIZE[1] / 2 + 0.4) / (SIZE[1] / 2 + 0.2), 1)
-    wall = np.column_stack(
-        [rng.uniform(-12, 12, 4 * num_points), np.full(4 * num_points, 11.0),
-         rng.uniform(0.5, 3, 4 * num_points)]
-    )  # fmt: skip
+    side = np.where(rng.random(num_points) < 0.5, -1, 1) * (SIZE[1] / 2 + 0.2)
+    along, up = rng.uniform(-1.5, 1.5, num_points), rng.uniform(0.0, 0.7, num_points)
+    beside, outside = (np.column_stack([along, side * far, up]) for far in (1, 7 / 6))
+    wall = rng.uniform((-12, 11, 0.5), (12, 11, 3), (4 * num_points, 3))
     steps = np.arange(-14, 14, 0.5)
     ground = np.stack(np.meshgrid(steps, steps, 0.0), -1).reshape(-1, 3)
     sweep_from_world = np.linalg.inv(world_from_sweep(index))
@@ -102,13 +108,17 @@ def sweep(index, num_points=40):
     return TinySweep(xyz[order].astype(np.float32), part[order])
 
 
+def moves(part):
+    """(N,) whether points are of the car that drives."""
+    return np.isin(part, (MOVER, MARGIN))
+
+
 def expected_flow(index, xyz, part):
     """(N, 3) flow of points by what they are."""
     ego = np.linalg.inv(world_from_sweep(index + 1)) @ world_from_sweep(index)
     moving = boxes(index + 1)["mover"] @ np.linalg.inv(boxes(index)["mover"])
-    on_mover = np.isin(part, (MOVER, MARGIN))
     xyz = xyz.astype(float)
-    return np.where(on_mover[:, None], carried(moving, xyz), carried(ego, xyz)) - xyz
+    return np.where(moves(part)[:, None], carried(moving, xyz), carried(ego, xyz)) - xyz
 
 
 def check_truth(truth, index, xyz, part, *, tolerance=1e-4):
@@ -120,7 +130,7 @@ def check_truth(truth, index, xyz, part, *, tolerance=1e-4):
     assert np.array_equal(truth.valid, part != GONE)
     flow = expected_flow(index, xyz, part)
     np.testing.assert_allclose(truth.flow[truth.valid], flow[truth.valid], atol=tolerance)
-    assert np.array_equal(truth.dynamic, np.isin(part, (MOVER, MARGIN)))
+    assert np.array_equal(truth.dynamic, moves(part))
     on_box = np.isin(part, (MOVER, MARGIN, PARKED, GONE))
     assert set(truth.class_id[~on_box]) == {0}
     assert set(truth.class_id[on_box]) == {CAR}
@@ -133,33 +143,46 @@ def convert(name, source, out, settings=None, **options):
     return out
 
 
+def check_refused(name, source, file, change, message, **options):
+    """A changed file is refused in one line with its name.
+
+    The change is the number of bytes that are kept, the new content (None: there is no such file),
+    what is replaced by what, or a function of the content.
+    """
+    path = source / file
+    content = path.read_bytes()
+    match change:
+        case int():
+            content = content[:change]
+        case (old, new):
+            assert old in content
+            content = content.replace(old, new)
+        case bytes() | None:
+            content = change
+        case _:
+            content = change(content)
+    path.unlink()
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(DatasetError, match=rf"{re.escape(path.name)}: .*{message}") as caught:
+        list(open_source(name, source, **options).sweeps)
+    assert "\n" not in str(caught.value)
+
+
 def read(path):
-    """Everything in a recording: stamps, points as columns, frames, truth, and poses."""
+    """Stamps, frames, points, truth and poses of a recording; lists have an entry a sweep."""
     with BagReader(path) as reader:
         messages = list(reader.messages("/points"))
         stamps = [decode_stamp(message.header.stamp) for message in messages]
         truth = read_truth(reader)
-        columns = [decode_points(message).ravel() for message in messages]
-        return Read(
+        return SimpleNamespace(
             stamps=stamps,
             frames={message.header.frame_id for message in messages},
             xyz=[decode_xyz(message)[0] for message in messages],
-            columns=columns,
+            columns=[decode_points(message).ravel() for message in messages],
             truth=[truth[stamp] for stamp in stamps],
             poses=read_sensor_poses(reader) if "/truth/odometry" in reader.topics else {},
         )
-
-
-@dataclass(frozen=True)
-class Read:
-    """What `read` returns; lists have one entry for each sweep."""
-
-    stamps: list
-    frames: set
-    xyz: list
-    columns: list
-    truth: list
-    poses: dict
 
 
 def check_recording(path, frame_id, *, tolerance=1e-4):

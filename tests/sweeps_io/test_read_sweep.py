@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import random
 import re
 import sys
 import zipfile
@@ -74,14 +73,8 @@ def test_same_points_from_every_format(file, name):
     np.testing.assert_array_equal(found.sweep().xyz, XYZ[[0, 2, 3]])
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.feather", "ascii.pcd", "binary.pcd"])
-def test_no_points_are_a_sweep(file, name):
-    makers = {".npy": npy, ".npz": lambda xyz: npz(xyz=xyz), ".feather": feather}
-    make = makers.get(name[1:]) or (pcd_ascii if "ascii" in name else pcd_binary)
-    assert read_sweep(str(file(name, make(XYZ[:0])))).xyz.shape == (0, 3)
-
-
 def test_values_that_are_no_float32_are_no_points(file):
+    assert read_sweep(str(file("none.npy", npy(XYZ[:0])))).xyz.shape == (0, 3)
     odd = np.array([[1.0, 2.0, 3.0], [1e300, 0.0, 0.0], [1.0, 2.0, 3.0]])
     odd.view(np.uint64)[2, 1] = 0x7FF0000000000001  # a signaling NaN
     assert read_sweep(str(file("a.npy", npy(odd)))).measured.tolist() == [True, False, False]
@@ -118,20 +111,6 @@ def test_stamp_and_pose_beside_the_points(file):
     assert read_sweep(str(file(name, feather()))).stamp_ns == 315966070559696000
 
 
-@pytest.mark.parametrize(
-    ("arrays", "text"),
-    [
-        ({"stamp_ns": np.array([1, 2])}, r"stamp_ns has shape \(2,\) of int64, expected one inte"),
-        ({"stamp_ns": np.float64("nan")}, r"stamp_ns has shape \(\) of float64, expected one"),
-        ({"pose": np.full((4, 4), np.nan)}, "pose has values that are not finite"),
-        ({"pose": np.eye(3)}, r"pose has shape \(3, 3\)"),
-    ],
-)
-def test_unusable_stamp_or_pose(file, arrays, text):
-    with pytest.raises(SweepFileError, match=text):
-        read_sweep(str(file("a.npz", npz(xyz=XYZ, **arrays))))
-
-
 @pytest.mark.parametrize("name", ["a.txt", "a", "a.npz.bak", "a.txt:pc1", "-", "a.ply"])
 def test_unknown_format(name):
     with pytest.raises(SweepFileError, match=r": expected a file that ends with \.npz, \.npy"):
@@ -155,35 +134,22 @@ def test_file_that_is_missing_empty_a_folder_or_a_pipe(file, tmp_path, suffix):
             read_sweep(str(path))
 
 
-def attempt(path):
-    """The sweep, or None and the error's text; any other error is a failure of the test."""
-    try:
-        return read_sweep(str(path)), ""
-    except SweepFileError as error:
-        return None, str(error)
-
-
 @pytest.mark.parametrize("name", [name for name in FILES if name != "A.BIN"])
-def test_cut_and_damaged_files_give_a_sweep_or_the_error(file, name):
+def test_cut_files_give_whole_rows_or_the_error(file, name):
     content = FILES[name]()
     refused = 0
     ends = range(1, len(content), 11)
     for end in ends:
         path = file(name, content[:end])
-        found, complaint = attempt(path)
-        assert "\n" not in complaint
-        refused += found is None
-        # Cut between rows without a header, or in the last number of a text.
-        assert found is None or np.array_equal(found.xyz[:3], XYZ[: len(found.xyz)][:3], True)
+        try:
+            found = read_sweep(str(path)).xyz
+        except SweepFileError as error:
+            assert "\n" not in str(error)  # noqa: PT017 - files cut between rows are read
+            refused += 1
+        else:
+            # Cut between rows without a header, or in the last number of a text.
+            assert np.array_equal(found[:3], XYZ[: len(found)][:3], True)
     assert refused > len(ends) / 2
-    rng = random.Random(name)
-    for _ in range(40):
-        damaged = bytearray(content)
-        for _ in range(rng.choice((1, 1, 3, 20))):
-            damaged[rng.randrange(len(damaged))] = rng.choice((0, 10, 32, 57, 255))
-        path = file(name, bytes(damaged))
-        found, complaint = attempt(path)
-        assert complaint.startswith(f"{path}: ") if found is None else found.xyz.shape[1] == 3
 
 
 @pytest.mark.parametrize(
@@ -203,6 +169,10 @@ def test_cut_and_damaged_files_give_a_sweep_or_the_error(file, name):
         ("a.npy", npy(np.zeros((2, 3), complex)), "x is of complex128, expected numbers"),
         ("a.npy", npy(np.zeros(2, [("x", "f4"), ("y", "f4")])), "no field of name z"),
         ("a.npz", npz(), "It has none"),
+        ("a.npz", npz(xyz=XYZ, stamp_ns=np.array([1, 2])), r"stamp_ns has shape \(2,\) of int64"),
+        ("a.npz", npz(xyz=XYZ, stamp_ns=np.float64("nan")), r"stamp_ns has shape \(\) of float64"),
+        ("a.npz", npz(xyz=XYZ, pose=np.full((4, 4), np.nan)), "pose has values that are not fin"),
+        ("a.npz", npz(xyz=XYZ, pose=np.eye(3)), r"pose has shape \(3, 3\)"),
         ("a.npz", npy(XYZ), "single array"),
         ("a.npy", npz(xyz=XYZ), "magic"),
         ("a.feather", npy(XYZ), "cannot be read: "),
@@ -228,36 +198,25 @@ def test_rows_with_rings_are_not_read_as_rows_without(file):
     np.testing.assert_array_equal(found.xyz, plain[:, :3])
 
 
-@pytest.mark.parametrize(
-    ("shape", "is_read"),
-    [((3, 5000), False), ((3, 17), False), ((3, 4), True), ((3, 16), True), ((200, 20), True)],
-)
-def test_transposed_arrays_are_refused(file, shape, is_read):
-    path = str(file("a.npy", npy(np.ones(shape))))
-    if is_read:
-        assert len(read_sweep(path).xyz) == shape[0]
-        return
+@pytest.mark.parametrize("shape", [(3, 5000), (3, 17)])
+def test_transposed_arrays_are_refused(file, shape):
     with pytest.raises(SweepFileError, match=r"one row for each point; is it transposed\?$"):
-        read_sweep(path)
+        read_sweep(str(file("a.npy", npy(np.ones(shape)))))
+    for usual in ((3, 4), (3, 16), (200, 20)):
+        assert len(read_sweep(str(file("a.npy", npy(np.ones(usual))))).xyz) == usual[0]
 
 
 @pytest.mark.parametrize(
-    ("module", "library", "missing"),
-    [
-        ("pyarrow.feather", "pyarrow", "pyarrow"),
-        ("pypcd4", "pypcd4", "pypcd4"),
-        ("google.protobuf.message", "protobuf", "google.protobuf"),
-    ],
+    ("module", "library"), [("pyarrow.feather", "pyarrow"), ("google.protobuf.message", "protobuf")]
 )
-def test_a_missing_library_is_named_with_its_command(monkeypatch, module, library, missing):
+def test_a_missing_library_is_named_with_its_command(monkeypatch, module, library):
     class Nowhere:
         def find_spec(self, name, *_):
-            if f"{name}.".startswith(f"{missing}."):
-                raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    for name in [name for name in sys.modules if f"{name}.".startswith(f"{missing}.")]:
+    for name in [name for name in sys.modules if f"{name}.".startswith(module.rpartition(".")[0])]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
+    monkeypatch.setattr(sys, "meta_path", [Nowhere()])
     with pytest.raises(ValueError, match=f"install it with: python -m pip install {library}$"):
         require(module, library)
 
