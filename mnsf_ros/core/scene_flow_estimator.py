@@ -19,7 +19,7 @@ NUM_PREPARED_IN_ORDER: Final = 2
 
 
 def never() -> bool:
-    """The `cancelled` of an estimate that nobody cancels."""
+    """Default of `cancelled`: the estimate is never cancelled."""
     return False
 
 
@@ -65,7 +65,7 @@ class SceneFlowEstimator(Protocol):
 
     @property
     def traits(self) -> MethodTraits:
-        """What it needs and how its estimates depend on each other."""
+        """Its needs, and how its estimates depend on each other."""
         ...
 
     def estimate(
@@ -88,7 +88,7 @@ class SceneFlowEstimator(Protocol):
         ...
 
     def with_settings(self, settings: Settings) -> SceneFlowEstimator:
-        """Returns an estimator with other settings that keeps what is still valid.
+        """Returns an estimator with other settings that keeps all state that is still valid.
 
         That may be networks, a map or poses. This estimator must not be used afterwards.
 

@@ -90,7 +90,7 @@ def _near_cells(
     kept: NDArray[np.bool_],
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """What `_points_near` returns; `low` is two cells before the points, the cells end behind."""
+    """Loop of `_points_near`; `low` is two cells before the points, the cells end behind."""
     reach, min_height = np.float32(_REACH_M), np.float32(_MIN_HEIGHT_M)
     for point in range(len(points)):
         column = int((points[point, 0] - low[0]) / reach)

@@ -11,7 +11,7 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
 
 
 class Arrival(Enum):
-    """How a sweep follows the last one, and what the buffer does with it."""
+    """How a sweep follows the last one: accepted, refused, or the start of a new buffer."""
 
     ACCEPTED = "accepted"
     DUPLICATE = "duplicate"  # same stamp as the last one: refused
