@@ -131,9 +131,9 @@ def _node_targets(sweeps: Sequence[Sweep], num_rounds: int) -> Iterator[Target]:
         clouds = [serialized(sweep) for sweep in turn]
         _play(node, clouds)
         for _ in range(num_rounds):
-            before_s = node.process.cpu_s
+            before_s = node.cpu_s
             _play(node, clouds)
-            costs_ms.append(1e3 * (node.process.cpu_s - before_s) / len(clouds))
+            costs_ms.append(1e3 * (node.cpu_s - before_s) / len(clouds))
             kiss = _kiss_icp()
             theirs_ms = [_kiss_ms(kiss, sweep) for sweep in sweeps][_WARM_UP:]
             ratios.append(costs_ms[-1] / float(np.median(theirs_ms)))
@@ -151,12 +151,12 @@ def _memories_mb(
 ) -> tuple[float, float, float]:
     """Memory of the node before large clouds, with them, and after it could return it."""
     _play(node, clouds)
-    before_mb = node.process.resident_mb
+    before_mb = node.memory_mb()
     _play(node, [large] * 5)
-    large_mb, end_s = node.process.resident_mb, time.monotonic() + 2 * RETURN_PERIOD_S
+    large_mb, end_s = node.memory_mb(), time.monotonic() + 2 * RETURN_PERIOD_S
     while time.monotonic() < end_s:
         _play(node, clouds)
-    return before_mb, large_mb, node.process.resident_mb
+    return before_mb, large_mb, node.memory_mb()
 
 
 @contextmanager

@@ -124,7 +124,7 @@ def _play(sweeps: Iterable[Sweep], duration_s: int, rate_hz: int = 10, num_busy:
         node.link.spin_for(3.0)
         estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
         fates = _fates(node.replay.published_s, node.replay.arrived_s)
-        return Played(float(np.mean(counts)), *fates, estimate_ms, node.process.memory_mb)
+        return Played(float(np.mean(counts)), *fates, estimate_ms, node.memory_mb("VmHWM"))
 
 
 def _fates(published_s: dict[int, float], arrived_s: dict[int, float]) -> tuple[list[float], int]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import subprocess
 import sys
@@ -15,17 +16,16 @@ from typing import Final
 
 import numpy as np
 from drives import INTERVAL_NS
-from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.demo.replay import ReplayLog
-from mnsf_ros.node.cloud_messages import encoded_message
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.node.raw_topics import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.sweeps.sweep import Sweep
-from msg_utils.point_cloud2 import encode_columns
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import encoding_of_columns
 
 FLOW_TOPIC: Final = "/scene_flow/flow"
 FIRST_NS: Final = 10**18
@@ -48,9 +48,8 @@ def serialized(sweep: Sweep) -> bytearray:
     """Returns the serialized message of a sweep, with an intensity."""
     columns = {axis: np.ascontiguousarray(sweep.xyz[:, i]) for i, axis in enumerate("xyz")}
     columns["intensity"] = np.zeros(len(sweep), np.float32)
-    encoded = encode_columns(columns, 1, len(sweep))
-    message = encoded_message(Header(frame_id="lidar"), encoded, is_dense=True)
-    return bytearray(serialize_message(message))
+    encoding = encoding_of_columns(columns, 1, len(sweep))
+    return bytearray(serialized_cloud(Header(frame_id="lidar"), encoding, is_dense=True))
 
 
 class LiveNode:
@@ -72,6 +71,7 @@ class LiveNode:
         self.replay = ReplayLog()
         self.num_published = 0
         self.start_s = 0.0
+        self._proc = Path("/proc", str(process.pid))
 
     @property
     def num_good(self) -> int:
@@ -82,6 +82,18 @@ class LiveNode:
     def num_ended(self) -> int:
         """Number of triplets that the node has dealt with, by its last diagnostics."""
         return sum(self.link.counts.get(event, 0) for event in TRIPLET_ENDS)
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time of all threads of the process so far."""
+        # The name before the last bracket may have spaces in it.
+        words = (self._proc / "stat").read_text().rpartition(")")[2].split()
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+    def memory_mb(self, kind: str = "VmRSS") -> float:
+        """Memory of the process now; its peak with `VmHWM`."""
+        lines = (self._proc / "status").read_text().splitlines()
+        return next(float(line.split()[1]) / 1e3 for line in lines if line.startswith(kind))
 
     def publish(self, raw: bytearray, interval_ns: int = INTERVAL_NS) -> None:
         """Publishes a good sweep with the next stamp."""
@@ -105,12 +117,11 @@ class LiveNode:
 
     def state(self) -> dict[str, float]:
         """Memory (MB), and numbers of descriptors, threads and shared segments of the process."""
-        proc = Path("/proc", str(self.process.pid))
-        maps = (line.split() for line in (proc / "maps").read_text().splitlines())
+        maps = (line.split() for line in (self._proc / "maps").read_text().splitlines())
         return {
-            "MB": self.process.resident_mb,
-            "descriptors": len(list((proc / "fd").iterdir())),
-            "threads": len(list((proc / "task").iterdir())),
+            "MB": self.memory_mb(),
+            "descriptors": len(list((self._proc / "fd").iterdir())),
+            "threads": len(list((self._proc / "task").iterdir())),
             "segments": len({words[-1] for words in maps if words[-1].startswith("/dev/shm")}),
         }
 

@@ -214,7 +214,7 @@ def damaged_clouds(rounds: Rounds) -> Iterator[Figure]:
             between = with_stamp(good, FIRST_NS + node.num_good * INTERVAL_NS - INTERVAL_NS // 2)
             size = _HEAD_BYTES if random.random() < 0.5 else len(between)
             damaged, _ = mutated_bags.mutated(between[:size], random)
-            node.link.publish_bytes(damaged + between[size:])
+            node.link.points.publish(damaged + between[size:])
             node.num_published += 1
             node.publish(good)
             node.link.spin_for(0.02)

@@ -43,32 +43,6 @@ class NodeProcess:
         """Number of the process."""
         return self._process.pid
 
-    @property
-    def memory_mb(self) -> float:
-        """Peak memory of the process; NaN where the system does not tell."""
-        return self._status_mb("VmHWM")
-
-    @property
-    def resident_mb(self) -> float:
-        """Memory of the process now; NaN where the system does not tell."""
-        return self._status_mb("VmRSS")
-
-    @property
-    def cpu_s(self) -> float:
-        """CPU time of all its threads so far; NaN where the system does not tell."""
-        stat = Path(f"/proc/{self._process.pid}/stat")
-        if not stat.exists():
-            return float("nan")
-        # The name before the last bracket may have spaces in it.
-        user, system = stat.read_text().rpartition(")")[2].split()[11:13]
-        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
-
-    def _status_mb(self, name: str) -> float:
-        status = Path(f"/proc/{self._process.pid}/status")
-        lines = status.read_text().splitlines() if status.exists() else []
-        values = [float(line.split()[1]) / 1e3 for line in lines if line.startswith(name)]
-        return values[0] if values else float("nan")
-
     def failure(self, what: str) -> NodeProcessError:
         """An error with the last lines of the node's log."""
         lines = self._log.read_text(errors="replace").strip().splitlines()[-_LINES_SHOWN:]

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from mnsf_ros.demo.node_process import NodeProcess
 from mnsf_ros.demo.pace import in_time
-from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.node.raw_topics import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE

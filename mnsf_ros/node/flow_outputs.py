@@ -21,8 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.node.cloud_messages import part_of
-from mnsf_ros.node.object_messages import ObjectMarkers, objects_message, planner_messages
+from mnsf_ros.node.object_messages import ObjectMarkers, objects_cloud, planner_messages
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
@@ -48,7 +47,7 @@ class FlowOutputs:
         self._objects = [
             (output(message_type, topic), make)
             for topic, message_type, make in (
-                ("~/objects", PointCloud2, objects_message),
+                ("~/objects", PointCloud2, objects_cloud),
                 ("~/objects/markers", MarkerArray, ObjectMarkers().message),
                 *planner_messages(),
             )
@@ -76,10 +75,9 @@ class FlowOutputs:
             self._flow.publish(flow_cloud(sweep, estimate, interval_s, layout))
         if known is None:
             return
-        for output, wanted in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
+        for output, part in ((self._moving, known.dynamic), (self._standing, ~known.dynamic)):
             if output.get_subscription_count() > 0:
-                part, its_flow = part_of(sweep, estimate, wanted)
-                output.publish(flow_cloud(part, its_flow, interval_s, layout))
+                output.publish(flow_cloud(sweep, estimate, interval_s, layout, part))
         header = sweep.source.message.header
         if self._ego_motion.get_subscription_count() > 0:
             message = ego_motion_message(header, self._odom_frame, known, interval_s)

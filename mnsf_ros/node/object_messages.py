@@ -13,7 +13,6 @@ from uuid import UUID, uuid4, uuid5
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -21,8 +20,8 @@ from mnsf_ros.core.flow_columns import object_columns
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.drawing.color_wheel import object_color
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
-from mnsf_ros.node.cloud_messages import encoded_message
-from msg_utils.point_cloud2 import encode_columns
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import encoding_of_columns
 
 Objects: TypeAlias = Sequence[TrackedObject]
 # Of packages unknown to a type checker: a module of messages, and a message.
@@ -37,11 +36,10 @@ _SMALLEST_M: Final = 0.01  # viewers refuse markers without an extent
 _TEXT_HEIGHT_M: Final = 0.7
 
 
-def objects_message(header: Header, objects: Objects) -> PointCloud2:
-    """Returns a cloud of one row, with one point for each object and the fields OBJECT_COLUMNS."""
-    return encoded_message(
-        header, encode_columns(object_columns(objects), 1, len(objects)), is_dense=True
-    )
+def objects_cloud(header: Header, objects: Objects) -> bytes:
+    """Returns the serialized cloud of objects: one row, a point each, fields OBJECT_COLUMNS."""
+    encoding = encoding_of_columns(object_columns(objects), 1, len(objects))
+    return serialized_cloud(header, encoding, is_dense=True)
 
 
 def set_yaw(orientation: Any, yaw: float) -> None:  # noqa: ANN401 - of any package of messages
@@ -110,46 +108,31 @@ def _marker(header: Header, item: TrackedObject, name: str, shape: int) -> Marke
 
 
 def planner_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:
-    """Yields topic, message type and maker of each package of `_PACKAGES` that is installed."""
-    run = uuid4()
-    for topic, (package, name, make) in _PACKAGES.items():
+    """Yields topic, message type and maker of each message of `_PLANNERS` that is installed."""
+    run = uuid4()  # numbers of objects are unique within it
+    for topic, (package, name, items, make) in _PLANNERS.items():
         try:
             messages = importlib.import_module(f"{package}.msg")
             message_type = getattr(messages, name)
         except (ImportError, AttributeError):
             continue
-        yield topic, message_type, partial(make, messages, run)
+        yield topic, message_type, partial(_list, message_type, items, partial(make, messages, run))
 
 
-def autoware_objects(messages: Messages, run: UUID, header: Header, objects: Objects) -> Message:
-    """Returns an autoware_perception_msgs/TrackedObjects; twists are in the axes of the objects.
-
-    Args:
-        messages: The module autoware_perception_msgs.msg.
-        run: Identity of this process, in which numbers of objects are unique.
-        header: Header of the objects' cloud.
-        objects: The objects.
-    """
-    message = messages.TrackedObjects(header=header)
-    message.objects = [_autoware_object(messages, item, run) for item in objects]
+def _list(
+    message_type: type[Message],
+    items: str,
+    make: Callable[[TrackedObject], Message],
+    header: Header,
+    objects: Objects,
+) -> Message:
+    message = message_type(header=header)
+    setattr(message, items, [make(item) for item in objects])
     return message
 
 
-def nav2_obstacles(messages: Messages, run: UUID, header: Header, objects: Objects) -> Message:
-    """Returns a nav2_dynamic_msgs/ObstacleArray; the arguments are those of `autoware_objects`."""
-    message = messages.ObstacleArray(header=header)
-    message.obstacles = [_nav2_obstacle(messages, item, run) for item in objects]
-    return message
-
-
-# Topic to package, message and what fills it.
-_PACKAGES: Final = {
-    "~/objects/autoware": ("autoware_perception_msgs", "TrackedObjects", autoware_objects),
-    "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", nav2_obstacles),
-}
-
-
-def _autoware_object(messages: Messages, item: TrackedObject, run: UUID) -> Message:
+def _autoware_object(messages: Messages, run: UUID, item: TrackedObject) -> Message:
+    """An autoware_perception_msgs/TrackedObject; its twist is in the axes of the object."""
     found = messages.TrackedObject()
     found.object_id.uuid = _uuid(item, run)
     found.existence_probability = 1.0
@@ -173,7 +156,8 @@ def _autoware_object(messages: Messages, item: TrackedObject, run: UUID) -> Mess
     return found
 
 
-def _nav2_obstacle(messages: Messages, item: TrackedObject, run: UUID) -> Message:
+def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Message:
+    """A nav2_dynamic_msgs/Obstacle."""
     found = messages.Obstacle(score=1.0)
     found.uuid.uuid = _uuid(item, run)
     place, speed, size = found.position, found.velocity, found.size
@@ -189,6 +173,16 @@ def _nav2_obstacle(messages: Messages, item: TrackedObject, run: UUID) -> Messag
         found.position_covariance = item.covariance[:3, :3].ravel()
         found.velocity_covariance = item.covariance[3:, 3:].ravel()
     return found
+
+
+# Topic to package, message, its list of objects, and the maker of one object.
+_PLANNERS: Final = {
+    "~/objects/autoware": (
+        *("autoware_perception_msgs", "TrackedObjects", "objects"),
+        _autoware_object,
+    ),
+    "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", "obstacles", _nav2_obstacle),
+}
 
 
 def _uuid(item: TrackedObject, run: UUID) -> NDArray[np.uint8]:

@@ -14,9 +14,10 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
-from msg_utils.cloud_layout import PointCloudLike
+from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike
 from msg_utils.point_cloud2 import (
     clash_names,
+    decode_points,
     decode_xyz,
     encoding_of_columns,
     encoding_with_columns,
@@ -62,23 +63,47 @@ def sweep_from_message(message: PointCloudLike, settings: TimeSettings, now_ns: 
 
 
 def flow_cloud(
-    sweep: Sweep, estimate: FlowEstimate, interval_s: float, output: OutputSettings
+    sweep: Sweep,
+    estimate: FlowEstimate,
+    interval_s: float,
+    output: OutputSettings,
+    part: NDArray[np.bool_] | None = None,
 ) -> bytes:
     """Returns the cloud of a sweep with the columns of its flow, serialized.
 
     Header, height, width and order of the points stay. The fields of the cloud come first, then
     those of FLOW_COLUMNS; a field of the cloud with the same name is renamed to `sensor_...`.
-    The compact layout keeps only x, y and z of the cloud.
+    The compact layout keeps only x, y and z of the cloud. With a mask `part` (N,) of the points of
+    the sweep, the cloud has these only, in one row.
     """
     source: CloudSource = sweep.source
-    message, measured = source.message, source.finite
+    cloud, measured, xyz = source.message, source.finite, sweep.xyz
+    if part is not None:
+        chosen = np.flatnonzero(part)
+        cloud = _cloud_of(cloud, np.flatnonzero(measured)[chosen])
+        xyz, estimate, measured = xyz[chosen], estimate.part(chosen), np.ones(len(chosen), np.bool_)
     columns = flow_columns(estimate, interval_s, measured, chosen_columns(output))
     if output.layout == "compact":
-        columns = position_columns(sweep.xyz, measured) | columns
-        encoding = encoding_of_columns(columns, message.height, message.width)
+        columns = position_columns(xyz, measured) | columns
+        encoding = encoding_of_columns(columns, cloud.height, cloud.width)
     else:
-        encoding = encoding_with_columns(message, columns, clash_prefix=_CLASH_PREFIX)
-    return serialized_cloud(message.header, encoding, is_dense=bool(measured.all()))
+        encoding = encoding_with_columns(cloud, columns, clash_prefix=_CLASH_PREFIX)
+    return serialized_cloud(source.message.header, encoding, is_dense=bool(measured.all()))
+
+
+def _cloud_of(cloud: PointCloudLike, rows: NDArray[np.intp]) -> EncodedCloud:
+    """The cloud of some of the points, in one row."""
+    points = np.take(decode_points(cloud).reshape(-1), rows)
+    layout = CloudLayout.from_cloud(cloud)
+    return EncodedCloud(
+        height=1,
+        width=len(rows),
+        fields=layout.fields,
+        is_bigendian=layout.is_bigendian,
+        point_step=layout.point_step,
+        row_step=len(rows) * layout.point_step,
+        data=np.frombuffer(points.tobytes(), np.uint8),
+    )
 
 
 def renamed_fields(message: PointCloudLike, output: OutputSettings) -> dict[str, str]:

@@ -1,7 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The end of a replay: every sweep is accounted for, however late the node says so."""
 
-import itertools
 import time
 from types import SimpleNamespace
 
@@ -14,8 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mnsf_ros.demo import replay as replay_module
 from mnsf_ros.demo.demo_run import figures_table, verdict
 from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.node.raw_topics import RawTopics
-from mnsf_ros.node.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.node.raw_topics import RawTopics, ReceivedFlow, ReplayLink
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 NUM_SWEEPS = 6
@@ -103,44 +101,42 @@ def replayed(monkeypatch, events):
     return log, dict(figures_table(log).rows)
 
 
-def test_stale_status_does_not_end_the_replay(monkeypatch):
-    stale, last = counts(4, 2, 2), counts(6, 4, 3, dropped=1)
-    events = {
-        0.6: 200_000_000,
-        0.7: 300_000_000,
-        1.0: stale,
-        2.2: stale,
-        4.0: 500_000_000,
-        4.5: last,
-    }
-    _, figures = replayed(monkeypatch, events)
-    assert figures["flows out"] == "3"
-    assert figures["dropped for a newer sweep"] == "1"
+STALE, LOST = counts(4, 2, 2), counts(5, 3, 2, dropped=1)
+# Events of a node, and what the replay shows of sweeps, flows and drops.
+ENDS = {
+    "stale diagnostics do not end it": (
+        {0.6: 200_000_000, 0.7: 300_000_000, 1.0: STALE, 2.2: STALE, 4.0: 500_000_000}
+        | {4.5: counts(6, 4, 3, dropped=1)},
+        ["6", "3", "1"],
+    ),
+    "a published flow is waited for": (
+        {0.6: 200_000_000, 1.0: counts(6, 4, 2, dropped=2), 3.9: 500_000_000},
+        ["6", "2", "2"],
+    ),
+    # Flows of other sweeps do not count.
+    "without drops": (
+        {0.6 + number / 100: 100_000_000 * (number + 2) for number in range(4)}
+        | {0.65: 77, 1.0: counts(6, 4, 4)},
+        ["6", "4", "0"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_every_sweep_is_accounted_for(monkeypatch, name):
+    events, expected = ENDS[name]
+    log, figures = replayed(monkeypatch, events)
+    assert list(figures.values())[:3] == expected
     assert "flows lost in transport" not in figures
-
-
-def test_flow_that_is_published_is_waited_for(monkeypatch):
-    events = {0.6: 200_000_000, 1.0: counts(6, 4, 2, dropped=2), 3.9: 500_000_000}
-    _, figures = replayed(monkeypatch, events)
-    assert (figures["flows out"], figures["dropped for a newer sweep"]) == ("2", "2")
+    assert log.is_complete
 
 
 def test_what_never_comes_is_told_and_not_waited_for_long(monkeypatch):
-    lost = counts(5, 3, 2, dropped=1)
-    events = {0.6: 200_000_000} | {1.0 + number: dict(lost) for number in range(60)}
+    events = {0.6: 200_000_000} | {1.0 + number: dict(LOST) for number in range(60)}
     log, figures = replayed(monkeypatch, events)
     assert figures["flows lost in transport"] == "1"
     assert figures["sweeps lost in transport"] == "1"
     assert not log.is_complete
-
-
-def test_without_drops_sweeps_are_flows_and_two_more(monkeypatch):
-    flows = {0.6 + number / 100: 100_000_000 * (number + 2) for number in range(4)}
-    # Flows of other sweeps do not count.
-    flows[0.65] = 77
-    log, figures = replayed(monkeypatch, flows | {1.0: counts(6, 4, 4)})
-    assert log.is_complete
-    assert list(itertools.islice(figures.values(), 3)) == ["6", "4", "0"]
 
 
 def finished(num_flows, counts):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import os
+import signal
 import tempfile
 import warnings
 
@@ -46,7 +47,7 @@ def ros():
 @pytest.fixture(scope="module")
 def start_node(tmp_path_factory):
     """Starts nodes of which a test expects an end of their own; it ends those that still run."""
-    from scene_flow_process import SceneFlowProcess
+    from node_harness import SceneFlowProcess
 
     with contextlib.ExitStack() as stack:
 
@@ -62,8 +63,7 @@ def start_node(tmp_path_factory):
 @contextlib.contextmanager
 def _running_nodes(tmp_path_factory):
     """A function that starts a node and returns its peer; at the end all nodes must be well."""
-    from scene_flow_peer import SceneFlowPeer
-    from scene_flow_process import SceneFlowProcess
+    from node_harness import SceneFlowPeer, SceneFlowProcess
 
     with contextlib.ExitStack() as stack:
         processes = []
@@ -80,7 +80,8 @@ def _running_nodes(tmp_path_factory):
 
         yield run
         for process in processes:
-            assert process.stop() == 0, process.log
+            process.send_signal(signal.SIGINT)
+            assert process.wait() == 0, process.log
             assert process.log.count("Traceback") == process.num_expected_tracebacks, process.log
 
 
@@ -93,7 +94,7 @@ def run_node(ros, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def _peer_of_quick_node(ros, tmp_path_factory):
-    from scene_flow_process import QUICK
+    from node_harness import QUICK
 
     with _running_nodes(tmp_path_factory) as run:
         yield run(QUICK, name="/quick")
@@ -108,10 +109,11 @@ def peer(_peer_of_quick_node):
 
 @pytest.fixture(scope="session")
 def _peer_of_resting_node(ros, tmp_path_factory):
-    from scene_flow_process import RESTING
+    from node_harness import QUICK
 
     with _running_nodes(tmp_path_factory) as run:
-        yield run(RESTING, name="/resting", watches=False)
+        parameters = QUICK | {"node.always_estimate": "false"}
+        yield run(parameters, name="/resting", watches=False)
 
 
 @pytest.fixture

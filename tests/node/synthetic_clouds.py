@@ -1,16 +1,18 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Small clouds of the surfaces of boxes that all move alike."""
+"""Small clouds of the surfaces of boxes that all move alike, and objects of any kind."""
 
 from __future__ import annotations
 
 import itertools
 
 import numpy as np
-from sensor_msgs.msg import PointField
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from mnsf_ros.node.cloud_messages import encoded_message
-from msg_utils.point_cloud2 import decode_points, encode_columns
+from mnsf_ros.core.flow_estimate import TrackedObject
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import decode_points, encoding_of_columns
 
 # Metres per sweep.
 MOTION = np.array([0.3, 0.1, 0.0], np.float32)
@@ -51,13 +53,13 @@ def surfaces(sweep_index=0, num_points=1200):
     return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * MOTION
 
 
-def cloud_message(columns, *, stamp_ns, height=1, frame_id="lidar"):
+def cloud_message(columns, *, stamp_ns, frame_id="lidar"):
     """A cloud of columns of equal length."""
     num_points = len(next(iter(columns.values())))
-    encoded = encode_columns(columns, height, num_points // height)
-    message = encoded_message(Header(frame_id=frame_id), encoded, is_dense=True)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-    return message
+    encoding = encoding_of_columns(columns, 1, num_points)
+    header = Header(frame_id=frame_id)
+    header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    return deserialize_message(serialized_cloud(header, encoding, is_dense=True), PointCloud2)
 
 
 def xyz_message(xyz, **options):
@@ -84,9 +86,9 @@ class Drive:
         options = {"stamp_ns": self.stamp_ns(index)} | options
         return xyz_message(surfaces(index, num_points), **options)
 
-    def sweeps(self, *indices):
+    def sweeps(self, *indices, **options):
         """Several sweeps by their numbers."""
-        return [self.sweep(index) for index in indices]
+        return [self.sweep(index, **options) for index in indices]
 
 
 def column(message, name):
@@ -112,3 +114,17 @@ def xyz_columns(message):
 def _columns(message, prefix):
     points = decode_points(message).ravel()
     return np.stack([points[f"{prefix}{axis}"] for axis in "xyz"], axis=1).astype(np.float32)
+
+
+def tracked(track_id=1, **changes):
+    """A car at (10, -2) that drives 5 m/s to the left of the sensor, its heading."""
+    values = {
+        "center": np.array([10.0, -2.0, 0.5]),
+        "size": np.array([4.0, 1.8, 1.5]),
+        "yaw": np.pi / 2,
+        "velocity": np.array([0.0, 5.0, 0.0]),
+        "covariance": np.diag([0.01, 0.02, 0.03, 0.1, 0.2, 0.3]),
+        "age_s": 2.5,
+        "num_points": 120,
+    }
+    return TrackedObject(track_id=track_id, **values | changes)

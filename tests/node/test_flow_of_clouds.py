@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-import array
 import itertools
 
 import numpy as np
-import pytest
+from node_harness import stamp_of
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from scene_flow_peer import stamp_of
-from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import (
     ADDED_FIELDS,
     MOTION,
@@ -36,8 +33,7 @@ def assert_shows_the_motion(flow):
 def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive):
     stamps_ns = [drive.stamp_ns(index) + 123_456_789 + index for index in range(3)]
     sweeps = [drive.sweep(index, stamp_ns=stamp_ns) for index, stamp_ns in enumerate(stamps_ns)]
-    peer.send(*sweeps)
-    sent, received = sweeps[1], peer.flow_of(sweeps[1])
+    sent, received = sweeps[1], peer.flow_amid(sweeps)
     assert received.header == sent.header
     assert (received.height, received.width) == (sent.height, sent.width)
     assert list(received.fields[: len(sent.fields)]) == list(sent.fields)
@@ -54,9 +50,7 @@ def test_a_flow_has_the_header_the_shape_and_all_fields_of_its_cloud(peer, drive
 
 
 def test_a_point_and_its_flow_are_where_the_next_sweep_is(peer, drive):
-    sweeps = [drive.sweep(index, num_points=6000) for index in range(3)]
-    peer.send(*sweeps)
-    received = peer.flow_of(sweeps[1])
+    received = peer.flow_amid(drive.sweeps(0, 1, 2, num_points=6000))
     assert_shows_the_motion(flow_columns(received))
     moved = xyz_columns(received) + flow_columns(received)
     distances_m = np.linalg.norm(moved - surfaces(2, num_points=6000), axis=1)
@@ -83,8 +77,7 @@ def test_points_that_are_not_finite_keep_their_place_and_have_no_flow(peer, driv
         for row, value in bad.items():
             xyz[row, row % 3] = value
         messages.append(xyz_message(xyz, stamp_ns=drive.stamp_ns(index)))
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
+    received = peer.flow_amid(messages)
     assert received.is_dense is False
     flow = flow_columns(received)
     rows_without = np.flatnonzero(~np.isfinite(flow).all(axis=1))
@@ -97,68 +90,13 @@ def test_points_that_are_not_finite_keep_their_place_and_have_no_flow(peer, driv
     assert_shows_the_motion(np.delete(flow, rows_without, axis=0))
 
 
-def unaligned_message(index, drive, *, order, row_padding=0):
-    """A cloud as some drivers send it: doubles at odd offsets, padded rows, any byte order."""
-    layout = np.dtype(
-        {
-            "names": ["ring", "x", "y", "z", "time"],
-            "formats": ["u1", f"{order}f4", f"{order}f4", f"{order}f4", f"{order}f8"],
-            "offsets": [0, 1, 5, 9, 14],
-            "itemsize": 23,
-        }
-    )
-    points = np.zeros(1200, layout)
-    for axis, values in zip("xyz", surfaces(index).T, strict=True):
-        points[axis] = values
-    points["ring"] = np.arange(1200) % 251
-    points["time"] = np.arange(1200) / 7
-    rows = points.reshape(4, 300)
-    data = b"".join(row.tobytes() + b"\xaa" * row_padding for row in rows)
-    message = PointCloud2(
-        height=4,
-        width=300,
-        fields=[
-            PointField(name="ring", offset=0, datatype=PointField.UINT8, count=1),
-            PointField(name="x", offset=1, datatype=PointField.FLOAT32, count=1),
-            PointField(name="y", offset=5, datatype=PointField.FLOAT32, count=1),
-            PointField(name="z", offset=9, datatype=PointField.FLOAT32, count=1),
-            PointField(name="time", offset=14, datatype=PointField.FLOAT64, count=1),
-        ],
-        is_bigendian=order == ">",
-        point_step=23,
-        row_step=300 * 23 + row_padding,
-        is_dense=True,
-    )
-    message.data = array.array("B", data)
-    message.header.frame_id = "lidar"
-    stamp_ns = drive.stamp_ns(index)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-    return message
-
-
-@pytest.mark.parametrize(("order", "row_padding"), [("<", 13), (">", 5)])
-def test_any_layout_and_byte_order(peer, drive, order, row_padding):
-    messages = [
-        unaligned_message(index, drive, order=order, row_padding=row_padding) for index in range(3)
-    ]
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
-    assert received.is_bigendian is (order == ">")
-    assert list(received.fields[:5]) == list(messages[1].fields)
-    points, expected = decode_points(received), decode_points(messages[1])
-    for name in ("ring", "x", "y", "z", "time"):
-        np.testing.assert_array_equal(points[name], expected[name])
-    assert_shows_the_motion(flow_columns(received))
-
-
 def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(peer, drive):
     messages = []
     for index in range(3):
         columns = dict(zip("xyz", surfaces(index, 6000).T.copy(), strict=True))
         columns |= {name: np.full(6000, 99.0, np.float32) for name in ADDED_FIELDS}
         messages.append(cloud_message(columns, stamp_ns=drive.stamp_ns(index)))
-    peer.send(*messages)
-    received = peer.flow_of(messages[1])
+    received = peer.flow_amid(messages)
     names = [item.name for item in received.fields]
     assert names == ["x", "y", "z", *(f"sensor_{name}" for name in ADDED_FIELDS), *ADDED_FIELDS]
     for name in ADDED_FIELDS:
@@ -170,17 +108,3 @@ def test_fields_of_the_sensor_with_the_names_of_the_flow_are_kept_under_others(p
     assert not column(received, "dynamic").any()
     assert not velocity_columns(received).any()
     assert (column(received, "confidence") <= 1).all()
-
-
-def test_the_compact_layout_can_be_asked_for_while_the_node_runs(peer, drive):
-    assert peer.set({"output.layout": "compact"})[0].successful
-    try:
-        sweeps = drive.sweeps(0, 1, 2)
-        peer.send(*sweeps)
-        received = peer.flow_of(sweeps[1])
-    finally:
-        assert peer.set({"output.layout": "full"})[0].successful
-    names = [field.name for field in received.fields]
-    assert names == ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
-    np.testing.assert_array_equal(xyz_columns(received), xyz_columns(sweeps[1]))
-    assert_shows_the_motion(flow_columns(received))

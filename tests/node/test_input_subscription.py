@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 import rclpy
+from node_harness import SceneFlowPeer, Spinner
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from scene_flow_peer import SceneFlowPeer
-from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import surfaces, xyz_message
 
@@ -38,9 +34,7 @@ def test_it_follows_a_publisher_that_comes_back(peer, drive, first, second):
         )
         peer.advertise(reliable=reliable)
         peer.wait_for_node("reliable" if reliable else "best_effort")
-    sweeps = drive.sweeps(0, 1, 2)
-    peer.send(*sweeps)
-    peer.flow_of(sweeps[1])
+    peer.flow_amid(drive.sweeps(0, 1, 2))
     assert peer.process.log.count("incompatible QoS") == before
 
 
@@ -62,14 +56,12 @@ def test_among_publishers_of_both_kinds_all_are_heard(peer, drive):
 
 
 def test_clouds_that_a_busy_node_overwrites_are_counted(ros):
-    node = rclpy.create_node("busy")
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    busy = Spinner("busy")
     reliable = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-    publisher = node.create_publisher(PointCloud2, "~/points", reliable)
+    publisher = busy.node.create_publisher(PointCloud2, "~/points", reliable)
     received, missed = [], []
     subscription = InputSubscription(
-        node,
+        busy.node,
         "~/points",
         "reliable",
         received.append,
@@ -79,20 +71,15 @@ def test_clouds_that_a_busy_node_overwrites_are_counted(ros):
     def publish(index):
         publisher.publish(xyz_message(surfaces(index, 12), stamp_ns=10**9 + index * 10**8))
 
-    def spin_until(condition):
-        give_up = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < give_up
-            executor.spin_once(timeout_sec=0.02)
-
-    spin_until(lambda: publisher.get_subscription_count() == subscription.num_publishers == 1)
+    busy.spin_until(
+        lambda: publisher.get_subscription_count() == subscription.num_publishers == 1, "both ends"
+    )
     publish(0)
-    spin_until(lambda: len(received) == 1)
+    busy.spin_until(lambda: len(received) == 1, "the first")
     for index in range(1, 41):
         publish(index)
-    spin_until(lambda: received[-1].header.stamp.sec == 5)
-    executor.shutdown()
-    node.destroy_node()
+    busy.spin_until(lambda: received[-1].header.stamp.sec == 5, "the last")
+    busy.close()
     assert {event for event, _ in missed} == {"clouds_missed"}
     num_missed = sum(how_many for _, how_many in missed)
     assert num_missed >= 20

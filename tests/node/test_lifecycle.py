@@ -7,7 +7,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from scene_flow_process import QUICK
+from node_harness import QUICK
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +39,10 @@ class ManagedPeer:
     def state(self):
         return self.peer.call(GetState, "get_state", GetState.Request()).current_state.id
 
-    def change(self, number, label=""):
+    def change(self, number, label="", *, waits=True):
         request = ChangeState.Request(transition=Transition(id=number, label=label))
-        return self.peer.call(ChangeState, "change_state", request).success
-
-    def change_without_waiting(self, number):
-        request = ChangeState.Request(transition=Transition(id=number))
-        self.peer.call_without_waiting(ChangeState, "change_state", request)
+        response = self.peer.call(ChangeState, "change_state", request, waits=waits)
+        return waits and response.success
 
     def activate(self):
         assert self.change(Transition.TRANSITION_CONFIGURE)
@@ -80,9 +77,7 @@ def test_flow_goes_out_only_while_active(managed, drive):
     assert peer.num_clouds == 0
     assert managed.change(Transition.TRANSITION_ACTIVATE)
     managed.wait_for_message("waiting for sweeps")
-    sweeps = drive.sweeps(*range(10, 13))
-    peer.send(*sweeps)
-    peer.flow_of(sweeps[1])
+    peer.flow_amid(drive.sweeps(*range(10, 13)))
     assert managed.change(Transition.TRANSITION_DEACTIVATE)
     managed.wait_for_message("inactive")
     before, num_flows = peer.num_clouds, len(peer.flows)
@@ -96,9 +91,7 @@ def test_cleanup_lets_go_of_all_but_the_parameters(managed, drive):
     peer = managed.peer
     peer.set({"crop.max_range_m": 33.0})
     managed.activate()
-    sweeps = drive.sweeps(*range(3))
-    peer.send(*sweeps)
-    peer.flow_of(sweeps[1])
+    peer.flow_amid(drive.sweeps(*range(3)))
     assert managed.change(Transition.TRANSITION_DEACTIVATE)
     assert managed.change(Transition.TRANSITION_CLEANUP)
     peer.spin_until(lambda: not managed.has_topic("flow"), "the end of the topic")
@@ -107,9 +100,7 @@ def test_cleanup_lets_go_of_all_but_the_parameters(managed, drive):
     managed.activate()
     # Counters begin anew, and the estimator, too.
     assert peer.num_clouds == 0
-    sweeps = drive.sweeps(*range(50, 53))
-    peer.send(*sweeps)
-    peer.flow_of(sweeps[1])
+    peer.flow_amid(drive.sweeps(*range(50, 53)))
     peer.wait_until_settled()
     assert peer.values("flow")["start"] == "cold: first triplet"
     peer.set({"crop.max_range_m": 80.0})
@@ -119,7 +110,7 @@ def test_a_transition_that_the_state_does_not_have_is_refused(managed):
     assert not managed.change(Transition.TRANSITION_ACTIVATE, "activate")
     # Without a label rclpy raises out of its service, and gives no answer.
     managed.peer.process.num_expected_tracebacks = 1
-    managed.change_without_waiting(77)
+    managed.change(77, waits=False)
     assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
     assert managed.change(Transition.TRANSITION_CONFIGURE)
     assert not managed.change(Transition.TRANSITION_CONFIGURE, "configure")

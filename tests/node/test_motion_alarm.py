@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_flow_process import PATIENCE_S
+from node_harness import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from tracked_objects import tracked
+from synthetic_clouds import tracked
 
-from mnsf_ros.node.object_messages import objects_message
+from mnsf_ros.node.object_messages import objects_cloud
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,7 +48,7 @@ def test_what_is_near_is_said_and_what_is_far_is_not(ros, alarm):
     )
     deadline_s = time.monotonic() + PATIENCE_S
     while not lines and time.monotonic() < deadline_s:
-        publisher.publish(objects_message(Header(frame_id="lidar"), objects))
+        publisher.publish(objects_cloud(Header(frame_id="lidar"), objects))
         reader.join(0.1)
     node.destroy_node()
     assert "object 8 moves at x 4.0, y -2.0 m" in lines[0]

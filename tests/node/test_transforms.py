@@ -1,0 +1,281 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Poses by TF and on TF: a replaced tf2_ros, since few machines have it, and the real one."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import types
+
+import numpy as np
+import pytest
+from box_street import INTERVAL_NS, BoxStreet, pose
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from node_harness import QUICK, Spinner, stamp_of
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from synthetic_clouds import xyz_columns, xyz_message
+
+from mnsf_ros.core.flow_estimate import OverGround
+from mnsf_ros.geometry.pose_messages import pose_matrix, transform_matrix
+from mnsf_ros.node import sweep_input
+from mnsf_ros.node.sweep_input import SweepInput
+from mnsf_ros.node.transforms import OdometryFrame, Transforms
+from mnsf_ros.settings import Settings
+
+HAS_TF2 = importlib.util.find_spec("tf2_ros") is not None
+
+
+class Tf2(types.ModuleType):
+    """The parts of tf2_ros that the node uses.
+
+    Attributes:
+        found: Target frame, source frame and stamp (0: newest) to x of the transform, metres.
+        num_clears: How often the buffer was cleared.
+        sent: Transforms that were broadcast.
+    """
+
+    TransformException = LookupError
+
+    def __init__(self):
+        super().__init__("tf2_ros")
+        self.found, self.num_clears, self.sent = {}, 0, []
+
+    def Buffer(self):  # noqa: N802 - as in tf2_ros
+        return self
+
+    def TransformListener(self, _buffer, _node):  # noqa: N802
+        return types.SimpleNamespace(unregister=lambda: None)
+
+    def TransformBroadcaster(self, _node):  # noqa: N802
+        return types.SimpleNamespace(sendTransform=self.sent.append)
+
+    def clear(self):
+        self.num_clears += 1
+
+    def lookup_transform(self, target, source, stamp):
+        message = TransformStamped()
+        message.transform.rotation.w = 1.0
+        message.transform.translation.x = self.found[target, source, stamp.nanoseconds]
+        return message
+
+
+class Input(Spinner):
+    """The input under test, the lidars in front of it, and the sweeps behind it."""
+
+    def __init__(self, changes):
+        super().__init__("input")
+        self.sweeps, self.events = [], []
+        settings = Settings().changed({"node.input_reliability": "reliable"} | changes)
+        self.input = SweepInput(self.node, settings, self._report, self._on_sweep)
+        topics = ["~/points", "~/points_2"][: settings.lidars.count]
+        self._publishers = [self.advertised(PointCloud2, topic) for topic in topics]
+
+    def advertised(self, message_type, topic):
+        """A publisher that the input hears."""
+        publisher = self.node.create_publisher(message_type, topic, 10)
+        self.spin_until(lambda: publisher.get_subscription_count() == 1, f"a subscriber of {topic}")
+        return publisher
+
+    def _report(self, event, _text, how_many=1):
+        self.events.append(event)
+
+    def _on_sweep(self, sweep, _arrived_ns):
+        self.sweeps.append(sweep)
+
+    def publish(self, *clouds, lidar=0):
+        for cloud in clouds:
+            self._publishers[lidar].publish(cloud)
+
+    def wait_for_sweeps(self, number):
+        self.spin_until(lambda: len(self.sweeps) == number, f"{number} sweeps")
+
+
+@pytest.fixture
+def tf2(monkeypatch):
+    module = Tf2()
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    return module
+
+
+@pytest.fixture
+def make(ros, tf2):
+    made = []
+
+    def make(**changes):
+        made.append(Input({name.replace("__", "."): value for name, value in changes.items()}))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def clock_ns(monkeypatch):
+    """The time of the input, in a list of one."""
+    now_ns = [0]
+    clock = types.SimpleNamespace(monotonic_ns=lambda: now_ns[0])
+    monkeypatch.setattr(sweep_input, "time", clock)
+    return now_ns
+
+
+def test_sweeps_wait_for_their_transform_in_order_and_for_a_time(make, tf2, drive, clock_ns):
+    lidar = make(ego_motion__source="tf", tf__timeout_s=0.5)
+    lidar.publish(*drive.sweeps(0, 1))
+    tf2.found["odom", "lidar", drive.stamp_ns(1)] = 2.0
+    lidar.spin_until(lambda: len(lidar.input._waiting) == 2, "two that wait")
+    # The second one has its transform, and waits behind the first.
+    assert lidar.sweeps == []
+    tf2.found["odom", "lidar", drive.stamp_ns(0)] = 1.0
+    lidar.wait_for_sweeps(2)
+    assert [sweep.odometry[0, 3] for sweep in lidar.sweeps] == [1.0, 2.0]
+    lidar.publish(drive.sweep(2))
+    lidar.spin_until(lambda: lidar.input._waiting, "one that waits")
+    assert lidar.events == []
+    clock_ns[0] += 500_000_000
+    lidar.wait_for_sweeps(3)
+    assert lidar.sweeps[2].odometry is None
+    assert lidar.events == ["transforms_missing"]
+
+
+def test_a_clock_that_jumps_back_clears_the_transforms(make, tf2, drive):
+    lidar = make(ego_motion__source="tf", tf__timeout_s=0.0)
+    lidar.publish(*drive.sweeps(0, 20, 15))
+    lidar.wait_for_sweeps(3)
+    assert tf2.num_clears == 0
+    lidar.publish(drive.sweep(0))
+    lidar.wait_for_sweeps(4)
+    assert tf2.num_clears == 1
+
+
+def test_odometry_is_of_a_frame_whose_lidar_is_looked_up(make, tf2, drive):
+    lidar = make(ego_motion__source="odometry", ego_motion__sensor_pose="tf")
+    odometry = lidar.advertised(Odometry, "~/odometry")
+    for index in range(3):
+        message = Odometry(child_frame_id="base_link", header=drive.sweep(index).header)
+        message.pose.pose.orientation.w = 1.0
+        message.pose.pose.position.x = 10.0 + index
+        odometry.publish(message)
+    track = lidar.input._odometry._track
+    lidar.spin_until(lambda: track.pose_at(drive.stamp_ns(2)) is not None, "the odometry")
+    lidar.publish(drive.sweep(0))
+    lidar.wait_for_sweeps(1)
+    assert lidar.sweeps[0].odometry is None
+    assert lidar.events == ["transforms_missing"]
+    tf2.found["base_link", "lidar", 0] = 0.5
+    lidar.publish(drive.sweep(1))
+    lidar.wait_for_sweeps(2)
+    assert lidar.sweeps[1].odometry[0, 3] == 11.5
+
+
+def test_lidars_are_merged_by_their_places_and_left_out_without_one(make, tf2, drive):
+    lidars = make(lidars__count=2, lidars__frame="body", lidars__max_wait_s=1.0)
+    tf2.found["body", "front", 0] = 1.0
+    for index in range(2):
+        for number, frame in enumerate(("front", "rear")):
+            lidars.publish(drive.sweep(index, frame_id=frame), lidar=number)
+        lidars.wait_for_sweeps(index + 1)
+        tf2.found["body", "rear", 0] = -1.0
+    alone, both = (sweep.source.message for sweep in lidars.sweeps)
+    assert lidars.events == ["clouds_of_lidar_2_without_transform"]
+    assert (alone.width, both.width) == (1200, 2400)
+    assert both.header.frame_id == "body"
+    front, rear = xyz_columns(both)[:1200], xyz_columns(both)[1200:]
+    np.testing.assert_allclose(front - rear, np.broadcast_to([2.0, 0, 0], front.shape), atol=1e-5)
+
+
+def test_the_pose_is_broadcast_for_the_frame_of_the_robot(tf2):
+    frame = OdometryFrame(None, "odom", "base")
+    known = OverGround(
+        motion=np.zeros((1, 3), np.float32),
+        dynamic=np.zeros(1, np.bool_),
+        confidence=np.ones(1, np.float32),
+        world_from_sensor=pose(3.0, 1.0),
+        next_from_current=np.eye(4),
+        source="registration",
+    )
+    tf2.found["lidar", "base", 0] = -1.0
+    header = Header(frame_id="lidar")
+    header.stamp.sec = 7
+    frame.publish(header, known, Transforms(None, "tf.base_frame"))
+    (sent,) = tf2.sent
+    assert (sent.header.frame_id, sent.child_frame_id, sent.header.stamp.sec) == ("odom", "base", 7)
+    np.testing.assert_allclose(transform_matrix(sent.transform), pose(2.0, 1.0), atol=1e-12)
+
+
+@pytest.mark.skipif(HAS_TF2, reason="tf2_ros is installed")
+class TestWithoutTf2:
+    def test_the_start_fails_and_says_what_to_install(self, start_node):
+        process = start_node({"tf.broadcast": "true"})
+        assert process.wait() == 2
+        assert "tf.broadcast needs the Python package tf2_ros" in process.fatal
+        assert "apt install" in process.fatal
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"ego_motion.source": "tf"},
+            {"ego_motion.source": "odometry", "ego_motion.sensor_pose": "tf"},
+        ],
+        ids=lambda changes: next(reversed(changes)),
+    )
+    def test_a_change_while_it_runs_is_refused(self, peer, changes):
+        result = peer.set_atomically(changes)
+        assert not result.successful
+        assert next(reversed(changes)) in result.reason
+        assert "tf2_ros" in result.reason
+        assert peer.get("ego_motion.source") == "registration"
+
+
+def transform(parent, child, matrix, stamp_ns=0):
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id = parent
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+    place, turn = message.transform.translation, message.transform.rotation
+    place.x, place.y, place.z = matrix[:3, 3].tolist()
+    turn.x, turn.y, turn.z, turn.w = Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()
+    return message
+
+
+@pytest.mark.skipif(not HAS_TF2, reason="tf2_ros is not installed")
+def test_with_the_real_tf2_ego_motion_is_looked_up_though_transforms_come_late(run_node):
+    import tf2_ros
+
+    street, start_ns = BoxStreet(), 700_000 * 10**9
+    mount, origin = pose(1.2, 0.1, 1.5, yaw_deg=30), pose(40, -10, 0, yaw_deg=70)
+
+    def base_pose(index):
+        return origin @ pose(0.6 * index, yaw_deg=1.0 * index)
+
+    parameters = {"ground.remove": "true", "ego_motion.source": "tf", "tf.timeout_s": 1.0}
+    peer = run_node(QUICK | parameters, name="/tf")
+    peer.wait_for_node()
+    heard = {}
+    peer.node.create_subscription(
+        Odometry, "/tf/ego_motion", lambda message: heard.update({stamp_of(message): message}), 50
+    )
+    send = tf2_ros.TransformBroadcaster(peer.node).sendTransform
+    peer.spin_until(lambda: peer.node.count_subscribers("/tf_static"), "the node to listen")
+    tf2_ros.StaticTransformBroadcaster(peer.node).sendTransform(transform("base", "lidar", mount))
+    stamps_ns = [start_ns + index * INTERVAL_NS for index in range(5)]
+    for index, stamp_ns in enumerate(stamps_ns):
+        lidar_pose = np.linalg.inv(origin) @ base_pose(index) @ mount
+        peer.publish(xyz_message(street.xyz(lidar_pose, seed=index), stamp_ns=stamp_ns))
+        # The transform of a sweep comes after it: the sweep waits.
+        peer.spin_for(0.05)
+        send(transform("odom", "base", base_pose(index), stamp_ns))
+        if index >= 2:
+            peer.spin_until(lambda at=stamps_ns[index - 1]: at in peer.flows, "the flow")
+    peer.wait_until_settled()
+    assert peer.count("transforms_missing") == 0
+    assert peer.values("ego motion")["source"] == "tf"
+    assert peer.status("ego motion").level == DiagnosticStatus.OK
+    poses = [pose_matrix(heard[stamps_ns[index]].pose.pose) for index in (1, 3)]
+    wanted = [base_pose(index) @ mount for index in (1, 3)]
+    # Registration is centimetres off here; TF is not.
+    motion, expected = (np.linalg.inv(first) @ second for first, second in (poses, wanted))
+    np.testing.assert_allclose(motion, expected, atol=1e-4)
