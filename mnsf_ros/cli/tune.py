@@ -73,7 +73,7 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.recordings import choose_topics, recording_names
     from mnsf_ros.recording.inspection import inspect_recording
     from mnsf_ros.tuning.outcome import figures_table, gains_table, write_outcome
-    from mnsf_ros.tuning.search import check_optuna
+    from mnsf_ros.tuning.tune import check_optuna
 
     check_optuna()
     console, tuning = Console(), _options(options)

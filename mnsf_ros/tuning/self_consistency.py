@@ -10,7 +10,7 @@ others together. So neither "everything is static" nor "everything is dynamic" w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.geometry.transforms import apply
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
-from mnsf_ros.tuning.halves import Estimate, Half
-from mnsf_ros.tuning.judges import Judgement
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, SweepTriplet
+from mnsf_ros.tuning.judges import Half, Judgement
 
 _LATER_S: Final = (0.2, 0.45)
 _WANTED_S: Final = 0.3
@@ -36,46 +37,49 @@ _SPACING: Final = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
-    """The chosen points of an estimate.
-
-    Attributes:
-        velocity: (M, 3) m/s over ground, axes of the sensor.
-        world_from_sensor: (4, 4) pose of the sweep.
-    """
-
-    velocity: NDArray[np.float64]
-    world_from_sensor: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Pair:
-    """An example, and a later one of the same recording.
+class _Landing:
+    """Chosen points of an example, and the later sweep on which they should land.
 
     Attributes:
         place: Number of the example in its stretch.
-        later: Number of the later one.
+        later: Number of the later example.
         seconds: Time between them.
-        xyz: (M, 3) metres, points of the first one, sensor frame.
-        tree: The points of the later one, its sensor frame.
+        triplet: The sweeps of the example.
+        rows: (M,) the chosen points of its current sweep.
+        tree: Points of the later sweep, its sensor frame.
     """
 
     place: int
     later: int
     seconds: float
-    xyz: NDArray[np.float64]
+    triplet: SweepTriplet
+    rows: NDArray[np.int64]
     tree: cKDTree
 
-    def distances(
-        self, followed: Sequence[_Followed | None], *, are_static: bool = False
+    @property
+    def xyz(self) -> NDArray[np.float64]:
+        """(M, 3) the chosen points, metres, sensor frame."""
+        return self.triplet.current.xyz[self.rows].astype(np.float64)
+
+    @property
+    def ranges_m(self) -> NDArray[np.float64]:
+        """(M,) horizontal ranges of the chosen points."""
+        ranges: NDArray[np.float64] = np.linalg.norm(self.xyz[:, :2], axis=1)
+        return ranges
+
+    def errors(
+        self, known: Sequence[OverGround | None], *, are_static: bool
     ) -> NDArray[np.float64]:
-        """(M,) landing errors: metres from a moved point to the nearest later point."""
-        now, then = followed[self.place], followed[self.later]
+        """(M,) landing errors, metres; `known` has one entry for each example of the stretch."""
+        now, then = known[self.place], known[self.later]
         if now is None or then is None:
-            return np.full(len(self.xyz), _LIMIT_M)
-        moved = self.xyz if are_static else self.xyz + now.velocity * self.seconds
-        then_from_now = np.linalg.inv(then.world_from_sensor) @ now.world_from_sensor
-        landed = moved @ then_from_now[:3, :3].T + then_from_now[:3, 3]
+            return np.full(len(self.rows), _LIMIT_M)
+        xyz = self.xyz
+        if not are_static:
+            interval_s = self.triplet.interval_s or USUAL_INTERVAL_S
+            velocity = now.motion[self.rows].astype(np.float64) / interval_s
+            xyz += velocity * self.seconds
+        landed = apply(np.linalg.inv(then.world_from_sensor) @ now.world_from_sensor, xyz)
         distances, _ = self.tree.query(landed, distance_upper_bound=_LIMIT_M)
         limited: NDArray[np.float64] = np.minimum(distances, _LIMIT_M)
         return limited
@@ -89,71 +93,55 @@ class ConsistencyJudge:
     def __init__(self, half: Half, settings: Settings, seed: int = 0) -> None:
         """Chooses the points that a static world does not explain, with these settings."""
         self.half = half
-        self._rows = [[_chosen(one, seed) for one in part] for part in half.stretches]
-        self._pairs = [
-            _pairs(part, rows) for part, rows in zip(half.stretches, self._rows, strict=True)
-        ]
-        static = self._distances(settings, are_static=True)
-        ranges = [np.linalg.norm(one.xyz[:, :2], axis=1) for part in self._pairs for one in part]
+        self._landings = [list(_landings(part, seed)) for part in half.stretches]
+        static = self._errors(settings, are_static=True)
+        ranges = [one.ranges_m for part in self._landings for one in part]
         limits = _NOISE_M + _SPACING * np.concatenate([*ranges, np.zeros(0)])
         self._is_open = static > limits
 
     def __call__(self, settings: Settings) -> Judgement:
         """Estimates all examples and measures their landing errors."""
-        distances = self._distances(settings)
+        errors = self._errors(settings)
         parts = [
-            float(distances[mask].mean()) if mask.any() else 0.0
+            float(errors[mask].mean()) if mask.any() else 0.0
             for mask in (self._is_open, ~self._is_open)
         ]
         names = ("points that a static world does not explain (m)", "all other points (m)")
         cost = sum(parts) / len(parts)
         return Judgement(cost, {self.goal: cost, **dict(zip(names, parts, strict=True))})
 
-    def _distances(self, settings: Settings, *, are_static: bool = False) -> NDArray[np.float64]:
+    def _errors(self, settings: Settings, *, are_static: bool = False) -> NDArray[np.float64]:
         parts: list[NDArray[np.float64]] = [np.zeros(0)]
-        estimated = self.half.estimated(settings)
-        for estimates, rows, pairs in zip(estimated, self._rows, self._pairs, strict=True):
-            followed = list(map(_followed, estimates, rows))
-            parts.extend(pair.distances(followed, are_static=are_static) for pair in pairs)
+        for estimates, landings in zip(self.half.estimated(settings), self._landings, strict=True):
+            known = [flow.over_ground if flow else None for _, flow in estimates]
+            parts.extend(landing.errors(known, are_static=are_static) for landing in landings)
         return np.concatenate(parts)
 
 
-def _chosen(example: Example, seed: int) -> NDArray[np.int64]:
-    rows = np.flatnonzero(example.scored)
-    random = np.random.default_rng([seed, example.triplet.current.stamp_ns])
-    return rows if len(rows) <= _MAX_POINTS else random.choice(rows, _MAX_POINTS, replace=False)
-
-
-def _pairs(stretch: Sequence[Example], rows: Sequence[NDArray[np.int64]]) -> list[_Pair]:
-    pairs = []
+def _landings(stretch: Sequence[Example], seed: int) -> Iterator[_Landing]:
     for place, example in enumerate(stretch):
-        current = example.triplet.current
         later = _later(stretch, place)
-        if later is not None and len(stretch[later].triplet.current.kept_xyz):
-            then = stretch[later].triplet.current
-            seconds = (then.stamp_ns - current.stamp_ns) / NANOSECONDS
-            xyz = current.xyz[rows[place]].astype(np.float64)
-            pairs.append(_Pair(place, later, seconds, xyz, cKDTree(then.kept_xyz)))
-    return pairs
+        if later is None or not len(stretch[later].triplet.current.kept_xyz):
+            continue
+        rows = np.flatnonzero(example.scored)
+        if len(rows) > _MAX_POINTS:
+            random = np.random.default_rng([seed, example.triplet.current.stamp_ns])
+            rows = random.choice(rows, _MAX_POINTS, replace=False)
+        tree = cKDTree(stretch[later].triplet.current.kept_xyz)
+        seconds = _seconds_between(example, stretch[later])
+        yield _Landing(place, later, seconds, example.triplet, rows, tree)
 
 
 def _later(stretch: Sequence[Example], place: int) -> int | None:
     """The example about 0.3 s later, if no sweep is missing in between."""
     first, apart_s = stretch[place], dict[int, float]()
-    for later in range(place + 1, len(stretch)):
-        other = stretch[later]
-        passed_ns = other.triplet.current.stamp_ns - first.triplet.current.stamp_ns
+    for later, other in enumerate(stretch[place + 1 :], place + 1):
+        seconds = _seconds_between(first, other)
         has_gap = other.number - first.number != later - place
-        if not has_gap and _LATER_S[0] <= passed_ns / NANOSECONDS <= _LATER_S[1]:
-            apart_s[later] = abs(passed_ns / NANOSECONDS - _WANTED_S)
+        if not has_gap and _LATER_S[0] <= seconds <= _LATER_S[1]:
+            apart_s[later] = abs(seconds - _WANTED_S)
     return min(apart_s, key=lambda later: apart_s[later], default=None)
 
 
-def _followed(estimate: Estimate, rows: NDArray[np.int64]) -> _Followed | None:
-    example, result = estimate
-    if result is None or result.over_ground is None:
-        return None
-    known = result.over_ground
-    interval_s = example.triplet.interval_s or USUAL_INTERVAL_S
-    velocity = known.motion[rows].astype(np.float64) / interval_s
-    return _Followed(velocity, known.world_from_sensor)
+def _seconds_between(first: Example, later: Example) -> float:
+    return (later.triplet.current.stamp_ns - first.triplet.current.stamp_ns) / NANOSECONDS

@@ -1,29 +1,41 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tuning: settings are searched on the first halves of recordings and judged on the second."""
+"""Tuning: Optuna searches settings on the first halves of recordings, the second halves judge.
+
+Optuna's journal of trials is the state from which a search is resumed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.errors import EvaluationError, SettingsError
+from mnsf_ros.errors import EvaluationError, SettingsError, library_missing
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.settings import Settings
-from mnsf_ros.tuning.halves import read_halves
-from mnsf_ros.tuning.judges import LABELLED_GOALS, Judgement, LabelledJudge
+from mnsf_ros.setting import Setting, SettingValue
+from mnsf_ros.settings import Settings, declared_setting, declared_settings
+from mnsf_ros.tuning.judges import LABELLED_GOALS, Judgement, LabelledJudge, read_halves
 from mnsf_ros.tuning.outcome import Outcome
-from mnsf_ros.tuning.search import Values, num_done, open_study, run_trials, tuned_settings
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
+
+if TYPE_CHECKING:
+    import optuna
 
 CONSISTENCY: Final = "consistency"
 # A change that saves less than this share of the cost is taken back.
 _WORTH: Final = 0.002
 
+TRIALS_FILE: Final = "trials.log"
+_IDENTITY: Final = "identity"
+_STEP: Final = 0.01
+# In place of infinity, which the sampler cannot compare.
+_WORST: Final = 1e6
+
+Values = dict[str, SettingValue]
 # Gets a text, the number of steps done, and their number in all.
 Watch = Callable[[str, int, int], None]
 
@@ -58,11 +70,9 @@ class TuneOptions:
     resume: bool = False
 
     def __post_init__(self) -> None:
-        for option, value in (
-            ("trials", self.num_trials),
-            ("minutes", self.minutes),
-            ("max-examples", self.max_examples),
-        ):
+        options = ("trials", "minutes", "max-examples")
+        values = self.num_trials, self.minutes, self.max_examples
+        for option, value in zip(options, values, strict=True):
             if not value > 0:
                 raise SettingsError(f"{option}: got {value:g}, expected more than 0")
 
@@ -83,7 +93,7 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
         "max-examples": options.max_examples,
         **{one.name: one.identity for one in recordings},
     }
-    study = open_study(options.out, identity, options.seed, resume=options.resume)
+    study = _open_study(options.out, identity, options.seed, resume=options.resume)
     tuned, held_out = (
         ConsistencyJudge(half, start, options.seed)
         if goal == CONSISTENCY
@@ -91,18 +101,8 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
         for half in read_halves(recordings, evaluation, options.max_examples)
     )
 
-    def say(number: int, lowest: float) -> None:
-        watch(f"trials, lowest cost {lowest:.4f}", number, options.num_trials)
-
     before = {name: start.value_of(name) for name in names}
-    best = run_trials(
-        study,
-        before,
-        options.num_trials,
-        None if math.isinf(options.minutes) else 60.0 * options.minutes,
-        lambda values: tuned(start.changed(values)).cost,
-        say,
-    )
+    best = _best_values(study, before, options, watch, lambda v: tuned(start.changed(v)).cost)
     changed = {name: value for name, value in best.items() if value != before[name]}
     num_judged, num_in_all = 0, 4 + len(changed)
 
@@ -114,7 +114,7 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
 
     kept, gains, on_tuned = _worthwhile(changed, partial(judged, tuned))
     on_other = judged(held_out, {}), judged(held_out, kept)
-    return Outcome(start, tuned.goal, num_done(study), kept, gains, on_tuned, on_other)
+    return Outcome(start, tuned.goal, _num_done(study), kept, gains, on_tuned, on_other)
 
 
 def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:
@@ -148,3 +148,105 @@ def _worthwhile(
         else:
             gains[name] = without.cost - after.cost
     return changed, gains, (before, after)
+
+
+def tuned_settings(names: Sequence[str] = (), fixed: frozenset[str] = frozenset()) -> list[Setting]:
+    """Returns the settings to tune: those named, or all that are declared so but the fixed ones.
+
+    Raises:
+        SettingsError: A setting is unknown or cannot be tuned, or none is left.
+    """
+    able = {one.name: one for one in declared_settings() if one.tuned is not None}
+    for name in names:
+        if declared_setting(name).name not in able:
+            raise SettingsError(f"{name}: cannot be tuned; choose from {', '.join(able)}")
+    chosen = [able[name] for name in names or able if name not in fixed]
+    if not chosen:
+        raise SettingsError("no parameter is left to tune: --set fixes those that it names")
+    return chosen
+
+
+def check_optuna() -> None:
+    """Checks that the library of the search is there.
+
+    Raises:
+        SettingsError: It is not installed.
+    """
+    try:
+        import optuna
+    except ModuleNotFoundError as error:
+        raise SettingsError(library_missing(error)) from error
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+
+
+def _open_study(
+    folder: Path, identity: Mapping[str, object], seed: int, *, resume: bool
+) -> optuna.Study:
+    """Opens the trials in a folder, which is made if it is not there.
+
+    Raises:
+        EvaluationError: The folder has trials and `resume` is false, or they are of a search with
+            another identity: recordings, settings and options on which costs depend.
+    """
+    import optuna
+    from optuna.storages.journal import JournalFileBackend
+
+    path = folder / TRIALS_FILE
+    if path.exists() and not resume:
+        raise EvaluationError(f"{folder}: exists already; name another folder, or add --resume")
+    folder.mkdir(parents=True, exist_ok=True)
+    storage = optuna.storages.JournalStorage(JournalFileBackend(str(path)))
+    study = optuna.create_study(storage=storage, study_name="tune", load_if_exists=True)
+    study.sampler = optuna.samplers.TPESampler(seed=seed + len(study.trials))
+    texts = {name: str(value) for name, value in identity.items()}
+    known = study.user_attrs.get(_IDENTITY, texts)
+    others = [name for name, text in texts.items() if known.get(name) != text]
+    if others:
+        raise EvaluationError(
+            f"cannot continue: {', '.join(others)} differ from those of the search in the "
+            "folder; name another folder"
+        )
+    study.set_user_attr(_IDENTITY, texts)
+    return study
+
+
+def _best_values(
+    study: optuna.Study,
+    start: Values,
+    options: TuneOptions,
+    watch: Watch,
+    cost_of: Callable[[Values], float],
+) -> Values:
+    """Runs the trials that are left, the first one with the values `start`."""
+    settings = [declared_setting(name) for name in start]
+
+    def tried(trial: optuna.Trial) -> float:
+        return min(cost_of({one.name: _suggested(trial, one) for one in settings}), _WORST)
+
+    def say(study: optuna.Study, _: object) -> None:
+        text = f"trials, lowest cost {study.best_value:.4f}"
+        watch(text, _num_done(study), options.num_trials)
+
+    if not _num_done(study):
+        study.enqueue_trial(dict(start))
+    timeout_s = None if math.isinf(options.minutes) else 60.0 * options.minutes
+    if (num_left := options.num_trials - _num_done(study)) > 0:
+        study.optimize(tried, num_left, timeout_s, callbacks=[say])
+    return {one.name: one.checked(_rounded(study.best_params[one.name])) for one in settings}
+
+
+def _num_done(study: optuna.Study) -> int:
+    """Returns the number of finished trials."""
+    return sum(trial.value is not None for trial in study.get_trials(deepcopy=False))
+
+
+def _suggested(trial: optuna.Trial, setting: Setting) -> SettingValue:
+    low, high = setting.tuned or (0, 0)
+    if setting.kind is int:
+        return trial.suggest_int(setting.name, int(low), int(high))
+    return _rounded(trial.suggest_float(setting.name, low, high, step=_STEP))
+
+
+def _rounded(value: SettingValue) -> SettingValue:
+    """Without the rounding errors of adding steps: 0.3, not 0.30000000000000004."""
+    return round(value, 6) if isinstance(value, float) else value

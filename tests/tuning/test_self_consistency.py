@@ -16,7 +16,7 @@ from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
-from mnsf_ros.tuning.halves import Half, read_halves
+from mnsf_ros.tuning.judges import Half, read_halves
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
 
 SETTINGS = preset("online")
@@ -32,27 +32,19 @@ def the_truth(velocity, _):
     return velocity
 
 
-def everything_static(velocity, _):
-    return 0 * velocity
-
-
-def everything_dynamic(velocity, _):
-    return velocity + np.array([0, 2, 0])
-
-
-def twice_as_fast(velocity, _):
-    return 2 * velocity
-
-
-def some_ghosts(velocity, xyz):
-    return velocity + np.where(xyz[:, :1] > 15, (0, 2, 0), 0)
+WRONG = {
+    "everything static": lambda velocity, _: 0 * velocity,
+    "everything dynamic": lambda velocity, _: velocity + np.array([0, 2, 0]),
+    "twice as fast": lambda velocity, _: 2 * velocity,
+    "some ghosts": lambda velocity, xyz: velocity + np.where(xyz[:, :1] > 15, (0, 2, 0), 0),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Told(Half):
     """A half whose estimates are made of the truth."""
 
-    velocity_of: Callable = everything_static
+    velocity_of: Callable = WRONG["everything static"]
 
     def estimated(self, _: Settings) -> Iterator:
         return (map(self.estimate, stretch) for stretch in self.stretches)
@@ -82,16 +74,14 @@ class Failing(Told):
 
 
 def judged(half, velocity_of, kind=Told):
-    judge = ConsistencyJudge(Told(half.stretches, everything_static), SETTINGS)
+    judge = ConsistencyJudge(Told(half.stretches), SETTINGS)
     judge.half = kind(half.stretches, velocity_of)
     return judge(SETTINGS)
 
 
-@pytest.mark.parametrize(
-    "wrong", [everything_static, everything_dynamic, twice_as_fast, some_ghosts]
-)
+@pytest.mark.parametrize("wrong", WRONG)
 def test_truth_costs_least(half, wrong):
-    assert judged(half, the_truth).cost < 0.95 * judged(half, wrong).cost
+    assert judged(half, the_truth).cost < 0.95 * judged(half, WRONG[wrong]).cost
 
 
 def test_giving_up_costs_most(half):
