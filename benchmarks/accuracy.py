@@ -18,6 +18,7 @@ from typing import Final
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 import numpy as np
+import pandas as pd
 from drives import TrueSweep, real_sweeps, simulated_sweeps
 from frame import TARGET_HEADER, Table, Target, make_parser, publish
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.ego_motion.ego_motion import EgoMotion
-from mnsf_ros.evaluation.metrics import FlowErrors, by_motion, mean_of
+from mnsf_ros.evaluation.metrics import FlowErrors, by_motion
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.sweeps.kept_points import crop_mask
@@ -48,7 +49,8 @@ _MAX_EGO_ERROR_M: Final = 0.02
 _MIN_SPEED_UP: Final = 100
 _DRIVES: Final = ("kitti_0005", "apollo_arz034", "ouster_os1_128", "nebula_vls128")
 
-Errors = dict[str, FlowErrors]
+# Group of points to its errors, named as in FlowErrors: means over examples.
+Errors = dict[str, pd.Series]
 
 
 def main() -> None:
@@ -100,7 +102,7 @@ def _measured(
     """Mean errors, and the mean time of an estimate in ms."""
     method, name, is_whole = _ROWS[row]
     settings = preset(name).changed({"compute.num_threads": _NUM_THREADS})
-    found: list[Errors] = []
+    found: list[dict[str, FlowErrors]] = []
     times_ms = []
     for sweeps in recordings:
         changes = {} if is_whole else {"ground.remove": False}
@@ -114,13 +116,13 @@ def _measured(
             if index in scored:
                 times_ms.append(estimate.time_ms)
                 found.append(errors)
-    means = {part: mean_of(errors[part] for errors in found) for part in _PARTS}
+    means = {part: pd.DataFrame([vars(each[part]) for each in found]).mean() for part in _PARTS}
     return means, float(np.mean(times_ms))
 
 
 def _estimated(
     estimator: SceneFlowEstimator, triple: Sequence[TrueSweep], *, is_whole: bool
-) -> tuple[FlowEstimate, Errors]:
+) -> tuple[FlowEstimate, dict[str, FlowErrors]]:
     """The estimate for three sweeps, and its errors over labelled points without ground."""
     crop = preset("online").crop
     kept = [crop_mask(item.sweep.xyz, crop) for item in triple]
@@ -133,9 +135,9 @@ def _estimated(
     truth = triple[1]
     next_from_current = np.linalg.inv(triple[2].pose) @ truth.pose
     estimate = estimator.estimate(SweepTriplet(*parts, next_from_current=next_from_current))
-    rows = slice(None) if is_whole else kept[1]
-    valid = (truth.scored & kept[1])[rows]
-    return estimate, by_motion(estimate.flow, truth.flow[rows], truth.dynamic[rows], valid)
+    scored = truth.scored & kept[1]
+    flow = estimate.flow[scored if is_whole else scored[kept[1]]]
+    return estimate, by_motion(flow, truth.flow[scored], truth.dynamic[scored])
 
 
 def _part(sweep: Sweep, mask: NDArray[np.bool_]) -> Sweep:

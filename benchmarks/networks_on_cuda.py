@@ -23,7 +23,7 @@ from frame import Table, make_parser, publish, this_machine, verdict
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.target_distance import DistanceTransform, GridBox, distances_within
-from mnsf_ros.evaluation.scoring import by_motion
+from mnsf_ros.evaluation.metrics import by_motion
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.setting import SettingValue
@@ -167,8 +167,9 @@ def _timed(name: str, sweeps: Sequence[TrueSweep], options: argparse.Namespace) 
         truth = sweeps[index]
         if truth.flow is None or truth.dynamic is None or truth.scored is None:
             continue
-        valid = truth.scored & crop_mask(truth.sweep.xyz, settings.crop)
-        errors.append(by_motion(estimate.flow, truth.flow, truth.dynamic, valid))
+        scored = truth.scored & crop_mask(truth.sweep.xyz, settings.crop)
+        known = (estimate.flow[scored], truth.flow[scored], truth.dynamic[scored])
+        errors.append(by_motion(*known))
     p95_ms = float(np.percentile(times_ms, 95))
     target = f"{limit_ms:g} {verdict(p95_ms <= limit_ms)}" if limit_ms else ""
     return [

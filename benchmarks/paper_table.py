@@ -127,7 +127,8 @@ class Example:
     def errors(self, estimate: FlowEstimate) -> dict[str, float]:
         """Errors over all points; EPE also over labelled points that are dynamic, or static."""
         over_all = vars(flow_errors(estimate.flow, self.flow)).items()
-        parts = by_motion(estimate.flow, self.flow, self.dynamic, self.labelled)
+        known = (estimate.flow, self.flow, self.dynamic)
+        parts = by_motion(*(values[self.labelled] for values in known))
         errors = {name: value for name, value in over_all if name in COLUMNS}
         return errors | {f"{name}_epe_m": parts[name].epe_m for name in ("dynamic", "static")}
 

@@ -12,15 +12,14 @@ The formulas are those of the paper's own code, at its edges too:
 * The cosine is kept 1e-7 away from ±1, so even a perfect flow has an angle error of 0.00045.
 
 Points without finite estimate or truth are refused, not left out silently: otherwise an estimator
-that gives up on difficult points would score better than one that tries. The `valid` mask leaves
-points out.
+that gives up on difficult points would score better than one that tries.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -62,55 +61,44 @@ class FlowErrors:
     num_points: int
 
 
-# Of no points.
-NO_ERRORS: Final = FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
-
-
-def flow_errors(
-    estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None = None
-) -> FlowErrors:
+def flow_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> FlowErrors:
     """Scores an estimated flow (N, 3) against the truth (N, 3), metres per sweep interval.
 
-    `valid` (N,) are the points to score; all of them if None.
-
     Raises:
-        EvaluationError: If shapes differ, or a point to score is not finite.
+        EvaluationError: Shapes differ, or a point is not finite.
     """
-    estimate, truth = _selected(estimate, truth, valid)
-    if len(estimate) == 0:
-        return NO_ERRORS
+    if estimate.shape != truth.shape or truth.shape[1:] != (3,):
+        raise EvaluationError(
+            f"estimate and truth: got shapes {estimate.shape} and {truth.shape}, expected (N, 3)"
+        )
+    if len(truth) == 0:
+        return FlowErrors(math.nan, math.nan, math.nan, math.nan, math.nan, 0)
+    for name, flow in (("estimate", estimate), ("truth", truth)):
+        num_bad = int(np.count_nonzero(~np.isfinite(flow).all(axis=1)))
+        if num_bad:
+            raise EvaluationError(f"{name}: {num_bad} of {len(flow)} points have no finite flow")
     errors_m = end_point_errors(estimate, truth)
-    relative = relative_errors(estimate, truth)
+    relative = errors_m / (_lengths(truth) + _TINY_LENGTH_M)
     return FlowErrors(
         epe_m=float(errors_m.mean()),
         acc5=float(((errors_m < _STRICT) | (relative < _STRICT)).mean()),
         acc10=float(((errors_m < _RELAXED) | (relative < _RELAXED)).mean()),
         outliers=float(((errors_m > _OUTLIER_M) | (relative > _OUTLIER_SHARE)).mean()),
-        angle_error_rad=float(angle_errors(estimate, truth).mean()),
+        angle_error_rad=float(_angle_errors(estimate, truth).mean()),
         num_points=len(estimate),
     )
 
 
 def by_motion(
-    estimate: NDArray[Any],
-    truth: NDArray[Any],
-    dynamic: NDArray[np.bool_],
-    valid: NDArray[np.bool_] | None = None,
+    estimate: NDArray[Any], truth: NDArray[Any], dynamic: NDArray[np.bool_]
 ) -> dict[str, FlowErrors]:
     """Scores `all` points, and apart those that are `dynamic` (N,) and those that are `static`.
 
     Raises:
         EvaluationError: As `flow_errors`.
     """
-    if valid is None:
-        valid = np.ones(len(truth), dtype=bool)
-    _check_mask("valid", valid, truth)
-    _check_mask("dynamic", dynamic, truth)
-    return {
-        "all": flow_errors(estimate, truth, valid),
-        "dynamic": flow_errors(estimate, truth, valid & dynamic),
-        "static": flow_errors(estimate, truth, valid & ~dynamic),
-    }
+    parts = {"all": np.ones_like(dynamic), "dynamic": dynamic, "static": ~dynamic}
+    return {name: flow_errors(estimate[mask], truth[mask]) for name, mask in parts.items()}
 
 
 def errors_by_band(
@@ -128,7 +116,7 @@ def errors_by_band(
     """
     bands = np.searchsorted(np.asarray(limits), values, side="right")
     return {
-        f"{limit:g}": flow_errors(estimate, truth, bands == number)
+        f"{limit:g}": flow_errors(estimate[bands == number], truth[bands == number])
         for number, limit in enumerate(limits)
         if (bands == number).any()
     }
@@ -139,20 +127,6 @@ def error_counts(errors_m: NDArray[np.float64]) -> list[int]:
     bins = np.searchsorted(np.asarray(ERROR_LIMITS_M), errors_m, side="right")
     counts: list[int] = np.bincount(bins, minlength=len(ERROR_LIMITS_M)).tolist()
     return counts
-
-
-def mean_of(examples: Iterable[FlowErrors]) -> FlowErrors:
-    """Returns the mean over examples of each value, as the paper's tables have it.
-
-    Every example counts the same, however many points it has. Examples without points (no
-    mover in the sweep, for instance) are left out; `num_points` is the sum.
-    """
-    scored = [errors for errors in examples if errors.num_points > 0]
-    if not scored:
-        return NO_ERRORS
-    names = [field.name for field in fields(FlowErrors) if field.name != "num_points"]
-    means = {name: mean([getattr(errors, name) for errors in scored]) for name in names}
-    return FlowErrors(**means, num_points=sum(errors.num_points for errors in scored))
 
 
 def mean(values: Sequence[float]) -> float:
@@ -166,12 +140,7 @@ def end_point_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.
     return _lengths(np.subtract(estimate, truth, dtype=np.float64))
 
 
-def relative_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
-    """End point error (N,) over the true length; huge where the truth (N, 3) is zero."""
-    return end_point_errors(estimate, truth) / (_lengths(truth) + _TINY_LENGTH_M)
-
-
-def angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
+def _angle_errors(estimate: NDArray[Any], truth: NDArray[Any]) -> NDArray[np.float64]:
     """Angle (N,) between estimated and true vectors (N, 3), radians; π/2 without direction."""
     with np.errstate(divide="ignore", invalid="ignore"):
         cosines = (_directions(estimate) * _directions(truth)).sum(axis=1)
@@ -188,32 +157,3 @@ def _directions(vectors: NDArray[Any]) -> NDArray[np.float64]:
 def _lengths(vectors: NDArray[Any]) -> NDArray[np.float64]:
     lengths: NDArray[np.float64] = np.linalg.norm(vectors.astype(np.float64), axis=1)
     return lengths
-
-
-def _selected(
-    estimate: NDArray[Any], truth: NDArray[Any], valid: NDArray[np.bool_] | None
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    if truth.ndim != 2 or truth.shape[1] != 3:
-        raise EvaluationError(f"truth: got shape {truth.shape}, expected (N, 3)")
-    if estimate.shape != truth.shape:
-        raise EvaluationError(
-            f"estimate: got shape {estimate.shape}, expected that of truth, {truth.shape}"
-        )
-    if valid is not None:
-        _check_mask("valid", valid, truth)
-        estimate, truth = estimate[valid], truth[valid]
-    for name, flow in (("estimate", estimate), ("truth", truth)):
-        num_bad = int(np.count_nonzero(~np.isfinite(flow).all(axis=1)))
-        if num_bad:
-            raise EvaluationError(
-                f"{name}: {num_bad} of {len(flow)} points to score have no finite flow; "
-                f"leave them out with valid"
-            )
-    return estimate, truth
-
-
-def _check_mask(name: str, mask: NDArray[np.bool_], truth: NDArray[Any]) -> None:
-    if mask.shape != (len(truth),) or mask.dtype != np.bool_:
-        raise EvaluationError(
-            f"{name}: got shape {mask.shape} of {mask.dtype}, expected ({len(truth)},) bool"
-        )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mnsf_ros.evaluation.metrics import flow_errors, mean_of
+from mnsf_ros.evaluation.metrics import flow_errors
 from mnsf_ros.presets import preset
 from mnsf_ros.scene_flow import estimate_flow
 
@@ -29,6 +29,5 @@ def test_paper_preset_is_no_worse_than_the_authors_code() -> None:
         settings = preset("paper").changed({"ground.remove": False})
         estimate = estimate_flow(triplet["pc2"], triplet["pc3"], triplet["pc1"], settings)
         errors.append(flow_errors(estimate.flow, triplet["flow23"]))
-    mean = mean_of(errors)
-    assert mean.epe_m <= AUTHORS_EPE_M
-    assert mean.acc5 >= AUTHORS_ACC5
+    assert np.mean([one.epe_m for one in errors]) <= AUTHORS_EPE_M
+    assert np.mean([one.acc5 for one in errors]) >= AUTHORS_ACC5
