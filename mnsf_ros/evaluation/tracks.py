@@ -170,41 +170,25 @@ class TruthTrack:
     """Matches truth clouds to sweeps in stamp order; holds a few clouds at a time."""
 
     def __init__(self, clouds: Iterable[TruthCloud], findings: Findings, name: str) -> None:
-        """Starts before the first of the clouds, which come about in stamp order."""
+        """Starts before the first of the clouds, which are roughly in stamp order."""
         self._clouds = in_stamp_order(clouds)
         self._findings = findings
         self._name = name
         self._head = next(self._clouds, None)
-        self._last_ns: int | None = None
-        self._num_unfit = 0
 
     def take(self, sweep: Sweep) -> tuple[FlowTruth | None, int]:
         """Returns the truth of a sweep, and the number of clouds skipped before it.
 
         The sweep of a skipped cloud is missing.
         """
-        stamp_ns = sweep.stamp_ns
-        if self._last_ns is not None and stamp_ns < self._last_ns:
-            self._skip_leftovers(self._last_ns)
-        self._last_ns = stamp_ns
         passed_over = 0
-        while self._head is not None and self._head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
+        while self._head is not None and self._head.stamp_ns < sweep.stamp_ns - _SAME_STAMP_NS:
             self._head = next(self._clouds, None)
             passed_over += 1
-        if self._head is None or self._head.stamp_ns > stamp_ns + _SAME_STAMP_NS:
+        if self._head is None or self._head.stamp_ns > sweep.stamp_ns + _SAME_STAMP_NS:
             return None, passed_over
         cloud, self._head = self._head, next(self._clouds, None)
-        while self._head is not None and self._head.stamp_ns <= stamp_ns + _SAME_STAMP_NS:
-            cloud = min(cloud, self._head, key=lambda one: abs(one.stamp_ns - stamp_ns))
-            self._head = next(self._clouds, None)
         return self._decoded(cloud, sweep), passed_over
-
-    def _skip_leftovers(self, last_ns: int) -> None:
-        """Skips a few unused clouds after a jump back in time."""
-        # Not past all: a single sweep with a wrong stamp must not cost the others their truth.
-        for _ in range(REORDER_WINDOW):
-            if self._head is not None and self._head.stamp_ns > last_ns:
-                self._head = next(self._clouds, None)
 
     def _decoded(self, cloud: TruthCloud, sweep: Sweep) -> FlowTruth | None:
         num_points = sweep.source.num_points
@@ -216,8 +200,7 @@ class TruthTrack:
                 )
             _check_points(cloud.message, truth, sweep)
         except RecordingError as error:
-            self._num_unfit += 1
-            if self._num_unfit <= _MAX_TOLD:
+            if self._findings.counts[Event.TRUTH_UNFIT] < _MAX_TOLD:
                 where = f"truth at stamp {cloud.stamp_ns}"
                 self._findings.report(Damage(self._name, where, str(error)))
             self._findings.count(Event.TRUTH_UNFIT)

@@ -24,7 +24,6 @@ from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import EgoMotionSettings, Settings
-from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.point_cloud2 import encode_columns
 
 
@@ -33,13 +32,13 @@ def cloud(index, num_points=60):
     return cloud_message(encoded, small.stamp(index), "lidar", is_dense=False)
 
 
-def truth_track(indices, findings=None):
+def truth_track(indices):
     clouds = (TruthCloud(small.stamp(index), cloud(index)) for index in indices)
-    return TruthTrack(clouds, findings or Findings(), "drive")
+    return TruthTrack(clouds, Findings(), "drive")
 
 
-def take(track, index, num_points=60):
-    truth, passed_over = track.take(small.sweep(index, num_points))
+def take(track, index):
+    truth, passed_over = track.take(small.sweep(index))
     return None if truth is None else truth.stamp_ns, passed_over
 
 
@@ -55,14 +54,6 @@ def test_sweeps_without_truth_and_truth_without_sweeps():
     assert take(track, 7) == (None, 0)
 
 
-def test_truth_in_the_second_round_of_a_loop_is_found():
-    track = truth_track([10, 11, 12, 13, 14, 15, 16, 0, 1, 2])
-    for index in range(10, 16):
-        take(track, index)
-    # Sweep 16 is lost; its truth is still at the head when time jumps back.
-    assert [take(track, i) for i in range(3)] == [(small.stamp(i), 0) for i in range(3)]
-
-
 @pytest.mark.parametrize("wrong", [3, -5000])
 def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong):
     track = truth_track(range(40))
@@ -71,14 +62,6 @@ def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong
     assert take(track, wrong) == (None, 0)
     found = [take(track, index)[0] for index in range(10, 40)]
     assert found[5:] == [small.stamp(index) for index in range(15, 40)]
-
-
-def test_truth_of_another_number_of_rows_is_reported_and_not_used():
-    findings = Findings()
-    track = truth_track([0, 1], findings)
-    assert take(track, 0, num_points=61) == (None, 0)
-    assert "60 rows, its sweep has 61 points" in str(next(iter(findings.damages)))
-    assert take(track, 1) == (small.stamp(1), 0)
 
 
 def test_poses_of_a_recording(tmp_path):
@@ -103,103 +86,88 @@ def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     assert {item.frame_id for item in found} == {""}
 
 
-def stamped_truth(index, off_ns):
-    encoded = small.truth(index).encode(small.xyz(index))
-    stamp_ns = small.stamp(index) + off_ns
-    return TruthCloud(stamp_ns, cloud_message(encoded, stamp_ns, "lidar", is_dense=False))
-
-
 @pytest.mark.parametrize(
     ("off_ns", "is_used"), [(-400_000, True), (400_000, True), (600_000, False)]
 )
 def test_truth_whose_stamp_is_rounded_is_that_of_its_sweep(off_ns, is_used):
-    track = TruthTrack([stamped_truth(i, off_ns) for i in range(4)], Findings(), "drive")
+    clouds = [TruthCloud(small.stamp(index) + off_ns, cloud(index)) for index in range(4)]
+    track = TruthTrack(clouds, Findings(), "drive")
     for index in range(4):
         assert (take(track, index)[0] is not None) == is_used
 
 
-@pytest.mark.parametrize("offs_ns", [(-400_000, 100_000), (-300_000, 0), (100_000, 400_000)])
-def test_nearer_of_two_truths_is_taken_and_the_other_is_none_without_a_sweep(offs_ns):
-    clouds = [*(stamped_truth(0, off_ns) for off_ns in offs_ns), stamped_truth(1, 0)]
-    track = TruthTrack(clouds, Findings(), "drive")
-    assert take(track, 0) == (small.stamp(0) + min(offs_ns, key=abs), 0)
-    assert take(track, 1) == (small.stamp(1), 0)
-
-
-def moved_truth(offset_m, rows=slice(None), *, invalid=()):
+def moved(offset_m, rows=slice(None), *, invalid=()):
     """Truth of sweep 0 that says its points were somewhere else."""
     points, truth = small.xyz(0), small.truth(0)
     points[rows] += np.float32(offset_m)
     truth.valid[list(invalid)] = False
-    message = cloud_message(truth.encode(points), small.stamp(0), "lidar", is_dense=False)
-    return TruthCloud(small.stamp(0), message)
+    return cloud_message(truth.encode(points), small.stamp(0), "lidar", is_dense=False)
 
 
-@pytest.mark.parametrize(("offset_m", "is_used"), [(0.0005, True), (0.01, False)])
-def test_truth_is_of_points_that_are_the_same_to_a_millimetre(offset_m, is_used):
+def matched(message, sweep=None):
+    """The truth that a sweep gets of a message, and the damage found in it."""
     findings = Findings()
-    truth, _ = TruthTrack([moved_truth(offset_m)], findings, "drive").take(small.sweep(0))
-    assert (truth is not None) == is_used
-    assert findings.counts[Event.TRUTH_UNFIT] == int(not is_used)
+    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
+    truth, _ = track.take(sweep or small.sweep(0))
+    damages = [str(damage) for damage in findings.damages]
+    assert findings.counts[Event.TRUTH_UNFIT] == len(damages) == (truth is None)
+    return truth, "".join(damages)
 
 
 @pytest.mark.parametrize("offset_m", [np.nan, 5.0])
 def test_row_that_is_not_valid_need_not_say_where_it_is(offset_m):
-    findings = Findings()
-    cloud = moved_truth(offset_m, [3, 8], invalid=[3, 8])
-    assert take(TruthTrack([cloud], findings, "drive"), 0) == (small.stamp(0), 0)
-    assert not findings.damages
-
-
-def holed_sweep(*holes):
-    """Sweep 0 as it comes where some points were not finite."""
-    whole, rows = small.sweep(0), np.delete(np.arange(60), holes)
-    source = replace(whole.source, rows=rows)
-    return Sweep(whole.xyz[rows], whole.stamp_ns, whole.frame_id, source)
+    truth, _ = matched(moved(offset_m, [3, 8], invalid=[3, 8]))
+    assert truth is not None
 
 
 def test_rows_are_compared_with_the_points_that_are_left():
-    findings = Findings()
     # Row 8 is the seventh point that is left; it is not valid, whatever row 6 is.
-    clouds = [moved_truth(5.0, [0, 7, 8], invalid=[8])]
-    truth, _ = TruthTrack(clouds, findings, "drive").take(holed_sweep(0, 7))
-    assert truth is not None
+    whole, rows = small.sweep(0), np.delete(np.arange(60), (0, 7))
+    holed = replace(whole, xyz=whole.xyz[rows], source=replace(whole.source, rows=rows))
+    truth, _ = matched(moved(5.0, [0, 7, 8], invalid=[8]), holed)
     assert len(truth) == 60
-    assert not findings.damages
 
 
-@pytest.mark.parametrize("name", ["x", "flow_x", "valid"])
-def test_field_of_several_values_a_point_is_damage(name):
-    findings = Findings()
+def with_several_values(name):
     message = cloud(0)
-    message.fields = [
-        replace(field, count=3 if field.name == name else 1) for field in message.fields
-    ]
-    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
-    assert take(track, 0) == (None, 0)
-    (damage,) = map(str, findings.damages)
-    assert f"field {name} has more than one value a point" in damage
+    message.fields = [replace(one, count=3 if one.name == name else 1) for one in message.fields]
+    return message
 
 
-def test_truth_in_another_order_than_its_sweep_is_not_used():
-    findings = Findings()
-    turned = small.truth(0).encode(small.xyz(0)[::-1])
-    message = cloud_message(turned, small.stamp(0), "lidar", is_dense=False)
-    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
-    assert take(track, 0) == (None, 0)
-    (damage,) = map(str, findings.damages)
-    assert "60 of 60 points of the truth have another position than in their sweep" in damage
-
-
-@pytest.mark.parametrize("wrong", [b"\x01\x00\x80\x7f", b"\xff\xff\x7f\x7f"])
-def test_flipped_bits_in_a_truth_are_noticed_without_a_warning(wrong):
-    """A signaling NaN, and the largest number there is, in the place of the first x."""
-    findings = Findings()
+def with_first_x(data):
     message = cloud(0)
-    message.data[:4] = np.frombuffer(wrong, np.uint8)
-    track = TruthTrack([TruthCloud(small.stamp(0), message)], findings, "drive")
-    assert take(track, 0) == (None, 0)
-    assert "1 of 60 points of the truth have another position" in str(next(iter(findings.damages)))
+    message.data[:4] = np.frombuffer(data, np.uint8)
+    return message
+
+
+def turned():
+    encoded = small.truth(0).encode(small.xyz(0)[::-1])
+    return cloud_message(encoded, small.stamp(0), "lidar", is_dense=False)
+
+
+_ELSEWHERE = "{} of 60 points of the truth have another position than in their sweep".format
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        (moved(0.0005), ""),
+        (moved(0.01), _ELSEWHERE(60)),
+        (turned(), _ELSEWHERE(60)),
+        # Flipped bits: a signaling NaN, and the largest number there is.
+        (with_first_x(b"\x01\x00\x80\x7f"), _ELSEWHERE(1)),
+        (with_first_x(b"\xff\xff\x7f\x7f"), _ELSEWHERE(1)),
+        (cloud(0, 61), "61 rows, its sweep has 60 points"),
+        *(
+            (with_several_values(name), f"field {name} has more than one value a point")
+            for name in ("x", "flow_x", "valid")
+        ),
+    ],
+)
+def test_truth_that_does_not_fit_its_sweep_is_reported_and_not_used(message, text):
+    truth, damage = matched(message)
+    assert (truth is None) == bool(text)
+    assert text in damage
 
 
 def test_truth_need_not_say_where_its_points_are():
@@ -210,9 +178,8 @@ def test_truth_need_not_say_where_its_points_are():
         for name in ("valid", "dynamic", "ground", "class_id")
     }
     encoded = encode_columns(columns, 1, 60)
-    message = cloud_message(encoded, small.stamp(0), "lidar", is_dense=False)
-    track = TruthTrack([TruthCloud(small.stamp(0), message)], Findings(), "drive")
-    assert take(track, 0) == (small.stamp(0), 0)
+    truth, _ = matched(cloud_message(encoded, small.stamp(0), "lidar", is_dense=False))
+    assert truth is not None
 
 
 def test_damage_of_odometry_says_which_message(tmp_path):
