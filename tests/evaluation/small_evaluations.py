@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
+from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
@@ -23,7 +25,7 @@ from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.recording.inspection import inspect_recording
-from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from msg_utils.point_cloud2 import encode_columns
 
 SESSION = SessionRecord.now(["mnsf"])
@@ -74,6 +76,18 @@ def sweep(index, num_points=60, frame_id="lidar"):
     """A sweep as the recording gives it."""
     source = CloudRows(np.arange(num_points), num_points, "drive")
     return Sweep(xyz(index, num_points), stamp(index), frame_id, source)
+
+
+def example_of(xyz, flow, *, motion=None, interval_ms=100, times_s=None, **known):
+    """An example whose truth has some columns; by default all points are those of a static car."""
+    stamps_ns = (stamp(0), stamp(1), stamp(1) + interval_ms * 1_000_000)
+    previous, current, following = map(Sweep, (xyz, xyz, xyz + flow), stamps_ns)
+    none = np.zeros(len(xyz), bool)
+    columns = {"valid": ~none, "dynamic": none, "ground": none, **known}
+    columns.setdefault("class_id", np.full(len(xyz), 6, np.uint8))
+    current = replace(current, times_s=times_s)
+    triplet = SweepTriplet(previous, current, following, next_from_current=motion)
+    return Example("drive", 1, triplet, FlowTruth(stamp_ns=stamp(1), flow=flow, **columns))
 
 
 def pose(index):

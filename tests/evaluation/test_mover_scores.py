@@ -11,16 +11,14 @@ import pytest
 import small_evaluations as small
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, Reason, TrackedObject, Verdict
-from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import from_json, to_json
 from mnsf_ros.evaluation.scoring import scored_row
 from mnsf_ros.evaluation.summary import summarize
-from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
+from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.report.tables import further_tables, main_tables
-from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 N = 100
 SECOND = 1_000_000_000
@@ -195,36 +193,40 @@ def test_groups_are_by_speed_range_and_kind():
     assert groups(moves=False) == set()
 
 
-def test_time_after_a_stop_is_told():
-    moving, slow = seen(True), seen(True, 0.05, moves=False)
-    rows = [moving, moving, slow, slow, slow, slow]
-    assert summary_of(at_10_hz(rows))["after_stop_s"] == pytest.approx(0.3)
-    # A parked object that was never seen to move has not stopped.
-    assert math.isnan(summary_of(at_10_hz([slow] * 5))["after_stop_s"])
-    assert math.isnan(summary_of(at_10_hz([moving] * 5))["after_stop_s"])
+_MOVING, _SLOW = seen(True), seen(True, 0.05, moves=False)
+_STANDS, _OTHER_STANDS = (MoverRow((0, 0, 0), 0, standing=[number]) for number in (1, 2))
 
 
-def test_what_is_called_standing_at_once_after_a_stop_has_a_time_after_it():
-    moving, stands = seen(True), MoverRow((0, 0, 0), 0, standing=[1])
-    assert summary_of(at_10_hz([moving, moving, stands, stands]))["after_stop_s"] == 0.0
-    slow = seen(True, 0.05, moves=False)
-    rows = [moving, stands, slow, slow]
-    assert summary_of(at_10_hz(rows))["after_stop_s"] == pytest.approx(0.2)
+@pytest.mark.parametrize(
+    ("rows", "after_stop_s"),
+    [
+        ([_MOVING, _MOVING, *[_SLOW] * 4], 0.3),
+        # A parked object that was never seen to move has not stopped.
+        ([_SLOW] * 5, math.nan),
+        ([_MOVING] * 5, math.nan),
+        # Called static at once, or called a mover again later.
+        ([_MOVING, _MOVING, _STANDS, _STANDS], 0.0),
+        ([_MOVING, _STANDS, _SLOW, _SLOW], 0.2),
+        # Something else that stands is not the mover.
+        ([_MOVING, _OTHER_STANDS], math.nan),
+    ],
+)
+def test_time_that_an_object_is_called_a_mover_after_it_stopped(rows, after_stop_s):
+    rows = at_10_hz(rows)
     # Another one that never stops does not hide it.
-    other = [("other", stamp, row) for _, stamp, row in at_10_hz([moving] * 4)]
-    assert summary_of(other + at_10_hz(rows))["after_stop_s"] == pytest.approx(0.2)
-    # Something else that stands is not the mover, and one that comes back later neither.
-    elsewhere = MoverRow((0, 0, 0), 0, standing=[2])
-    assert math.isnan(summary_of(at_10_hz([moving, elsewhere]))["after_stop_s"])
-    later = [*at_10_hz([moving]), ("drive", 2 * SECOND, stands)]
+    for others in ([], at_10_hz([_MOVING] * 4, "other")):
+        found = summary_of(others + rows)["after_stop_s"]
+        assert found == pytest.approx(after_stop_s, nan_ok=True)
+
+
+def test_object_that_comes_back_later_has_not_stopped():
+    later = [*at_10_hz([_MOVING]), ("drive", 2 * SECOND, _STANDS)]
     assert math.isnan(summary_of(later)["after_stop_s"])
 
 
-def test_standing_objects_are_told_by_number():
+def test_static_objects_are_listed_by_number():
     ids = np.repeat([0, 1, 2, 3], 25)
-    called = np.isin(ids, [2])
-    row = row_of(true_motion(ids, {1: 4.0}), said(called))
-    assert row.standing == [3]
+    assert row_of(true_motion(ids, {1: 4.0}), said(ids == 2)).standing == [3]
 
 
 def test_nothing_to_judge_is_no_number():
@@ -248,20 +250,10 @@ def example():
     motion = np.eye(4)
     motion[:2, :2] = [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]]
     xyz = np.random.default_rng(0).uniform(5, 20, (N, 3)).astype(np.float32)
-    dynamic = IDS == 1
-    moved = xyz + np.where(dynamic[:, None], np.float32([0, 0.5, 0]), np.float32(0))
+    moved = xyz + np.where((IDS == 1)[:, None], np.float32([0, 0.5, 0]), np.float32(0))
     flow = (moved @ motion[:3, :3].T).astype(np.float32) - xyz
-    truth = FlowTruth(
-        stamp_ns=small.stamp(1),
-        flow=flow,
-        valid=np.ones(N, bool),
-        dynamic=dynamic,
-        ground=np.zeros(N, bool),
-        class_id=np.full(N, 6, np.uint8),
-        object_id=IDS.astype(np.uint32),
-    )
-    sweeps = (Sweep(xyz, small.stamp(number)) for number in range(3))
-    return Example("drive", 1, SweepTriplet(*sweeps, next_from_current=motion), truth), flow
+    known = {"dynamic": IDS == 1, "object_id": IDS.astype(np.uint32)}
+    return small.example_of(xyz, flow, motion=motion, **known), flow
 
 
 def test_rows_of_a_run_have_movers_and_come_back_from_json():
@@ -280,32 +272,28 @@ def test_rows_of_a_run_have_movers_and_come_back_from_json():
 
 def test_tables_of_movers():
     one, flow = example()
-    kept = np.ones(N, bool)
-    over_ground = [said(IDS == 1), said(IDS == 2)]
-    online, lost = (
-        scored_row(
-            one,
-            "online",
-            FlowEstimate(
-                flow, kept, over_ground=said, reason_of=lambda _: Reason(Verdict.TOO_LARGE)
-            ),
-        )
-        for said in over_ground
-    )
-    others = scored_row(one, "mnsf", FlowEstimate(flow, kept))
-    summary = summarize([online, others, replace(lost, number=2, stamp_ns=small.stamp(2))])
-    tables = {table.title: table for table in main_tables(summary) if table.has_values}
-    called = tables["Points called dynamic, and false movers"]
+
+    def row(number, method, **known):
+        estimate = FlowEstimate(flow, np.ones(N, bool), **known)
+        stamp_ns = small.stamp(number)
+        return replace(scored_row(one, method, estimate), number=number, stamp_ns=stamp_ns)
+
+    def shown(tables):
+        return {table.title.partition(",")[0]: table for table in tables if table.has_values}
+
+    reason = {"reason_of": lambda _: Reason(Verdict.TOO_LARGE)}
+    found, lost = (row(i, "online", over_ground=said(i == IDS), **reason) for i in (1, 2))
+    others = row(1, "mnsf")
+    summary = summarize([found, others, lost])
+    tables = shown(main_tables(summary)) | shown(further_tables(summary))
+    called = tables["Points called dynamic"]
     assert called.rows == [["online", "50.0", "50.0", "33.3", "0.50", "50.0"]]
-    objects = tables["Objects that move, of 20 points and more"]
-    assert objects.rows == [["online: 2 m/s and faster, to 50 m", "-", "0.0", "0.00", "1", "0"]]
-    further = [table for table in further_tables(summary) if table.has_values]
-    assert any(row[0] == "online: cars, to 50 m" for table in further for row in table.rows)
-    losses, confidence, _ = further[-3:]
+    losses = tables["Mover-sweeps without detection"]
     assert (losses.header, losses.rows) == (["method", "too large"], [["online", "1"]])
+    confidence = next(table for name, table in tables.items() if name.startswith("Confidence"))
     assert confidence.header == ["method", "from 0.95"]
-    titles = [table.title for table in main_tables(summarize([others])) if table.has_values]
-    assert not any("called" in title for title in titles)
+    assert tables["Objects that move"].rows[-1][0] == "online: cars, to 50 m"
+    assert not any("called" in title for title in shown(main_tables(summarize([others]))))
 
 
 MOVED = np.array([0.0, 0.5, 0.0])  # 5 m/s to the left for a tenth of a second
