@@ -15,20 +15,6 @@ from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike, re
 from msg_utils.errors import MessageError, checked_integer, describe
 from msg_utils.point_fields import FieldLayout, datatype_of, fields_end, point_dtype
 
-__all__ = [
-    "CloudEncoding",
-    "Columns",
-    "EncodedCloud",
-    "FieldLayout",
-    "MessageError",
-    "clash_names",
-    "decode_points",
-    "decode_xyz",
-    "encode_columns",
-    "encoding_of_columns",
-    "encoding_with_columns",
-]
-
 _XYZ: Final = ("x", "y", "z")
 
 

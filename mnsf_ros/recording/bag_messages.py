@@ -15,7 +15,7 @@ from msg_utils.stamps import encode_stamp
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from msg_utils.point_cloud2 import EncodedCloud
+    from msg_utils.cloud_layout import EncodedCloud
 
 
 def message_definition(msgtype: str) -> str:

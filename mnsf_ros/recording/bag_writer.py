@@ -25,8 +25,9 @@ from mnsf_ros.recording.bag_topics import (
 from mnsf_ros.recording.damage import reason
 from mnsf_ros.recording.metadata import WrittenTopic, write_metadata
 from mnsf_ros.recording.new_folder import new_folder
+from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import EncodedCloud, encode_columns
+from msg_utils.point_cloud2 import encode_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mnsf_ros.errors import RecordingError
-from msg_utils.cloud_layout import PointCloudLike
+from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import EncodedCloud, decode_points, encode_columns
+from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.stamps import decode_stamp
 
 if TYPE_CHECKING:

@@ -136,16 +136,6 @@ class TestXyz:
             assert xyz.flags.writeable
             assert not np.shares_memory(xyz, np.frombuffer(part.data, np.uint8))
 
-    def test_autoware_layout_with_float64_at_offset_27(self, stack):
-        # XYZIRADRT without padding.
-        others = [("intensity", 12, 7, 1), ("ring", 16, 4, 1), ("azimuth", 18, 7, 1)]
-        others += [("distance", 22, 7, 1), ("return_type", 26, 2, 1), ("time_stamp", 27, 8, 1)]
-        points = [(1.0, 2.0, 3.0, 0.5, 7, 0.25, 4.0, 1, 1_700_000_000.125)]
-        data = pack(points, "<ffffHffBd")
-        cloud = stack.send(stack.make_cloud([*XYZ, *others], data, width=1, point_step=35))
-        assert decode_xyz(cloud)[0].tolist() == [[1.0, 2.0, 3.0]]
-        assert decode_points(cloud)["time_stamp"].tolist() == [[1_700_000_000.125]]
-
     def test_float64_beyond_float32_and_signalling_nan_are_silent(self, make_cloud):
         points = [(1e39, 0.0, 0.0), (0.0, -1e300, 0.0), (LARGEST, 1e-300, 0.1)]
         data = pack(points, "<ddd") + struct.pack("<Q", 0x7FF0000000000001) * 3
