@@ -31,12 +31,3 @@ def test_batches_have_rows_of_the_table_and_every_row_has_its_turn(device, gener
     assert drawn.device == table(1, device).device
     assert set(drawn[:, 0].tolist()) == set(range(20))
     assert torch.equal(drawn[:, 1], 10 * drawn[:, 0])
-
-
-def test_draws_differ_but_the_same_seed_gives_the_same_ones(device):
-    first, again = (
-        Batches(table(1000, device), 20, torch.Generator().manual_seed(3)) for _ in range(2)
-    )
-    draws = [first.draw() for _ in range(3)]
-    assert not torch.equal(draws[0], draws[1])
-    assert all(torch.equal(draw, again.draw()) for draw in draws)

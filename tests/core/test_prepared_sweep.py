@@ -54,15 +54,6 @@ def test_flow_is_asked_for_at_the_nearest_place_among_the_kept_points(sweep):
     np.testing.assert_array_equal(positions, np.clip(sweep.xyz, points.min(0), points.max(0)))
 
 
-def test_sweep_is_not_written_to(sweep):
-    before = sweep.xyz.copy()
-    sweep.xyz.setflags(write=False)
-    prepared = PreparedSweep(sweep, ON_CPU)
-    prepared.points.zero_()
-    prepared.positions.zero_()
-    np.testing.assert_array_equal(sweep.xyz, before)
-
-
 def ring(num_points, radius_m=10.0):
     angles = np.linspace(0, 2 * np.pi, num_points, endpoint=False)
     return radius_m * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
@@ -72,24 +63,16 @@ def ring(num_points, radius_m=10.0):
     ("points", "left"),
     [
         (np.zeros((0, 3)), "0 of 0"),
-        (ring(9), "9 of 9"),
         (ring(5000, 200.0), "0 of 5000"),
         (np.vstack([ring(9), ring(50, 1e7), ring(50, 1e20)]), "9 of 109"),
     ],
-    ids=["empty", "nine", "all beyond the crop", "nearly all beyond the crop"],
+    ids=["empty", "all beyond the crop", "nearly all beyond the crop"],
 )
 def test_too_few_points(points, left):
     text = f"sweep 1700: {left} points are left after crop and ground removal, expected at least 10"
     with pytest.raises(SweepError, match=f"^{re.escape(text)}$"):
         PreparedSweep(Sweep.from_array(points, stamp_ns=1700), NO_GROUND)
-
-
-def test_fewest_points():
     assert PreparedSweep(Sweep.from_array(ring(10)), NO_GROUND).kept.all()
-    sweep = Sweep(ring(50).astype(np.float32), kept=np.arange(50) < 5)
-    text = "5 of 50 points are left after crop, ground removal and the choice of points, expected"
-    with pytest.raises(SweepError, match=text):
-        PreparedSweep(sweep, NO_GROUND)
 
 
 @pytest.fixture
@@ -105,13 +88,6 @@ def test_sweep_is_prepared_once_as_the_triplet_moves_on(sweeps):
     assert preparation.prepare(*sweeps[2:5])[0].distance is distance
     # A sweep that left the triplet is forgotten.
     assert preparation.prepare(sweeps[0])[0] is not first
-
-
-def test_sweeps_are_told_apart_by_identity_not_by_stamp():
-    low, high = Sweep.from_array(ring(20)), Sweep.from_array(ring(30))
-    prepared = SweepPreparation(NO_GROUND).prepare(low, high, low)
-    assert [len(each.points) for each in prepared] == [20, 30, 20]
-    assert prepared[0] is prepared[2]
 
 
 def test_refused_sweep_does_not_spoil_the_others(sweeps):
