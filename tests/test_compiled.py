@@ -33,14 +33,6 @@ def test_sums_in_the_order_of_the_loop():
     assert total(values) == in_order
 
 
-@pytest.mark.parametrize(
-    "values", [np.zeros(3), np.zeros((3, 1), np.float32), np.zeros(6, "f4")[::2]]
-)
-def test_other_types_are_refused_instead_of_compiled(values):
-    with pytest.raises(TypeError, match="No matching definition"):
-        total(values)
-
-
 _LOOPS = """
 from mnsf_ros.compiled import compiled
 

@@ -76,15 +76,9 @@ def launched(prefix: Path, *arguments: str) -> tuple[int, str]:
     return ended.returncode, ended.stdout
 
 
-def test_switches_may_be_spelled_as_in_python(prefix: Path) -> None:
-    status, output = launched(prefix, "points:=points", "use_sim_time:=True", "lifecycle:=FALSE")
-    assert status == 0, output
-    assert "started scene_flow_node" in output
-
-
 def test_names_are_relative(prefix: Path) -> None:
     status, output = launched(prefix, "points:=points", "namespace:=front", "name:=flow")
-    assert status == 0
+    assert status == 0, output
     (line,) = (line for line in output.splitlines() if "started scene_flow_node" in line)
     for word in (
         "__node:=flow",
@@ -97,13 +91,6 @@ def test_names_are_relative(prefix: Path) -> None:
     assert "~/flow:=" not in line
 
 
-def test_flow_takes_its_parts_along(prefix: Path) -> None:
-    _, output = launched(prefix, "points:=/x", "flow:=motion", "log_level:=debug")
-    for word in ("~/flow:=motion ", "~/flow/moving:=motion/moving", "~/flow/standing:=motion/stan"):
-        assert word in output
-    assert "--log-level debug" in output
-
-
 def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
     _, output = launched(
         prefix, "points:=/x", "rviz:=true", "namespace:=front", "fixed_frame:=velodyne"
@@ -114,20 +101,25 @@ def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
     assert "/scene_flow/objects/markers:=/front/scene_flow/objects/markers" in line
 
 
-def test_several_lidars(prefix: Path) -> None:
-    status, output = launched(prefix, "points:=/front/points,rear/points")
+def test_several_lidars_and_a_flow_that_takes_its_parts_along(prefix: Path) -> None:
+    words = ("use_sim_time:=True", "flow:=motion", "log_level:=debug")
+    status, output = launched(prefix, "points:=/front/points,rear/points", *words)
     assert status == 0
+    for word in ("~/flow:=motion ", "~/flow/moving:=motion/moving", "~/flow/standing:=motion/stan"):
+        assert word in output
+    assert "--log-level debug" in output
     assert "~/points:=/front/points " in output
     assert "~/points_2:=rear/points " in output
     (path,) = (word for word in output.split() if Path(word).name.startswith("launch_params"))
     assert "lidars.count: 2" in Path(path).read_text()
 
 
-def test_node_with_a_life_cycle(prefix: Path) -> None:
-    status, output = launched(prefix, "points:=/x", "lifecycle:=true", "autostart:=false")
+@pytest.mark.parametrize("switch", ["true", "FALSE"])
+def test_node_with_or_without_a_life_cycle(prefix: Path, switch: str) -> None:
+    status, output = launched(prefix, "points:=/x", f"lifecycle:={switch}", "autostart:=false")
     assert status == 0
-    assert "started scene_flow_lifecycle_node" in output
-    assert "started scene_flow_node" not in output
+    assert ("started scene_flow_lifecycle_node" in output) == (switch == "true")
+    assert ("started scene_flow_node" in output) == (switch == "FALSE")
 
 
 @pytest.mark.parametrize(

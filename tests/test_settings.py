@@ -78,12 +78,6 @@ def test_values_that_are_refused(name, values, expected):
         assert isinstance(refusal.value, ValueError)
 
 
-def test_range_text():
-    assert declared_setting("crop.max_range_m").range_text() == "1 to 1000"
-    assert declared_setting("distance.kind").range_text() == "grid, tree, auto"
-    assert declared_setting("ground.remove").range_text() == ""
-
-
 def test_unknown_names():
     with pytest.raises(
         SettingsError, match=r"^unknown setting 'crop\.max_rang_m'; did you mean .*"

@@ -10,8 +10,6 @@ import pytest
 from box_street import BoxStreet, angle_deg, distance_m, pose
 
 from mnsf_ros.ego_motion.ego_motion import EgoMotion, EgoSource
-from mnsf_ros.ego_motion.sweep_motion import SweepMotion
-from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings, Settings
 
 STREET = BoxStreet()
@@ -46,26 +44,6 @@ def sweeps_of(path, number=6, **how):
 def poses_of(sweeps, settings=DESKEW):
     ego_motion = EgoMotion(settings)
     return [ego_motion.pose_of(sweep) for sweep in sweeps]
-
-
-class TestSweepMotion:
-    STEP = pose(1.2, -0.3, 0.1, yaw_deg=8, pitch_deg=2)
-    MIDDLE = interpolated_pose(np.eye(4), STEP, 0.5)[:3, :3]
-
-    def after(self, share):
-        """(4, 4) the sensor after a share of the step, in its frame before."""
-        place = interpolated_pose(np.eye(4), self.STEP, share)
-        place[:3, 3] = self.MIDDLE.T @ place[:3, 3]
-        return place
-
-    def test_moves_each_point_by_its_own_time(self):
-        rng = np.random.default_rng(0)
-        xyz = rng.uniform(-50, 50, (40, 3)).astype(np.float32)
-        times_s = rng.uniform(-0.1, 0.1, 40).astype(np.float32)
-        moved = SweepMotion.of_step(self.STEP, 0.1, 0.02).moved(xyz, times_s)
-        for point, time_s, found in zip(xyz, times_s, moved, strict=True):
-            then = self.after((float(time_s) - 0.02) / 0.1)
-            np.testing.assert_allclose(found, then[:3, :3] @ point + then[:3, 3], atol=2e-5)
 
 
 class TestPoses:
@@ -118,20 +96,14 @@ class TestPoses:
         np.testing.assert_allclose(there + stamp_from_moment[:3, 3], straight, atol=0.02)
 
 
-class TestNothingChanges:
-    def assert_same(self, first, second):
-        for one, other in zip(first, second, strict=True):
-            np.testing.assert_array_equal(one.world_from_sensor, other.world_from_sensor)
-            np.testing.assert_array_equal(one.world_from_stamp, other.world_from_stamp)
-
-    def test_without_times(self):
-        sweeps = [replace(sweep, times_s=None) for sweep in sweeps_of(turning)]
-        self.assert_same(poses_of(sweeps), poses_of(sweeps, AS_THEY_CAME))
-
-    def test_if_it_is_not_wanted(self):
-        sweeps = sweeps_of(turning)
-        without = [replace(sweep, times_s=None) for sweep in sweeps]
-        self.assert_same(poses_of(sweeps, AS_THEY_CAME), poses_of(without))
+def test_without_times_or_deskewing_nothing_changes():
+    sweeps = sweeps_of(turning)
+    without = [replace(sweep, times_s=None) for sweep in sweeps]
+    expected = poses_of(without)
+    for other in (poses_of(without, AS_THEY_CAME), poses_of(sweeps, AS_THEY_CAME)):
+        for one, two in zip(expected, other, strict=True):
+            np.testing.assert_array_equal(one.world_from_sensor, two.world_from_sensor)
+            np.testing.assert_array_equal(one.world_from_stamp, two.world_from_stamp)
 
 
 class TestOddTimes:

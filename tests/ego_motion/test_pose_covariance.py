@@ -16,13 +16,6 @@ from mnsf_ros.settings import EgoMotionSettings
 NOISE = StepNoise(0.01, 0.01, 0.002, 0.01)
 
 
-def test_noise_of_a_step_grows_with_way_and_turn():
-    covariance = step_covariance(pose(3, 4, yaw_deg=90), NOISE)
-    expected = [0.06] * 3 + [0.002 + 0.01 * np.pi / 2] * 3
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), expected)
-    assert (covariance == np.diag(np.diag(covariance))).all()
-
-
 def test_chain_has_the_spread_of_many_noisy_drives():
     rng, motion = np.random.default_rng(0), pose(2, 0.1, yaw_deg=3, pitch_deg=1)
     step, num_steps, num_drives = step_covariance(motion, NOISE), 20, 4000

@@ -1,12 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Surfaces of a map against plain answers, and clouds that are compared with them."""
+"""Surfaces of a map against plain answers."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
-from box_street import BoxStreet, pose
+from box_street import pose
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.ego_motion.cloud import Cloud
@@ -50,13 +48,6 @@ class TestSurfaces:
 
 
 class TestComparison:
-    STREET = BoxStreet(2)
-
-    def clouds(self):
-        return [
-            Cloud.of(self.STREET.sweep(pose(), index), None, SETTINGS).points for index in (0, 1)
-        ]
-
     def test_is_what_one_equation_for_each_point_gives(self):
         points = points_of((0.03, 0.12, 0.2), 50)
         surfaces, sensor = map_of(points), pose(-0.02, 0.03, 0.01, yaw_deg=3)
@@ -74,17 +65,6 @@ class TestComparison:
         np.testing.assert_allclose(there.gradient, gradient, atol=1e-5)
         np.testing.assert_allclose(there.curvature, curvature, atol=1e-5)
 
-    def test_in_threads_side_by_side(self):
-        first, second = self.clouds()
-        surfaces = map_of(first)
-        expected = surfaces.compared(second, np.eye(4), REACH_M)
-        with ThreadPoolExecutor(4) as threads:
-            found = list(
-                threads.map(lambda _: map_of(first).compared(second, np.eye(4), REACH_M), range(8))
-            )
-        for each in found:
-            np.testing.assert_array_equal(each.curvature, expected.curvature)
-
 
 class TestForgetting:
     def test_cells_that_were_not_seen_for_long_are_dropped(self):
@@ -97,21 +77,6 @@ class TestForgetting:
 
 
 class TestCloud:
-    def plain(self, xyz):
-        """Points in range, and whether they are near the lowest of their column of 1 m."""
-        with np.errstate(over="ignore"):
-            near = (xyz[:, 0] ** 2 + xyz[:, 1] ** 2 < 6400) & (np.abs(xyz[:, 2]) < 80)
-        near = xyz[near]
-        columns = [tuple(column) for column in (near[:, :2] + np.float32(80)).astype(int)]
-        lowest = {}
-        for column, z in zip(columns, near[:, 2], strict=True):
-            lowest[column] = min(z, lowest.get(column, np.inf))
-        low = [
-            z < lowest[column] + np.float32(0.3)
-            for column, z in zip(columns, near[:, 2], strict=True)
-        ]
-        return near, np.array(low, bool)
-
     def test_of_a_sweep_that_must_not_be_written_to(self):
         xyz = np.ones((10, 3), np.float32)
         xyz.flags.writeable = False

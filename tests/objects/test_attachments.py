@@ -35,30 +35,32 @@ def spread(found, number):
     return all_rows
 
 
-class TestFragments:
-    def test_one_within_half_a_metre_goes_with_the_mover(self):
-        found = rows_of(CAR, FRAGMENT)
-        assert (found[len(CAR) :] == 0).all()
+WALL = surface((13.4, 0.0, 0.0), size=(6.0, 0.2, 1.0), num_points=3000)
 
-    def test_one_that_is_farther_off_does_not(self):
-        assert (rows_of(CAR, FRAGMENT + rows((0.5, 0, 0))) == -1).all()
 
-    def test_one_that_stands_for_sure_does_not(self):
-        assert (rows_of(CAR, FRAGMENT, is_loose=False) == -1).all()
+@pytest.mark.parametrize(
+    ("part", "is_loose", "row"),
+    [
+        (FRAGMENT, True, 0),
+        (FRAGMENT + rows((0.5, 0, 0)), True, -1),
+        (FRAGMENT, False, -1),
+        (WALL, True, -1),
+    ],
+    ids=["near", "too far", "static for sure", "long, near at one end"],
+)
+def test_fragment_goes_with_the_mover_within_half_a_metre(part, is_loose, row):
+    assert (rows_of(CAR, part, is_loose=is_loose)[len(CAR) :] == row).all()
 
-    def test_a_long_thing_that_comes_close_at_one_end_does_not(self):
-        wall = surface((13.4, 0.0, 0.0), size=(6.0, 0.2, 1.0), num_points=3000)
-        assert (rows_of(CAR, wall) == -1).all()
 
-    def test_of_two_movers_the_nearer_one(self):
-        current = prepared(CAR, FRAGMENT, CAR + rows((4.9, 0, 0)))
-        objects, owners = objects_of(current), current.objects()
-        part = owners[len(CAR)]
-        movers = objects.only(objects.numbers != part)
-        is_loose = np.arange(current.num_objects) == part
-        found = spread(attached(current, owners, movers, is_loose), len(owners))
-        nearer = movers.numbers.tolist().index(owners[0])
-        assert (found[owners == part] == nearer).mean() > 0.9
+def test_fragment_goes_with_the_nearer_of_two_movers():
+    current = prepared(CAR, FRAGMENT, CAR + rows((4.9, 0, 0)))
+    objects, owners = objects_of(current), current.objects()
+    part = owners[len(CAR)]
+    movers = objects.only(objects.numbers != part)
+    is_loose = np.arange(current.num_objects) == part
+    found = spread(attached(current, owners, movers, is_loose), len(owners))
+    nearer = movers.numbers.tolist().index(owners[0])
+    assert (found[owners == part] == nearer).mean() > 0.9
 
 
 class TestBottoms:

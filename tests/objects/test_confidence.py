@@ -57,9 +57,3 @@ def test_a_track_that_was_seen_to_move_confirms_a_motion():
     # One that is only followed, because it may move, says nothing.
     assert confidence_of(CAR, **fast, expected=5 * MOTION, track_score=-1.0) == new
     assert confidence_of(CAR, **fast, expected=5 * MOTION) > new
-
-
-def test_far_off_a_small_residual_says_less():
-    # Residuals count from the spacing of the points on, and that grows with the range.
-    far = {**CAR, "center": (60.0, 6.0, 0.0)}
-    assert confidence_of(far) < confidence_of(CAR)

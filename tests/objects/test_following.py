@@ -79,26 +79,12 @@ class TestIdentity:
         _, ids = follow(alive(follower.tracks, follower.now_ns + 10**8, INTERVAL_S), parts, 2)
         assert ids.tolist() == [2, 1]
 
-    def test_is_never_used_again(self):
-        follower = Follower()
-        assert follower.see((0, 0, 0)) == [1]
-        for _ in range(10):
-            follower.see()
-        assert follower.see((0, 0, 0)) == [2]
-
     def test_of_two_that_meet_stays_with_each(self):
         follower = Follower()
         for index in range(8):
             velocities = [(10, 0, 0), (-10, 0, 0)]
             ids = follower.see((index, 0, 0), (7.5 - index, 1.8, 0), velocity=velocities)
             assert ids == [1, 2]
-
-    def test_what_falls_apart_keeps_it_for_one_part(self):
-        follower = Follower()
-        for index in range(3):
-            follower.see((index, 0, 0))
-        ids = follower.see((3, 0.2, 0), (3, 5, 0))
-        assert ids == [1, 2]
 
     def test_what_grows_together_has_that_which_was_seen_more_often(self):
         follower = Follower()
@@ -110,13 +96,6 @@ class TestIdentity:
 
 
 class TestState:
-    def test_velocity_is_that_of_the_motion(self):
-        follower = Follower()
-        for index in range(6):
-            follower.see((index, 0, 0))
-        np.testing.assert_allclose(follower.tracks.velocities, [(10, 0, 0)], atol=1e-5)
-        np.testing.assert_allclose(follower.tracks.states[0, 0], (5, 0, 0), atol=0.1)
-
     def test_noise_is_smoothed_and_the_covariance_says_so(self):
         rng, follower, errors = np.random.default_rng(0), Follower(), []
         for index in range(40):
@@ -143,18 +122,16 @@ class TestState:
         assert (np.diagonal(follower.tracks.covariances[0]) > np.diagonal(sure)).all()
 
 
-class TestMoverGroups:
-    def groups(self, *places, motions):
-        return mover_groups(objects_at(*places), rows(*motions)).tolist()
-
-    def test_close_and_alike_are_one(self):
-        assert self.groups((0, 0, 0), (2.3, 0, 0), motions=[(1, 0, 0), (1, 0.1, 0)]) == [0, 0]
-
-    def test_far_apart_are_two(self):
-        assert self.groups((0, 0, 0), (3.5, 0, 0), motions=[(1, 0, 0), (1, 0, 0)]) == [0, 1]
-
-    def test_different_motions_are_two(self):
-        assert self.groups((0, 0, 0), (2.3, 0, 0), motions=[(1, 0, 0), (0.5, 0, 0)]) == [0, 1]
-
-    def test_none(self):
-        assert self.groups(motions=[]) == []
+@pytest.mark.parametrize(
+    ("away_m", "second_motion", "groups"),
+    [
+        (2.3, (1, 0.1, 0), [0, 0]),
+        (3.5, (1, 0, 0), [0, 1]),
+        (2.3, (0.5, 0, 0), [0, 1]),
+    ],
+    ids=["close and alike", "far apart", "different motions"],
+)
+def test_groups_of_movers(away_m, second_motion, groups):
+    objects = objects_at((0, 0, 0), (away_m, 0, 0))
+    assert mover_groups(objects, rows((1, 0, 0), second_motion)).tolist() == groups
+    assert mover_groups(objects_at(), rows()).tolist() == []

@@ -13,7 +13,7 @@ from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Stretch, SweepTriplet
+from mnsf_ros.sweeps.sweep import Stretch, SweepTriplet
 
 STREET = BoxStreet()
 SETTINGS = Settings()
@@ -54,24 +54,6 @@ def followed(memory, current, objects, motions, interval_s):
     return memory.follow(current, objects, moving, none, are_clear, interval_s)
 
 
-class TestStart:
-    def start_after_motion(self, *, settings=SETTINGS, interval_s=0.1, **stretch):
-        """The start of the next triplet after objects were seen to move."""
-        seen = Seen(settings)
-        followed(seen.memory, seen.ready(5), object_at((5, 0, 0)), rows((1, 0, 0)), interval_s)
-        return seen.memory.enter(stretch.get("next", seen._stretch))
-
-    def test_is_warm_in_the_same_stretch_only(self):
-        assert MotionMemory(SETTINGS).enter(Stretch()) is Start.COLD_FIRST
-        assert self.start_after_motion() is Start.WARM
-        assert self.start_after_motion(next=Stretch(Start.COLD_GAP)) is Start.COLD_GAP
-
-    def test_is_cold_where_nothing_is_known(self):
-        assert self.start_after_motion(interval_s=0.0) is Start.COLD_FIRST
-        off = SETTINGS.changed({"warm_start.enabled": False})
-        assert self.start_after_motion(settings=off) is Start.COLD_BY_SETTING
-
-
 class TestExpected:
     def expected(self, *centers, index=6, interval_s=0.1):
         """After an object at (5, 1, 0) moved by (1, 0, 0) in the tenth after sweep 5."""
@@ -105,19 +87,3 @@ class TestExpected:
     @pytest.mark.parametrize(("away_m", "is_same"), [(0.4, True), (0.6, False)])
     def test_object_is_the_same_within_half_a_metre(self, away_m, is_same):
         assert self.expected((6, 1 + away_m, 0)).any() == is_same
-
-    def test_nothing_is_expected_where_nothing_moved(self):
-        seen = Seen()
-        current = seen.ready(5)
-        assert not seen.memory.expected(current, object_at((5, 1, 0)), 0.1).is_known.any()
-        followed(seen.memory, current, object_at(), rows(), 0.1)
-        later = seen.ready(6)
-        assert not seen.memory.expected(later, object_at((5, 1, 0)), 0.1).is_known.any()
-
-    def test_nothing_is_expected_in_another_stretch(self):
-        seen = Seen()
-        followed(seen.memory, seen.ready(5), object_at((5, 1, 0)), rows((1, 0, 0)), 0.1)
-        later = seen.ready(6)
-        assert seen.memory.expected(later, object_at((6, 1, 0)), 0.1).is_known.any()
-        seen.memory.enter(Stretch())
-        assert not seen.memory.expected(later, object_at((6, 1, 0)), 0.1).is_known.any()

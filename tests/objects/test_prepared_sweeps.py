@@ -59,10 +59,6 @@ class TestPast:
         _, (found,) = past_after(0, 3, 6, interval_s=0.3)
         assert found.sweep.sweep.stamp_ns == stamp_ns(0)
 
-    def test_steps_are_intervals_of_the_flow(self):
-        _, (found,) = past_after(0, 1, 2, 3, interval_s=0.15)
-        assert found.steps == pytest.approx(-2)
-
     def test_is_unknown_without_stamps(self):
         assert past_after(0, 1, 2, 3, interval_s=0.0)[1] == []
 
@@ -106,12 +102,6 @@ class TestReady:
         assert ready.last is before
         assert ready.of_triplet == before
         assert len(before) == 3
-
-    def test_only_the_last_ones_are_kept(self):
-        prepared = PreparedSweeps(SETTINGS)
-        for pair in pairs_of([sweep(index) for index in range(15)], Stretch()):
-            last = prepared.ready(pair).last
-        assert [each.sweep.stamp_ns for each in last] == [stamp_ns(index) for index in range(3, 15)]
 
     def test_memory_is_bounded_where_every_triplet_is_refused(self):
         prepared = PreparedSweeps(SETTINGS)
