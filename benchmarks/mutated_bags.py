@@ -42,7 +42,6 @@ from mnsf_ros.evaluation.run_folder import to_json
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -159,10 +158,9 @@ def mutated(data: bytes, random: np.random.Generator) -> tuple[bytes, str]:
 
 def evaluate(path: Path) -> tuple[Rows, bool, bool]:
     """Rows without times by method and stamp, and whether there are warnings and checksums."""
-    inspection = inspect_recording(path)
-    recording = choose_topics(inspection, "bag", points="/points")
+    recording = choose_topics(path, "bag", points="/points")
     # The results also warn of missing truth and odometry.
-    is_warned = bool(inspection.damages) or None in (recording.truth, recording.odometry)
+    is_warned = bool(recording.damages) or None in (recording.truth, recording.odometry)
     options = EvaluationOptions(preset("paper"), num_points=100)
     rows = {}
     for method in evaluated_methods(METHODS, options):
@@ -174,7 +172,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
             is_warned = is_warned or bool(row["failure"])
             del row["time_ms"], row["stage_times_ms"]
             rows[method.name, row["stamp_ns"]] = row
-    return rows, is_warned, inspection.has_checksums
+    return rows, is_warned, recording.has_checksums
 
 
 def judge(path: Path, expected: Rows) -> tuple[str, str]:

@@ -62,11 +62,10 @@ def _place(text: str) -> tuple[float, float]:
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.recordings import choose_topics, short_name
-    from mnsf_ros.recording.inspection import inspect_recording
     from mnsf_ros.report.explanation import explain
 
     recording = choose_topics(
-        inspect_recording(options.bag),
+        options.bag,
         short_name(options.bag),
         options.points,
         odometry=options.odometry,

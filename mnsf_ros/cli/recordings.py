@@ -79,7 +79,7 @@ def add_convert(subparsers: Subparsers) -> None:
 def _convert(options: argparse.Namespace) -> None:
     from mnsf_ros.datasets.recording_writer import write_recording
     from mnsf_ros.demo.console_progress import counting_progress
-    from mnsf_ros.recording.new_folder import check_target
+    from mnsf_ros.recording.bag_writer import check_target
 
     check_target(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
@@ -117,8 +117,8 @@ def _play(options: argparse.Namespace) -> None:
     prepare_environment()
     from mnsf_ros.demo.console_progress import counting_progress
     from mnsf_ros.demo.play import PlayOptions, play
+    from mnsf_ros.recording.bag_reader import open_recording
     from mnsf_ros.recording.bag_topics import known_topic
-    from mnsf_ros.recording.inspection import open_recording
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))

@@ -71,14 +71,13 @@ def add_to(subparsers: Subparsers) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.recordings import choose_topics, recording_names
-    from mnsf_ros.recording.inspection import inspect_recording
     from mnsf_ros.tuning.outcome import figures_table, gains_table, write_outcome
     from mnsf_ros.tuning.tune import check_optuna
 
     check_optuna()
     console, tuning = Console(), _options(options)
     recordings = [
-        choose_topics(inspect_recording(path), name, options.points)
+        choose_topics(path, name, options.points)
         for path, name in zip(options.bags, recording_names(options.bags), strict=True)
     ]
     outcome = _tuned(recordings, tuning, console)

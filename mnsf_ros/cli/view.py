@@ -67,8 +67,8 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _show_recording(options: argparse.Namespace, console: Console) -> None:
+    from mnsf_ros.recording.bag_reader import open_recording
     from mnsf_ros.recording.bag_topics import used_topics
-    from mnsf_ros.recording.inspection import open_recording
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
     from mnsf_ros.view.recording_view import RecordingView
     from mnsf_ros.view.view_server import ViewServer
@@ -95,8 +95,8 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
 
 
 def _animate(options: argparse.Namespace, console: Console) -> None:
+    from mnsf_ros.recording.bag_reader import open_recording
     from mnsf_ros.recording.bag_topics import used_topics
-    from mnsf_ros.recording.inspection import open_recording
     from mnsf_ros.view.animation import save_animation
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
 

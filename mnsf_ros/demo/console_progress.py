@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from mnsf_ros.recording.new_folder import check_target
+from mnsf_ros.recording.bag_writer import check_target
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 

@@ -33,7 +33,6 @@ from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.online.watches import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
@@ -62,7 +61,7 @@ def run_demo(
         MnsfError: If the recording cannot be read, or the node gives no flow; one line.
     """
     path = _street(source, folder, console) if isinstance(source, SimulationSettings) else source
-    recording = choose_topics(inspect_recording(path), path.name, topic)
+    recording = choose_topics(path, path.name, topic)
     folder.mkdir(parents=True, exist_ok=True)
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)

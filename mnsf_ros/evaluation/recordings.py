@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from mnsf_ros.errors import EvaluationError, RecordingError
-from mnsf_ros.recording.bag_files import fingerprint, storage_files
+from mnsf_ros.recording.bag_files import fingerprint, stored_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
-from mnsf_ros.recording.inspection import Inspection, inspect_recording
 from mnsf_ros.setting import SettingValue
 
 
@@ -40,7 +39,6 @@ class EvaluatedRecording:
         has_checksums: Whether flipped bits within a message would have been noticed.
         damages: Unreadable parts.
         fingerprint: See `recording.bag_files`.
-        inspection: Result of reading it once; None in the record of an earlier run.
     """
 
     name: str
@@ -52,7 +50,6 @@ class EvaluatedRecording:
     has_checksums: bool
     damages: list[str]
     fingerprint: dict[str, SettingValue]
-    inspection: Inspection | None = None
 
     @property
     def identity(self) -> dict[str, object]:
@@ -60,45 +57,43 @@ class EvaluatedRecording:
         told = {name: getattr(self, name) for name in ("points", "truth", "odometry", "num_sweeps")}
         return told | {f"fingerprint: {name}": value for name, value in self.fingerprint.items()}
 
-    @contextmanager
-    def open(self) -> Iterator[BagReader]:
-        """Opens the recording.
-
-        Raises:
-            RecordingError: It cannot be read, or has changed since it was inspected.
-        """
-        with (self.inspection or inspect_recording(self.path)).open() as reader:
-            yield reader
+    def open(self) -> BagReader:
+        """Returns a reader of the recording."""
+        return BagReader(self.path)
 
 
 def choose_topics(
-    inspection: Inspection,
+    path: Path | str,
     name: str,
     points: str | None = None,
     truth: str | None = None,
     odometry: str | None = None,
 ) -> EvaluatedRecording:
-    """Returns a recording with its topics.
+    """Opens a recording; returns it with its topics.
 
     Topics that are None are chosen: the only topic of point clouds; truth and odometry as in
     `docs/recordings.md`, if they are there.
 
     Raises:
-        RecordingError: There is no such topic, or there are several to choose from.
-        OSError: The recording cannot be read any more.
+        RecordingError: The recording cannot be read, there is no such topic, or there are several
+            to choose from.
     """
-    used = used_topics(inspection.path, inspection.topics, points, truth, odometry)
+    with BagReader(path) as reader:
+        return _with_topics(reader, name, points, truth, odometry)
+
+
+def _with_topics(reader: BagReader, name: str, *topics: str | None) -> EvaluatedRecording:
+    used = used_topics(reader.path, reader.topics, *topics)
     return EvaluatedRecording(
         name=name,
-        path=str(inspection.path.resolve()),
+        path=str(reader.path.resolve()),
         points=used.points,
         truth=used.truth,
         odometry=used.odometry,
-        num_sweeps=inspection.topics[used.points].count,
-        has_checksums=inspection.has_checksums,
-        damages=[path_text(str(damage)) for damage in inspection.damages],
-        fingerprint=fingerprint(inspection.path),
-        inspection=inspection,
+        num_sweeps=reader.topics[used.points].count,
+        has_checksums=reader.has_checksums,
+        damages=[path_text(str(damage)) for damage in reader.damages],
+        fingerprint=fingerprint(reader.path),
     )
 
 
@@ -110,29 +105,32 @@ def inspected_recordings(
     *topics: str | None,
     watching: Callable[[str], AbstractContextManager[Watch | None]],
 ) -> tuple[list[EvaluatedRecording], list[str]]:
-    """Reads each recording once; returns the usable ones, and an error text for each other one.
+    """Opens each recording; returns the usable ones, and an error text for each other one.
 
     Args:
         paths: Where they are.
         topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
-        watching: Name of a recording to a context with the progress of reading, see
-            `inspect_recording`.
+        watching: Name of a recording to a context with the progress of reading, see `BagReader`.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
         RecordingError: None of them can be used, or a topic of one is not there.
     """
-    found, unreadable = [], []
+    found: list[EvaluatedRecording] = []
+    errors: list[RecordingError] = []
     for path, name in zip(paths, recording_names(paths), strict=True):
-        with watching(name) as watch:
+        with watching(name) as watch, ExitStack() as opened:
             try:
-                inspection = inspect_recording(path, watch)
+                reader = opened.enter_context(BagReader(path, watch))
             except RecordingError as error:
-                unreadable.append(str(error))
+                errors.append(error)
                 continue
-        found.append(choose_topics(inspection, name, *topics))
+            found.append(_with_topics(reader, name, *topics))
+    unreadable = [str(error) for error in errors]
     if not found:
-        raise RecordingError("; ".join(unreadable))
+        causes = (error.__cause__ for error in errors)
+        missing = (cause for cause in causes if isinstance(cause, MemoryError))
+        raise RecordingError("; ".join(unreadable)) from next(missing, None)
     return found, unreadable
 
 
@@ -144,7 +142,7 @@ def recording_names(paths: Sequence[Path]) -> list[str]:
     """
     owners: dict[Path, Path] = {}
     for path in paths:
-        for file in storage_files(path):
+        for file in (one.resolve() for one in stored_files(path)):
             if file in owners:
                 raise EvaluationError(
                     f"{path}: is the same recording as {owners[file]}; name it once"

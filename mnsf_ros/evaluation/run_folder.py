@@ -29,7 +29,7 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, EvaluationTask, TaskKey
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
+from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
@@ -270,18 +270,13 @@ def _converter() -> cattrs.Converter:
     converter.register_unstructure_hook(
         Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
     )
-    unrecorded: dict[type[Any], tuple[str, ...]] = {
-        EvaluationOptions: UNRECORDED,
-        EvaluatedRecording: ("inspection",),
-    }
-    for owner, names in unrecorded.items():
-        left_out: dict[str, Any] = {name: override(omit=True) for name in names}
-        structure = make_dict_structure_fn(
-            owner, converter, _cattrs_forbid_extra_keys=True, **left_out
-        )
-        converter.register_structure_hook(owner, structure)
-        unstructure = make_dict_unstructure_fn(owner, converter, **left_out)
-        converter.register_unstructure_hook(owner, unstructure)
+    left_out: dict[str, Any] = {name: override(omit=True) for name in UNRECORDED}
+    structure = make_dict_structure_fn(
+        EvaluationOptions, converter, _cattrs_forbid_extra_keys=True, **left_out
+    )
+    converter.register_structure_hook(EvaluationOptions, structure)
+    unstructure = make_dict_unstructure_fn(EvaluationOptions, converter, **left_out)
+    converter.register_unstructure_hook(EvaluationOptions, unstructure)
     return converter
 
 

@@ -1,15 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The files of the recording at a path, and the identity of a recording."""
+"""The layout of recordings on disk: their files and metadata.yaml."""
 
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, Any, Final
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any, Final
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 from mnsf_ros.errors import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 METADATA_NAME: Final = "metadata.yaml"
 MCAP: Final = ".mcap"
@@ -17,10 +21,9 @@ ROS1: Final = ".bag"
 COMPRESSED: Final = ".zstd"
 SUFFIXES: Final = (MCAP, ".db3", ROS1)
 _EXPECTED: Final = "a rosbag2 folder, or a .mcap, .db3 or .bag file"
-# Files of up to 4 MiB are read as a whole. Of larger ones so many parts, from the first bytes to
-# the last: another recording of the same size differs nearly everywhere.
-_NUM_PARTS: Final = 64
-_PART_BYTES: Final = 65_536
+_END_BYTES: Final = 2**20
+_ROOT: Final = "rosbag2_bagfile_information"
+_MOST: Final = 2**63
 
 
 def stored_files(path: Path) -> list[Path]:
@@ -80,40 +83,110 @@ def _listed(names: list[str], limit: int = 5) -> str:
     return ", ".join(repr(name) for name in names[:limit]) + more
 
 
-def storage_files(path: Path) -> list[Path]:
-    """Returns the resolved paths of the files with messages of the recording at a path.
-
-    Symbolic links and other spellings of a path give the same. A path without such files, or of
-    nothing at all, gives itself.
-    """
-    path = path.resolve()
-    return [file.resolve() for file in stored_files(path)] or [path]
-
-
 def fingerprint(path: Path) -> dict[str, Any]:
-    """Returns the identity of a recording wherever it lies, ready for JSON.
+    """Returns the identity of a recording in any folder: sizes and a hash of the ends of its files.
 
-    It is the size of its files with messages and a hash of parts of them; `metadata.yaml` may
-    be written again.
+    It is ready for JSON. `metadata.yaml` does not count.
 
     Raises:
         OSError: A file cannot be read.
     """
-    files = storage_files(path)
-    hashes = sorted(_hash_of_parts(file) for file in files)
+    files, ends = stored_files(path), []
+    for file in files:
+        with file.open("rb") as stream:
+            stream.seek(max(0, file.stat().st_size - _END_BYTES))
+            ends.append(hashlib.sha256(stream.read()).hexdigest())
     return {
         "num_files": len(files),
         "num_bytes": sum(file.stat().st_size for file in files),
-        "hash": hashlib.sha256("".join(hashes).encode()).hexdigest()[:16],
+        "hash": hashlib.sha256("".join(sorted(ends)).encode()).hexdigest()[:16],
     }
 
 
-def _hash_of_parts(file: Path) -> str:
-    size = file.stat().st_size
-    step = max(_PART_BYTES, (size - _PART_BYTES) / (_NUM_PARTS - 1))
-    parts = hashlib.sha256()
-    with file.open("rb") as stream:
-        for number in range(_NUM_PARTS):
-            stream.seek(round(number * step))
-            parts.update(stream.read(_PART_BYTES))
-    return parts.hexdigest()
+@dataclass(frozen=True)
+class Metadata:
+    """Promises of the metadata.yaml of a folder: its files, and the messages of each topic."""
+
+    files: list[Path]
+    counts: Counter[str]
+
+
+def read_metadata(folder: Path) -> Metadata | None:
+    """Reads the metadata.yaml of a folder; None if it has none.
+
+    Raises:
+        OSError, ValueError, LookupError, TypeError, RecursionError: It cannot be read, or has
+            another content.
+    """
+    file = folder / METADATA_NAME
+    if not file.is_file():
+        return None
+    try:
+        content = YAML(typ="safe").load(file.read_text("utf-8"))[_ROOT]
+    except YAMLError as error:
+        text = getattr(error, "problem", None) or type(error).__name__
+        raise ValueError(f"YAML error: {text}") from error
+    counts: Counter[str] = Counter()
+    for topic in content["topics_with_message_count"]:
+        if not 0 <= topic["message_count"] < _MOST:
+            raise ValueError("a message_count is out of range")
+        counts[str(topic["topic_metadata"]["name"])] += topic["message_count"]
+    # Whatever folders a path names, only this one is looked into.
+    files = [folder / PurePath(name).name for name in content["relative_file_paths"]]
+    return Metadata(files, counts)
+
+
+@dataclass
+class WrittenTopic:
+    """A topic of a recording being written, with its channel in the mcap file."""
+
+    name: str
+    msgtype: str
+    type_hash: str
+    channel: int
+    count: int = 0
+
+    def described(self) -> dict[str, Any]:
+        """Returns its entry in metadata.yaml."""
+        return {
+            "topic_metadata": {
+                "name": self.name,
+                "type": self.msgtype,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": [],
+                "type_description_hash": self.type_hash,
+            },
+            "message_count": self.count,
+        }
+
+
+def write_metadata(
+    file: Path, topics: Collection[WrittenTopic], first_ns: int, end_ns: int
+) -> None:
+    """Writes the metadata.yaml for a folder with one mcap file, beside it.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    extent = {
+        "starting_time": {"nanoseconds_since_epoch": first_ns},
+        "duration": {"nanoseconds": end_ns - first_ns},
+        "message_count": sum(topic.count for topic in topics),
+    }
+    content = {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "relative_file_paths": [file.name],
+        **extent,
+        "topics_with_message_count": [topic.described() for topic in topics],
+        "compression_format": "",
+        "compression_mode": "",
+        "files": [{"path": file.name, **extent}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+    yaml = YAML(typ="safe")
+    yaml.default_flow_style = False
+    # The same table may occur twice: written twice, not as a reference.
+    yaml.representer.ignore_aliases = lambda _: True
+    yaml.dump({_ROOT: content}, file.with_name(METADATA_NAME))

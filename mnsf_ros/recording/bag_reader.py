@@ -4,19 +4,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_files import COMPRESSED, MCAP, METADATA_NAME, ROS1, recording_files
+from mnsf_ros.recording.bag_files import (
+    COMPRESSED,
+    MCAP,
+    METADATA_NAME,
+    ROS1,
+    Metadata,
+    read_metadata,
+    recording_files,
+)
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, find_topic, known_topic
 from mnsf_ros.recording.compression import expand_file, expanded_message
 from mnsf_ros.recording.damage import UNREADABLE, Damage, unfit_counts
 from mnsf_ros.recording.mcap_file import McapFile
-from mnsf_ros.recording.metadata import Metadata, read_metadata
 from mnsf_ros.recording.ros1_file import Ros1File, jazzy
 from mnsf_ros.recording.sqlite_file import SqliteFile
 
@@ -25,6 +32,7 @@ Converted = TypeVar("Converted")
 Readable: TypeAlias = "tuple[int, Converted] | Damage"
 # Called with the number of bytes read and that of all.
 Watch: TypeAlias = Callable[[int, int], None]
+_MAX_WARNINGS: Final = 5
 
 
 class StorageFile(Protocol):
@@ -197,6 +205,21 @@ class BagReader:
         if start_ns is stop_ns is None and number != expected and not is_damaged:
             text = f"{number} of {expected} messages on {topic!r} were found"
             yield Damage(str(self.path), "", text)
+
+
+@contextmanager
+def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[BagReader]:
+    """Opens a recording and warns of its damage, in a few lines.
+
+    Raises:
+        RecordingError: There is none, or nothing of it can be read.
+    """
+    with BagReader(path) as reader:
+        for damage in reader.damages[:_MAX_WARNINGS]:
+            warn(str(damage))
+        if (more := len(reader.damages) - _MAX_WARNINGS) > 0:
+            warn(f"{path}: and {more} more")
+        yield reader
 
 
 def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:

@@ -15,7 +15,6 @@ from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, recording_names
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.recording import write_recording
@@ -133,8 +132,7 @@ def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[Evaluat
     """
     paths = options.recordings or (_simulated_street(options, num_sweeps),)
     recordings = [
-        choose_topics(inspect_recording(path), name)
-        for path, name in zip(paths, recording_names(paths), strict=True)
+        choose_topics(path, name) for path, name in zip(paths, recording_names(paths), strict=True)
     ]
     for path, recording in zip(paths, recordings, strict=True):
         if recording.num_sweeps < num_sweeps:

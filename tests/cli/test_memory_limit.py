@@ -66,3 +66,17 @@ def test_memory_that_is_missing_is_one_line_with_the_option(monkeypatch, capsys,
     assert run(["report", "run", "--max-memory", "99"]) == EXIT_MEMORY
     line = f"mnsf: {said}; memory is limited to 99.0 GB (--max-memory)\n"
     assert capsys.readouterr().err == line
+
+
+def test_memory_that_is_missing_for_the_only_recording_is_told_alike(monkeypatch, capsys, tmp_path):
+    (tmp_path / "a.mcap").write_bytes(b"")
+    monkeypatch.setattr("mnsf_ros.recording.bag_reader.McapFile", exhaust_at)
+    command = ["evaluate", f"{tmp_path}/a.mcap", "--out", f"{tmp_path}/out", "--max-memory=99"]
+    assert run(command) == EXIT_MEMORY
+    assert "a.mcap: cannot be read: it takes more memory than the limit; memory is limited to" in (
+        capsys.readouterr().err
+    )
+
+
+def exhaust_at(_path, _watch):
+    raise MemoryError

@@ -20,7 +20,7 @@ from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.recording_writer import write_recording
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.truth import read_sensor_poses, read_truth
+from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from msg_utils.point_cloud2 import decode_points, decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -24,7 +24,6 @@ from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from msg_utils.point_cloud2 import encode_columns
 
@@ -114,7 +113,7 @@ def write_recording(path, num_sweeps=6, *, with_truth=True, with_odometry=True, 
 
 
 def recording_at(path, name="drive", **topics):
-    return choose_topics(inspect_recording(path), name, **topics)
+    return choose_topics(path, name, **topics)
 
 
 def task_at(path, method="ego", name="drive"):

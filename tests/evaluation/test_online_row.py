@@ -37,7 +37,7 @@ def live_flows(street, settings):
         flows[job.triplet.current.stamp_ns] = estimate.flow
 
     pipeline = OnlinePipeline(settings, keep, lambda job, error: failures.append(error))
-    with street.inspection.open() as reader:
+    with street.open() as reader:
         for sweep in recorded_sweeps(reader, street.points, "street", Settings().time, Findings()):
             pipeline.add_sweep(sweep, time.monotonic_ns())
             while pipeline.load:

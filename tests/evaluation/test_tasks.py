@@ -20,7 +20,6 @@ from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
 from msg_utils.point_cloud2 import decode_points, encode_columns
 
@@ -126,16 +125,15 @@ def test_rows_of_the_online_method_say_whether_it_was_warm(bag):
 
 
 def test_topics_are_the_usual_ones_or_those_named(bag):
-    inspection = inspect_recording(bag)
-    used = choose_topics(inspection, "drive")
+    used = choose_topics(bag, "drive")
     assert (used.points, used.truth, used.odometry) == ("/points", "/truth/flow", "/truth/odometry")
     assert used.num_sweeps == 7
     with pytest.raises(RecordingError, match="no topic '/lidar'"):
-        choose_topics(inspection, "drive", points="/lidar")
+        choose_topics(bag, "drive", points="/lidar")
     with pytest.raises(RecordingError, match="is of type nav_msgs"):
-        choose_topics(inspection, "drive", truth="/truth/odometry")
+        choose_topics(bag, "drive", truth="/truth/odometry")
     with pytest.raises(RecordingError, match="cannot be both"):
-        choose_topics(inspection, "drive", points="/truth/flow")
+        choose_topics(bag, "drive", points="/truth/flow")
 
 
 @pytest.mark.parametrize(

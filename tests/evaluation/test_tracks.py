@@ -22,7 +22,6 @@ from mnsf_ros.geometry.transforms import sensor_mount
 from mnsf_ros.recording.bag_messages import cloud_message, odometry_message
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import EgoMotionSettings, Settings
 from msg_utils.point_cloud2 import encode_columns
 
@@ -66,7 +65,7 @@ def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong
 
 def test_poses_of_a_recording(tmp_path):
     path = small.write_recording(tmp_path / "drive", 4)
-    with inspect_recording(path).open() as reader:
+    with BagReader(path) as reader:
         found = list(recorded_poses(reader, "/truth/odometry", Findings()))
     assert [item.stamp_ns for item in found] == [small.stamp(i) for i in range(4)]
     assert np.allclose([item.world_from_frame for item in found], [small.pose(i) for i in range(4)])
@@ -76,7 +75,7 @@ def test_poses_of_a_recording(tmp_path):
 def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     path = small.write_recording(tmp_path / "drive", 3)
     mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)
-    with inspect_recording(path).open() as reader:
+    with BagReader(path) as reader:
         poses = recorded_poses(reader, "/truth/odometry", Findings())
         track = PoseTrack(poses, sensor_mount(mount))
         found = [track.pose_at(small.stamp(index)) for index in range(3)]
@@ -191,7 +190,7 @@ def test_damage_of_odometry_says_which_message(tmp_path):
             message.pose.pose.position.x = np.nan if index in (1, 3) else 0.0
             raw = typestore.serialize_cdr(message, kind)
             writer.write_raw("/odometry", kind, small.stamp(index), raw)
-    with inspect_recording(tmp_path / "drive").open() as reader:
+    with BagReader(tmp_path / "drive") as reader:
         found = list(recorded_poses(reader, "/odometry", findings))
     assert [item is None for item in found] == [False, True, False, True]
     positions = [damage.position for damage in findings.damages]
@@ -207,7 +206,7 @@ def test_quaternion_that_is_a_little_off_is_normalised_as_live(tmp_path):
     with BagWriter(tmp_path / "drive") as writer:
         writer.write_raw("/odometry", kind, small.stamp(0), typestore.serialize_cdr(message, kind))
     findings = Findings()
-    with inspect_recording(tmp_path / "drive").open() as reader:
+    with BagReader(tmp_path / "drive") as reader:
         (found,) = recorded_poses(reader, "/odometry", findings)
     np.testing.assert_allclose(found.world_from_frame, small.pose(0), atol=1e-9)
     assert not findings.damages

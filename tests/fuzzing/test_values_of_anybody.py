@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.recording.bag_files import read_metadata
 from mnsf_ros.recording.damage import UNREADABLE
-from mnsf_ros.recording.metadata import read_metadata
 from mnsf_ros.settings import Settings, declared_settings
 
 ANYTHING = st.recursive(

@@ -22,10 +22,9 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import get_types_from_msg
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_reader import BagReader, open_recording
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TopicSummary
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.inspection import open_recording
 from msg_utils.point_cloud2 import decode_xyz
 from msg_utils.stamps import decode_stamp
 

@@ -9,7 +9,6 @@ import shutil
 import sqlite3
 import struct
 
-import numpy as np
 import pytest
 import tiny_bags
 from mcap.reader import make_reader
@@ -19,9 +18,9 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from mnsf_ros.errors import RecordingError
+from mnsf_ros.recording.bag_reader import BagReader, open_recording
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.damage import Damage
-from mnsf_ros.recording.inspection import inspect_recording, open_recording
 
 ALL = list(range(tiny_bags.NUM_CLOUDS))
 # A cloud of so many points fills a chunk of its own.
@@ -30,18 +29,17 @@ LOST = "lost"
 
 
 def read(path):
-    """Index of each cloud, and LOST wherever some may be missing."""
-    inspection = inspect_recording(path)
-    with inspection.open() as reader:
+    """Index of each cloud, and LOST wherever some may be missing; and the reader."""
+    with BagReader(path) as reader:
         return [
             LOST if isinstance(item, Damage) else tiny_bags.index_of(item)
             for item in reader.readable_messages("/points")
-        ], inspection
+        ], reader
 
 
 def assert_refused(path, text):
-    with pytest.raises(RecordingError, match=text) as caught:
-        inspect_recording(path)
+    with pytest.raises(RecordingError, match=text) as caught, BagReader(path):
+        pass
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
 
@@ -134,14 +132,14 @@ def test_garbage_is_refused_in_one_line(tmp_path, suffix, content):
 def test_mcap_that_was_cut_short_is_read_up_to_the_cut(tmp_path, share, mode):
     bag = tiny_bags.write_mcap(tmp_path / "bag", size=LARGE, mode=mode)
     cut(bag / "bag.mcap", share)
-    found, inspection = read(bag)
+    found, reader = read(bag)
     whole = [index for index in found if index != LOST]
     assert whole == ALL[: len(whole)]
     assert abs(len(whole) - 10 * share) <= 1
-    assert inspection.topics["/points"].count == len(whole)
-    assert "cut short" in str(inspection.damages[0])
+    assert reader.topics["/points"].count == len(whole)
+    assert "cut short" in str(reader.damages[0])
     if len(whole) < len(ALL):
-        (damage, told) = inspection.damages
+        (damage, told) = reader.damages
         assert damage.position.startswith("byte ")
         assert f"promises 10 messages on '/points', {len(whole)} are stored" in str(told)
     # The same without its folder.
@@ -174,10 +172,10 @@ def test_damaged_chunk_is_left_out_and_its_place_told(tmp_path):
     file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
     chunk = chunk_offsets(file)[4]
     flip(file, chunk + 300)
-    found, inspection = read(file)
+    found, reader = read(file)
     assert found == [0, 1, 2, 3, LOST, 5, 6, 7, 8, 9]
-    assert inspection.has_checksums
-    with inspection.open() as reader:
+    assert reader.has_checksums
+    with reader:
         damages = [one for one in reader.readable_messages("/points") if isinstance(one, Damage)]
         assert str(damages[0]).startswith(f"{file}, byte {chunk}: damaged chunk: ")
         with pytest.raises(RecordingError, match=f"byte {chunk}: damaged chunk"):
@@ -205,22 +203,22 @@ def test_checksum_that_was_erased_is_missed(tmp_path):
 def test_damaged_index_costs_nothing(tmp_path):
     file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
     flip(file, len(file.read_bytes()) - 200)
-    found, inspection = read(file)
+    found, reader = read(file)
     assert found == ALL
-    (damage,) = inspection.damages
+    (damage,) = reader.damages
     assert "no index that can be read: its checksum is wrong" in str(damage)
-    assert not inspection.has_checksums
+    assert not reader.has_checksums
 
 
 def test_only_chunks_with_checksums_are_safe_from_flipped_bits(tmp_path):
-    assert inspect_recording(tiny_bags.write_checked_mcap(tmp_path / "a.mcap")).has_checksums
+    assert read(tiny_bags.write_checked_mcap(tmp_path / "a.mcap"))[1].has_checksums
     for unsafe in (
         tiny_bags.write_mcap(tmp_path / "b"),
         tiny_bags.write_sqlite(tmp_path / "c"),
         tiny_bags.write_ros1(tmp_path / "d.bag"),
         tiny_bags.write_unindexed_mcap(tmp_path / "e.mcap"),
     ):
-        assert not inspect_recording(unsafe).has_checksums
+        assert not read(unsafe)[1].has_checksums
 
 
 def test_message_that_is_no_message_costs_nothing_else(tmp_path):
@@ -279,10 +277,10 @@ def test_changed_rows_of_sqlite_are_told(tmp_path, change, text, lost):
     path = tiny_bags.write_sqlite(tmp_path / "bag")
     with contextlib.closing(sqlite3.connect(path / "bag.db3")) as database:
         database.executescript(change)
-    found, inspection = read(path)
+    found, reader = read(path)
     assert [index for index in found if index != LOST] == [i for i in ALL if i not in lost]
-    assert text in " ".join(map(str, inspection.damages))
-    assert LOST in found or inspection.damages
+    assert text in " ".join(map(str, reader.damages))
+    assert LOST in found or reader.damages
 
 
 def test_index_of_sqlite_that_lost_a_row_is_told(tmp_path):
@@ -296,8 +294,8 @@ def test_index_of_sqlite_that_lost_a_row_is_told(tmp_path):
     number_of_cells = (page - 1) * page_size + 3
     struct.pack_into(">H", data, number_of_cells, 9)
     file.write_bytes(data)
-    found, inspection = read(file)
-    assert LOST in found or inspection.damages
+    found, reader = read(file)
+    assert LOST in found or reader.damages
 
 
 @pytest.fixture
@@ -312,9 +310,9 @@ def metadata(tmp_path):
 )
 def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
     metadata.write_text(content)
-    found, inspection = read(metadata.parent)
+    found, reader = read(metadata.parent)
     assert found == ALL
-    (damage,) = inspection.damages
+    (damage,) = reader.damages
     assert str(damage).startswith(f"{metadata}: cannot be read: ")
     assert "\n" not in str(damage)
 
@@ -337,10 +335,10 @@ def test_metadata_that_lies_is_told(metadata, old, new, told):
     content = metadata.read_text()
     assert old in content
     metadata.write_text(content.replace(old, new))
-    found, inspection = read(metadata.parent)
+    found, reader = read(metadata.parent)
     assert found == ALL
-    assert told in " ".join(map(str, inspection.damages))
-    assert bool(inspection.damages) == bool(told)
+    assert told in " ".join(map(str, reader.damages))
+    assert bool(reader.damages) == bool(told)
 
 
 @pytest.mark.parametrize("name", ["../other/other.mcap", "/etc/hostname", "..", "gone.mcap"])
@@ -364,55 +362,16 @@ def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
     assert warnings[-1] == f"{file}: and 3 more"
 
 
-def test_file_that_vanishes_is_told(tmp_path):
-    file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap")
-    inspection = inspect_recording(file)
-    file.unlink()
-    with pytest.raises(RecordingError, match="no such file"), inspection.open():
-        pass
-
-
 def test_progress_is_told_where_all_has_to_be_read(tmp_path):
     """Bytes rise from the first file to the last, and stay below all there are."""
     for number in range(2):
         tiny_bags.write_unindexed_mcap(tmp_path / f"{number}.mcap")
     told = []
-    inspect_recording(tmp_path, lambda *numbers: told.append(numbers))
+    with BagReader(tmp_path, lambda *numbers: told.append(numbers)):
+        pass
     size = sum(file.stat().st_size for file in tmp_path.iterdir())
     assert len(told) > 2 * tiny_bags.NUM_CLOUDS
     assert {total for _, total in told} == {size}
     done = [number for number, _ in told]
     assert done == sorted(done)
     assert done[0] < size / 4 < size / 2 < done[-1] < size
-
-
-@pytest.mark.parametrize("kind", ["mcap", "checked mcap", "db3", "bag"])
-def test_random_damage_gives_clouds_or_one_line(tmp_path, kind):
-    path = {
-        "mcap": lambda: tiny_bags.write_mcap(tmp_path / "bag") / "bag.mcap",
-        "checked mcap": lambda: tiny_bags.write_checked_mcap(tmp_path / "bag.mcap"),
-        "db3": lambda: tiny_bags.write_sqlite(tmp_path / "bag") / "bag.db3",
-        "bag": lambda: tiny_bags.write_ros1(tmp_path / "bag.bag"),
-    }[kind]()
-    whole = path.read_bytes()
-    rng = np.random.default_rng(0)
-    num_damaged = 0
-    for trial in range(60):
-        data = bytearray(whole)
-        # Half of the damage goes to the ends, where headers and indexes are.
-        low, high = (0, len(data)) if trial % 2 else (len(data) - 1500, len(data))
-        for _ in range(int(rng.integers(1, 8))):
-            data[int(rng.integers(low, high))] = int(rng.integers(256))
-        path.write_bytes(data)
-        try:
-            inspection = inspect_recording(path)
-            with inspection.open() as reader:
-                told = list(inspection.damages)
-                for topic in reader.topics:
-                    found = reader.readable_messages(topic)
-                    told += [item for item in found if isinstance(item, Damage)]
-        except RecordingError as error:
-            told = [error]
-        assert all("\n" not in str(one) for one in told)
-        num_damaged += bool(told)
-    assert num_damaged > 5

@@ -12,7 +12,7 @@ from mnsf_ros.recording.bag_messages import cloud_message
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
-from mnsf_ros.recording.truth import FlowTruth, read_sensor_poses, read_truth
+from mnsf_ros.recording.flow_truth import FlowTruth, read_sensor_poses, read_truth
 from msg_utils.point_cloud2 import encode_columns
 
 TOPIC = "/truth/flow"

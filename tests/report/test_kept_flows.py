@@ -15,7 +15,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.run_tables import tables_of
@@ -38,7 +37,7 @@ def evaluate(street, out, *, methods=METHODS, resume=False, num_events=None, **v
     """Runs what is left to do; `num_events`: killed after so many."""
     settings = preset("paper").changed({"crop.max_range_m": 30.0, "warm_start.enabled": False})
     options = EvaluationOptions(settings, num_points=80, seed=3, **values)
-    recording = choose_topics(inspect_recording(street), "street")
+    recording = choose_topics(street, "street")
     methods = evaluated_methods(methods, options)
     record = RunRecord(options, methods, [recording], [SessionRecord.now([])])
     folder = RunFolder(out)

@@ -8,7 +8,7 @@ import pytest
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.recording.truth import read_sensor_poses, read_truth
+from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import simulate_sweeps

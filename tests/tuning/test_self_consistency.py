@@ -14,7 +14,6 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.settings import Settings
 from mnsf_ros.tuning.judges import Half, read_halves
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
@@ -24,7 +23,7 @@ SETTINGS = preset("online")
 
 @pytest.fixture(scope="module")
 def half(street):
-    recording = choose_topics(inspect_recording(street), "street")
+    recording = choose_topics(street, "street")
     return read_halves([recording], EvaluationOptions(SETTINGS), 40)[0]
 
 

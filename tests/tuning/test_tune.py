@@ -16,7 +16,6 @@ from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.summary import summarize
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
-from mnsf_ros.recording.inspection import inspect_recording
 from mnsf_ros.tuning.judges import LabelledJudge, read_halves
 from mnsf_ros.tuning.tune import TuneOptions, tune, tuned_settings
 
@@ -26,7 +25,7 @@ START = preset("online")
 
 @pytest.fixture(scope="module")
 def recording(street):
-    return choose_topics(inspect_recording(street), "street")
+    return choose_topics(street, "street")
 
 
 @pytest.fixture(scope="module")
