@@ -17,8 +17,6 @@ from mnsf_ros.evaluation.summary import errors_in, part_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import bin_names
 
-# A reference so much worse than the best method would flatten all other lines of a chart.
-_OFF_THE_CHART: Final = 5.0
 _REST: Final = "other"
 # A smaller part of the time outside of all stages is not worth a colour.
 _REST_SHARE: Final = 0.02
@@ -30,33 +28,21 @@ class Charts(NamedTuple):
     Attributes:
         errors: Title to chart of the errors of sweeps, and of points; none without truth.
         times: The time of each stage; empty if nothing was timed.
-        not_drawn: References that the charts of errors leave out; empty if none.
     """
 
     errors: dict[str, Markup]
     times: Markup
-    not_drawn: str
 
 
 def charts_of(results: RunResults) -> Charts:
-    """Draws the charts of a run."""
-    scored = errors_in(results.summary, "all").reindex(columns=["epe_m"]).dropna()
-    shown = _on_the_chart(scored["epe_m"], results.record.references)
-    left_out = ", ".join(name for name in scored.index if name not in shown)
-    reason = f"an error more than {_OFF_THE_CHART:g} times that of the best method"
+    """Draws the charts of a run; references are in those of errors only among themselves."""
+    scored = errors_in(results.summary, "all").reindex(columns=["epe_m"]).dropna().index
+    shown = [name for name in scored if name not in results.record.references] or list(scored)
     times_ms = stage_times_ms(results.table)
     return Charts(
         errors=_curves(results, shown) | _shares(results, shown),
         times=Markup(stage_bars(times_ms) if times_ms else ""),
-        not_drawn=f"Not in these charts: {left_out}, with {reason}." if left_out else "",
     )
-
-
-def _on_the_chart(epe_m: pd.Series, references: frozenset[str]) -> list[str]:
-    rivals_m = epe_m.drop(list(references), errors="ignore")
-    limit_m = max(_OFF_THE_CHART * rivals_m.min(), rivals_m.max()) if len(rivals_m) else math.inf
-    is_shown = ~epe_m.index.isin(list(references)) | (epe_m <= (limit_m or math.inf))
-    return list(epe_m.index[is_shown])
 
 
 def _curves(results: RunResults, shown: list[str]) -> dict[str, Markup]:

@@ -108,14 +108,6 @@ def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
     assert len(list(resumed.rows)) == len(list(whole.rows))
 
 
-def test_run_without_kept_flow_says_how_to_get_pictures(street, tmp_path):
-    text = report_of(evaluate(street, tmp_path / "run"))
-    assert "data:image/png" not in text
-    assert "3 of 3 sweeps have no picture" in text
-    assert "--pictures" in text
-    assert "The worst 3 of 3 sweeps of ego" in text
-
-
 def shown(method, number, badness_m, recording="street"):
     points = np.zeros((4, 3), np.float32)
     return ShownFlow(recording, method, number, points, points, points[:, 0], badness_m=badness_m)

@@ -18,7 +18,7 @@ from mnsf_ros.evaluation.comparison import differences, verdict
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.summary import row_table
-from mnsf_ros.report.charts import charts_of, stage_times_ms
+from mnsf_ros.report.charts import stage_times_ms
 from mnsf_ros.report.results_files import (
     results_csv,
     results_latex,
@@ -49,14 +49,11 @@ def test_difference_and_interval():
     noise = random.normal(0, 0.01, 40)
     assert verdict(difference(np.full(40, 0.1), 0.1 + noise)) == "undecided"
     assert verdict(difference([0.1], [0.3])) == "undecided"
-
-
-def test_sweeps_that_are_alike_make_the_interval_wider():
-    random = np.random.default_rng(1)
+    # Consecutive sweeps that are alike make the interval wider.
     slow = np.repeat(random.normal(0, 0.01, 20), 10)
-    found = [difference(0 * slow, part) for part in (slow, random.permutation(slow))]
-    width = [one["high_m"] - one["low_m"] for one in found]
-    assert width[0] > 2 * width[1]
+    both = [difference(0 * slow, part) for part in (slow, random.permutation(slow))]
+    alike, mixed = (one["high_m"] - one["low_m"] for one in both)
+    assert alike > 2 * mixed
 
 
 def compared(mnsf_drops=(), fnsf_fails=()):
@@ -108,11 +105,6 @@ def test_focus_is_the_first_method_that_is_no_reference(methods, focus):
     assert results.focus == focus
 
 
-def test_method_without_any_flow_has_no_worst_sweep():
-    found = results_of(run_record(), [failed(1, "mnsf", "no points"), row(1, "zero", 0.3)])
-    assert (found.focus, len(found.worst)) == ("mnsf", 0)
-
-
 def test_worst_is_by_error_and_without_truth_by_distance():
     def worst(found):
         return results_of(run_record(["a"]), found).worst["number"].tolist()
@@ -121,36 +113,29 @@ def test_worst_is_by_error_and_without_truth_by_distance():
     near, far = ({**NOTHING, "consistency": {"nearest_m": d}} for d in (0.1, 0.4))
     blind = [row(1, "a", 0, **near), row(2, "a", 0, **far), row(3, "a", 0, **NOTHING)]
     assert worst([*blind, dropped(4, "a")]) == [2, 1]
+    assert worst([failed(1, "a", "no points")]) == []
 
 
 def test_movers_that_were_missed_most_often_come_first():
-    def seen(who, *, found=0.0):
-        item = ObjectRow(who, "car", True, 5.0, 10.0, 50, found)
-        return {"movers": MoverRow((1, 0, 0), 0, objects=[item])}
+    def missed(numbers, *, found=0.0, focus=None):
+        items = [ObjectRow(who, "car", True, 5.0, 10.0, 50, found) for who in numbers]
+        rows = [
+            row(number, "mnsf", 0.1, movers=MoverRow((1, 0, 0), 0, objects=[item]))
+            for number, item in enumerate(items)
+        ]
+        tables = tables_of(results_of(run_record(), rows, focus=focus)).missed
+        return [line[:3] for table in tables for line in table.rows]
 
-    found = [row(number, "mnsf", 0.1, **seen(who)) for number, who in enumerate([1, 2, 2, 1, 2])]
-    (table,) = tables_of(results_of(run_record(), found)).missed
-    assert [line[:3] for line in table.rows] == [
+    assert missed([1, 2, 2, 1, 2]) == [
         ("street: car", "3", "1.000"),
         ("street: car", "2", "0.000"),
     ]
-    assert tables_of(results_of(run_record(), found, focus="fnsf")).missed == []
-    assert (
-        tables_of(results_of(run_record(), [row(1, "mnsf", 0.1, **seen(1, found=1.0))])).missed
-        == []
-    )
+    assert missed([1, 2], focus="fnsf") == missed([1], found=1.0) == []
 
 
 def test_time_outside_of_all_stages_is_shown():
     times_ms = stage_times_ms(row_table(rows()))
     assert times_ms["mnsf"] == pytest.approx({"prepare": 10.0, "forward": 60.0, "other": 30.0})
-
-
-def test_reference_that_is_better_than_a_rival_is_in_the_charts():
-    found = [row(1, "mnsf", 0.01), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
-    assert charts_of(results_of(run_record(), found)).not_drawn == ""
-    found[1] = row(1, "fnsf", 0.05)
-    assert "zero" in charts_of(results_of(run_record(), found)).not_drawn
 
 
 def csv_lines(results):
