@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Container, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -141,7 +141,7 @@ class SweepInput:
         if self._merging is None:
             self._queue(item)
         else:
-            self._merging.add(index, item, self._settings)
+            self._merging.add(index, item, self._settings.lidars)
         self._release()
 
     def _queue(self, item: ArrivedSweep) -> None:
@@ -155,7 +155,7 @@ class SweepInput:
         """Hands out the sweeps that are ready; the timer repeats it while any wait."""
         if self._merging is not None:
             transforms = self.transforms if self._settings.lidars.poses == "tf" else None
-            for item in self._merging.due(self._settings, transforms):
+            for item in self._merging.merged(self._settings, transforms):
                 self._queue(item)
         self._hand_out()
         if self._waiting or (self._merging is not None and self._merging.is_waiting):
@@ -206,41 +206,23 @@ def _purpose_of_transforms(settings: Settings) -> str:
     return "tf.base_frame" if tf.broadcast and tf.base_frame else ""
 
 
-@dataclass
-class LidarMerging:
-    """Groups sweeps by their time, and merges those whose lidar has a known pose.
+class LidarMerging(LidarGroups):
+    """Merges the sweeps of a group whose lidars have a known pose.
 
     Attributes:
-        topics: Topics of the lidars, in their order.
-        report: Counts and logs lidars that are left out.
         missing: Topics of the lidars that are not in the last merged sweep.
     """
 
-    topics: tuple[str, ...]
-    report: Report
     missing: tuple[str, ...] = ()
-    _groups: LidarGroups = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Starts without a sweep."""
-        self._groups = LidarGroups(len(self.topics))
+    def __init__(self, topics: tuple[str, ...], report: Report) -> None:
+        """`report` counts and logs lidars that are left out."""
+        super().__init__(len(topics))
+        self._topics, self._report = topics, report
 
-    @property
-    def is_waiting(self) -> bool:
-        """Whether a sweep is incomplete but may become due."""
-        return self._groups.is_waiting
-
-    def clear(self) -> None:
-        """Forgets all sweeps."""
-        self._groups.clear()
-
-    def add(self, index: int, item: ArrivedSweep, settings: Settings) -> None:
-        """Takes the sweep of a lidar."""
-        self._groups.add(index, item, settings.lidars)
-
-    def due(self, settings: Settings, transforms: Transforms | None) -> Iterator[ArrivedSweep]:
+    def merged(self, settings: Settings, transforms: Transforms | None) -> Iterator[ArrivedSweep]:
         """Yields merged sweeps, with the arrival of the reference lidar's sweep."""
-        for group in self._groups.due(time.monotonic(), settings.lidars):
+        for group in self.due(time.monotonic(), settings.lidars):
             poses = self._poses(group, settings, transforms)
             self._tell_missing(group, poses)
             if poses:
@@ -263,19 +245,17 @@ class LidarMerging:
             try:
                 poses[index] = transforms.find(settings.lidars.frame, item.sweep.frame_id)
             except TransformError as error:
-                self.report(
-                    f"clouds_of_lidar_{index + 1}_without_transform", f"{error}; it is left out"
-                )
+                event = f"clouds_of_lidar_{index + 1}_without_transform"
+                self._report(event, f"{error}; it is left out")
         return poses
 
     def _tell_missing(self, group: LidarGroup, merged: Container[int]) -> None:
-        self.missing = tuple(
-            topic for index, topic in enumerate(self.topics) if index not in merged
-        )
-        for index, topic in enumerate(self.topics):
+        lidars = list(enumerate(self._topics))
+        self.missing = tuple(topic for index, topic in lidars if index not in merged)
+        for index, topic in lidars:
             if index not in group.sweeps:
                 text = (
                     f"no cloud of {topic} is near in time: merged without it (see "
                     "lidars.tolerance_s, lidars.max_wait_s)"
                 )
-                self.report(f"clouds_of_lidar_{index + 1}_missing", text)
+                self._report(f"clouds_of_lidar_{index + 1}_missing", text)

@@ -46,7 +46,7 @@ def ros():
 
 @pytest.fixture(scope="module")
 def start_node(tmp_path_factory):
-    """Starts nodes of which a test expects an end of their own; it ends those that still run."""
+    """Starts nodes that a test expects to end by themselves; ends those that still run."""
     from node_harness import SceneFlowProcess
 
     with contextlib.ExitStack() as stack:

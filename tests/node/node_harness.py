@@ -93,7 +93,7 @@ class SceneFlowProcess:
 
     @property
     def log(self):
-        """What the node has written so far."""
+        """Output of the node so far."""
         return self._log_path.read_text()
 
     @property
@@ -253,7 +253,7 @@ class SceneFlowPeer(Spinner):
         return self._publisher.get_subscription_count()
 
     def names_and_types(self, names_of):
-        """What the node has, by a function of rclpy.node.Node, as far as it is known here yet."""
+        """Topics or services of the node, by a function of rclpy.node.Node, as far as known."""
         namespace, _, name = self._node_name.rpartition("/")
         known = (name, namespace or "/")
         self.spin_until(
@@ -274,7 +274,7 @@ class SceneFlowPeer(Spinner):
         return self.count("triplets_formed") - sum(self.count(end) for end in TRIPLET_ENDS)
 
     def count(self, event):
-        """How often the event has happened, as the newest diagnostics say."""
+        """Count of an event in the newest diagnostics."""
         return int((self.values("input") | self.values("flow")).get(event, 0))
 
     def values(self, part):

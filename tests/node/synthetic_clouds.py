@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import decode_points, encoding_of_columns
 
@@ -128,3 +128,16 @@ def tracked(track_id=1, **changes):
         "num_points": 120,
     }
     return TrackedObject(track_id=track_id, **values | changes)
+
+
+def over_ground(num_points=1, **changes):
+    """Motion over ground of an estimate: all points and the sensor are static."""
+    values = {
+        "motion": np.zeros((num_points, 3), np.float32),
+        "dynamic": np.zeros(num_points, np.bool_),
+        "confidence": np.ones(num_points, np.float32),
+        "world_from_sensor": np.eye(4),
+        "next_from_current": np.eye(4),
+        "source": "registration",
+    }
+    return OverGround(**values | changes)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from node_harness import stamp_of
+from synthetic_clouds import over_ground
 
 from mnsf_ros.core.flow_estimate import (
     FlowEstimate,
     OptimizationResult,
-    OverGround,
     Start,
     StopReason,
 )
@@ -29,18 +29,6 @@ OK, WARN, ERROR, STALE = (
     DiagnosticStatus.ERROR,
     DiagnosticStatus.STALE,
 )
-
-
-def over_ground(source):
-    """The part of an estimate of one point that has an ego motion of that source."""
-    return OverGround(
-        motion=np.zeros((1, 3), np.float32),
-        dynamic=np.zeros(1, bool),
-        confidence=np.ones(1, np.float32),
-        world_from_sensor=np.eye(4),
-        next_from_current=np.eye(4),
-        source=source,
-    )
 
 
 class Story:
@@ -70,7 +58,7 @@ class Story:
             device="cpu",
             distance_kind="tree",
             precision="float32",
-            over_ground=None if ego_source is None else over_ground(ego_source),
+            over_ground=None if ego_source is None else over_ground(source=ego_source),
         )
         self.statistics.add_estimate(latency_ms, estimate)
 

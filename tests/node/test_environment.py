@@ -20,22 +20,21 @@ _LOST_S = 5.0
 _NEEDS_PROC = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
 
 
-@pytest.mark.parametrize("given", [{}, {_PROFILE: "", _NEWER_PROFILE: ""}])
-def test_variables_that_are_not_set_are_set(given):
+@pytest.mark.parametrize(
+    ("given", "is_set"),
+    [
+        ({}, True),
+        ({_PROFILE: "", _NEWER_PROFILE: ""}, True),
+        ({_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
+        ({_NEWER_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
+    ],
+)
+def test_variables_are_set_unless_the_user_has_set_them(given, is_set):
     environment = dict(given)
     prepare_environment(environment)
-    assert environment == given | {
-        _PROFILE: str(TRANSPORT_PROFILE),
-        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
-        "OMP_WAIT_POLICY": "PASSIVE",
-    }
-
-
-@pytest.mark.parametrize("variable", [_PROFILE, _NEWER_PROFILE])
-def test_variables_of_the_user_are_left_alone(variable):
-    environment = {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
-    prepare_environment(environment)
-    assert environment == {variable: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}
+    own = {_PROFILE: str(TRANSPORT_PROFILE), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
+    own["OMP_WAIT_POLICY"] = "PASSIVE"
+    assert environment == (given | own if is_set else given)
 
 
 def large_sweep(index, drive):

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the node says beside the flow: what moves over ground, and how the sensor itself does."""
+"""Velocities over ground, objects, and the ego motion, with odometry and without."""
 
 from __future__ import annotations
 

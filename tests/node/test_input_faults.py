@@ -7,7 +7,6 @@ import itertools
 
 import numpy as np
 import pytest
-from node_harness import stamp_of
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import MOTION, cloud_message, flow_columns, surfaces, xyz_message
@@ -154,23 +153,6 @@ class TestStamps:
         peer.flow_amid(under_way.sweeps(next_index, next_index + 1, next_index + 2))
         said = f"{event.replace('_', ' ')} (at most every 10 min, counted in /diagnostics)"
         assert peer.process.log.count(said) == 1
-
-    def test_another_frame_starts_anew(self, peer, under_way):
-        before = peer.count("sweeps_frame_changed")
-        sweeps = under_way.sweeps(3, 4, 5, frame_id="other_lidar")
-        assert peer.flow_amid(sweeps).header.frame_id == "other_lidar"
-        assert stamp_of(sweeps[0]) not in peer.flows
-        assert peer.count("sweeps_frame_changed") == before + 1
-        assert peer.process.log.count("frame changed (at most") == 1
-
-    def test_of_a_bag_in_a_loop_give_flow_in_each_round(self, peer, drive):
-        sweeps = drive.sweeps(*range(8))
-        before = peer.count("sweeps_time_went_back")
-        for _ in range(3):
-            peer.flows.clear()
-            peer.send(*sweeps)
-            peer.flow_of(sweeps[-2])
-        assert peer.count("sweeps_time_went_back") == before + 2
 
     def test_that_are_missing_are_the_time_of_arrival(self, peer, drive):
         before, sent = peer.count("clouds_without_stamp"), []

@@ -30,7 +30,7 @@ def unconfigured(managed):
 
 
 class ManagedPeer:
-    """What a lifecycle manager does with the node."""
+    """The requests of a lifecycle manager."""
 
     def __init__(self, peer):
         self.peer = peer

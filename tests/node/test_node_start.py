@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What a user gives a node at its start: names, parameters, files, qualities of service."""
+"""Arguments of a node at its start: names, parameters, files, qualities of service."""
 
 from __future__ import annotations
 

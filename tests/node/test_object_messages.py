@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What the messages of objects hold, whatever made the objects."""
+"""Messages of objects: cloud, markers, Autoware, nav2."""
 
 from __future__ import annotations
 

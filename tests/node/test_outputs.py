@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from node_harness import Spinner
 from sensor_msgs.msg import PointCloud2, PointField
-from synthetic_clouds import column, surfaces, tracked, xyz_columns, xyz_message
+from synthetic_clouds import column, over_ground, surfaces, tracked, xyz_columns, xyz_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.node import flow_outputs
 from mnsf_ros.node.flow_outputs import FlowOutputs
 from mnsf_ros.settings import OutputSettings, Settings
@@ -99,18 +99,15 @@ def triplet():
 
 def made_estimate(*objects, has_tracks=False):
     number = NUM_POINTS - 1
-    over_ground = OverGround(
+    known = over_ground(
         motion=np.arange(3 * number, dtype=np.float32).reshape(-1, 3),
         dynamic=np.arange(number) % 10 == 0,
         confidence=np.linspace(0, 1, number, dtype=np.float32),
-        world_from_sensor=np.eye(4),
-        next_from_current=np.eye(4),
-        source="registration",
         objects=objects,
         track_ids=np.zeros(number, np.int32) if has_tracks else None,
     )
     flow = np.arange(3 * number, dtype=np.float32).reshape(-1, 3) / 7
-    return FlowEstimate(flow, np.ones(number, bool), over_ground=over_ground)
+    return FlowEstimate(flow, np.ones(number, bool), over_ground=known)
 
 
 def assert_is_part(part, whole, is_dynamic):

@@ -46,7 +46,7 @@ def robot_pose(stamp_ns):
 
 
 def half_street(index, lidar, *, drive=0, **options):
-    """What a lidar sees of the street, on its side of the robot, in its own frame."""
+    """The half of the street on a lidar's side of the robot, in its own frame."""
     stamp_ns = START_NS + drive * 10**12 + index * INTERVAL_NS + lidar * PHASE_NS
     xyz = STREET.xyz(robot_pose(stamp_ns - drive * 10**12), seed=index)
     xyz = xyz[xyz[:, 0] > 0] if lidar == 0 else xyz[xyz[:, 0] <= 0]

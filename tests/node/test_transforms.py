@@ -17,9 +17,8 @@ from node_harness import QUICK, Spinner, stamp_of
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from synthetic_clouds import xyz_columns, xyz_message
+from synthetic_clouds import over_ground, xyz_columns, xyz_message
 
-from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.geometry.pose_messages import pose_matrix, transform_matrix
 from mnsf_ros.node import sweep_input
 from mnsf_ros.node.sweep_input import SweepInput
@@ -190,14 +189,7 @@ def test_lidars_are_merged_by_their_places_and_left_out_without_one(make, tf2, d
 
 def test_the_pose_is_broadcast_for_the_frame_of_the_robot(tf2):
     frame = OdometryFrame(None, "odom", "base")
-    known = OverGround(
-        motion=np.zeros((1, 3), np.float32),
-        dynamic=np.zeros(1, np.bool_),
-        confidence=np.ones(1, np.float32),
-        world_from_sensor=pose(3.0, 1.0),
-        next_from_current=np.eye(4),
-        source="registration",
-    )
+    known = over_ground(world_from_sensor=pose(3.0, 1.0))
     tf2.found["lidar", "base", 0] = -1.0
     header = Header(frame_id="lidar")
     header.stamp.sec = 7
