@@ -46,7 +46,9 @@ def one_less(number):
 """
 
 
-@pytest.mark.parametrize("has_folder", [True, False])
+@pytest.mark.parametrize(
+    "has_folder", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["folder", "no folder"]
+)
 def test_compiling_is_announced_once_and_later_starts_load_it(tmp_path, has_folder):
     package, home = tmp_path / "only_here", tmp_path / "home"
     package.mkdir()

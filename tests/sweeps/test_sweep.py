@@ -25,7 +25,6 @@ def read_only(array):
     [
         pytest.param(POINTS.astype(np.float64), id="float64"),
         pytest.param(POINTS.astype(">f4"), id="big-endian"),
-        pytest.param(POINTS.astype(np.int16), id="int16"),
         pytest.param(POINTS.tolist(), id="list"),
         pytest.param(np.asfortranarray(POINTS, dtype=np.float32), id="column-major"),
         pytest.param(np.repeat(POINTS, 2, axis=0)[::2].astype(np.float32), id="not contiguous"),
@@ -48,14 +47,12 @@ def test_array_becomes_float32_rows_in_order(points):
     [
         (np.zeros(3), "shape (3,) of float64"),
         (None, "shape () of object"),
-        (np.zeros((4, 2)), "shape (4, 2) of float64"),
         (np.zeros((2, 4, 3)), "shape (2, 4, 3) of float64"),
         (np.zeros((4, 3), bool), "shape (4, 3) of bool"),
         (np.zeros((4, 3), complex), "shape (4, 3) of complex128"),
         ([["1", "2", "3"]], "shape (1, 3) of <U1"),
         (np.zeros(4, [("x", "f4"), ("y", "f4")]), "shape (4,) of [('x', '<f4'), ('y', '<f4')]"),
         ([[1, 2, 3], [1, 2]], "rows of different lengths"),
-        ([[1, 2, [3]], [4, 5, 6]], "rows of different lengths"),
     ],
 )
 def test_not_an_array_of_points(points, got):
