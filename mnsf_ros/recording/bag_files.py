@@ -41,7 +41,7 @@ def stored_files(path: Path) -> list[Path]:
 
 
 def kind_of(file: Path) -> str:
-    """Returns the suffix that tells the format of a file, also of one compressed as a whole."""
+    """Returns the suffix of the format of a file, without that of compression."""
     return (file.with_suffix("") if file.suffix == COMPRESSED else file).suffix
 
 
@@ -105,7 +105,7 @@ def fingerprint(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Metadata:
-    """Promises of the metadata.yaml of a folder: its files, and the messages of each topic."""
+    """Files and message counts listed in metadata.yaml."""
 
     files: list[Path]
     counts: Counter[str]

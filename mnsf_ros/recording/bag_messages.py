@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""ROS messages built from arrays, in the types of the bag library."""
+"""Conversion of arrays to ROS messages, in the types of the bag library."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def message_definition(msgtype: str) -> str:
-    """Returns the definition of a message type of ROS 2 Jazzy, with those of its parts.
+    """Returns the definition of a message type of ROS 2 Jazzy, nested types included.
 
     Raises:
         KeyError: There is no such type.

@@ -28,7 +28,7 @@ from mnsf_ros.recording.ros1_file import Ros1File, jazzy
 from mnsf_ros.recording.sqlite_file import SqliteFile
 
 Converted = TypeVar("Converted")
-# A message with its receive time in nanoseconds, or why some may be missing.
+# A message with its receive time in nanoseconds, or damage.
 Readable: TypeAlias = "tuple[int, Converted] | Damage"
 # Called with the number of bytes read and that of all.
 Watch: TypeAlias = Callable[[int, int], None]
@@ -39,10 +39,10 @@ class StorageFile(Protocol):
     """A file with messages. Each scan opens it anew, so scans do not disturb each other.
 
     Attributes:
-        topics: Topic to its summary, of what is serialized as ROS 2 does.
+        topics: Topic to its summary, CDR messages only.
         first_ns: Receive time of the first message; infinite if there is none.
         has_checksums: Whether flipped bits in the file are noticed.
-        damages: What cannot be read, as far as it is known before messages are read.
+        damages: Damage known before messages are read.
     """
 
     topics: dict[str, TopicSummary]
@@ -63,13 +63,13 @@ class BagReader:
 
     Attributes:
         path: The folder or file that was given.
-        topics: Topic name to what it holds.
-        damages: What cannot be read, as far as opening shows; `readable_messages` finds the rest.
+        topics: Topic name to its type and number of messages.
+        damages: Damage found on opening; `readable_messages` finds the rest.
         has_checksums: Whether flipped bits in messages are noticed.
     """
 
     def __init__(self, path: Path | str, watch: Watch | None = None) -> None:
-        """Names the recording; nothing is opened before `with`.
+        """Sets the path; nothing is opened before `with`.
 
         `watch` is told the progress where files without an index are read from front to end.
         """
@@ -128,36 +128,27 @@ class BagReader:
     ) -> Iterator[Any]:
         """Returns the messages of a topic, deserialized, with the attributes of the ROS type.
 
-        Arrays in them are read-only. The arguments and errors are those of `raw_messages`.
-        """
-        received = self.received_messages(topic, start_ns=start_ns, stop_ns=stop_ns)
-        return (message for _, message in received)
-
-    def received_messages(
-        self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
-    ) -> Iterator[tuple[int, Any]]:
-        """Returns receive time in nanoseconds and message of each message, see `messages`."""
-        convert = self._decoder(topic)
-        return self._undamaged(self._converted(topic, start_ns, stop_ns, convert))
-
-    def raw_messages(
-        self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
-    ) -> Iterator[tuple[int, bytes]]:
-        """Returns receive time in nanoseconds and CDR bytes of each message of a topic.
-
-        Only those are returned that were received from `start_ns` on and before `stop_ns`.
+        Only those are returned that were received from `start_ns` on and before `stop_ns`. Arrays
+        in them are read-only.
 
         Raises:
             RecordingError: The topic is unknown (at once), or damage is met that opening the
                 recording has not shown.
         """
+        found = self._converted(topic, start_ns, stop_ns, self._decoder(topic))
+        return (message for _, message in self._undamaged(found))
+
+    def received_messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Returns receive time in nanoseconds and message of each message, see `messages`."""
+        return self._undamaged(self.readable_messages(topic))
+
+    def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Returns receive time in nanoseconds and CDR bytes of each message, see `messages`."""
         known_topic(self.path, self.topics, topic)
-        return self._undamaged(self._converted(topic, start_ns, stop_ns, expanded_message))
+        return self._undamaged(self._converted(topic, None, None, expanded_message))
 
     def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
-        """Returns receive time in nanoseconds and message of all messages that can be read.
-
-        Wherever some may be missing there is a Damage.
+        """Returns receive time in nanoseconds and message, or a Damage where some may be missing.
 
         Raises:
             RecordingError: The topic is unknown.
@@ -223,7 +214,7 @@ def open_recording(path: Path | str, warn: Callable[[str], None]) -> Iterator[Ba
 
 
 def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:
-    """What metadata.yaml says; one that cannot be read costs nothing but its promises."""
+    """Content of metadata.yaml, or the damage of one that cannot be read."""
     try:
         return read_metadata(path), []
     except UNREADABLE as error:
@@ -233,7 +224,7 @@ def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:
 def _opened(
     paths: list[Path], stack: ExitStack, watch: Watch | None
 ) -> tuple[list[StorageFile], list[Damage]]:
-    """The files in the order of time, and which cannot be opened."""
+    """Readable files in the order of time, and the damage of the others."""
     files: list[StorageFile] = []
     damages = []
     total, done = sum(path.stat().st_size for path in paths if path.is_file()), 0

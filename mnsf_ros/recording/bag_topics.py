@@ -1,8 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The topics of a recording: their usual names and types, and the choice among them.
-
-`docs/recordings.md` explains them.
-"""
+"""Topics of a recording: usual names and types, and selection; see `docs/recordings.md`."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ _LATCHED: Final = re.compile(r"""\bdurability["']?:\s*["']?(1|transient_local)\b
 
 
 def has_latched_profile(profiles: str) -> bool:
-    """Whether a publisher is latched, by the QoS profiles of all publishers.
+    """Whether any of the QoS profiles of the publishers of a topic is latched.
 
     They are YAML, but a hundred kilobytes of that take seconds to parse.
     """
@@ -39,12 +36,12 @@ def has_latched_profile(profiles: str) -> bool:
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """Content of a topic of a recording.
+    """Type and number of messages of a topic.
 
     Attributes:
         msgtype: For example `sensor_msgs/msg/PointCloud2`, also in ROS 1 bags.
         count: Number of messages that are stored.
-        is_latched: Whether those who subscribe later got the last message, too.
+        is_latched: Whether late subscribers got the last message, too.
     """
 
     msgtype: str
@@ -53,7 +50,7 @@ class TopicSummary:
 
 
 def add_topic(topics: dict[str, TopicSummary], name: str, found: TopicSummary) -> None:
-    """Adds the content of a file, or of a part of it, to that of the topic in others."""
+    """Adds the messages of one file, or of a part of it, to the summary of a topic."""
     known = topics.get(name, TopicSummary(found.msgtype, 0))
     is_latched = known.is_latched or found.is_latched
     topics[name] = TopicSummary(known.msgtype, known.count + found.count, is_latched)
@@ -61,7 +58,7 @@ def add_topic(topics: dict[str, TopicSummary], name: str, found: TopicSummary) -
 
 @dataclass(frozen=True)
 class UsedTopics:
-    """Topics of a recording to use: the sweeps, their truth, the sensor's poses."""
+    """Topics of the sweeps, of their truth and of the sensor poses."""
 
     points: str
     truth: str | None
@@ -75,7 +72,7 @@ def used_topics(
     truth: str | None = None,
     odometry: str | None = None,
 ) -> UsedTopics:
-    """Returns the topics of a recording to use: those named, else the usual ones.
+    """Returns the named topics, else the usual ones.
 
     Points may also be the only topic of that type.
 
@@ -103,9 +100,7 @@ def used_topics(
 def find_topic(
     path: Path, topics: Mapping[str, TopicSummary], name: str | None, msgtype: str
 ) -> str:
-    """Returns the topic to read.
-
-    If no name is given, that is the only topic of this type that has messages.
+    """Returns the named topic, else the only topic of this type with messages.
 
     Raises:
         RecordingError: There is no such topic, it is of another type or empty, or there are

@@ -47,7 +47,7 @@ _REPLACEABLE_SUFFIXES: Final = (*SUFFIXES, ".zstd")
 
 
 class BagWriter:
-    """A recording being written; use it as a context manager.
+    """Writer of a recording; use it as a context manager.
 
     A folder, or a single file if the path ends in `.mcap`, appears when the block ends well. After
     any exception in the block, also KeyboardInterrupt, nothing is left behind. The receive time of
@@ -60,7 +60,7 @@ class BagWriter:
     def __init__(
         self, path: Path | str, *, overwrite: bool = False, compress: bool = False
     ) -> None:
-        """Names the target, whose missing parents are made; nothing is written yet.
+        """Sets the target; nothing is written before `with`, which makes missing parents.
 
         A recording at the same path is replaced only if `overwrite` is set. With `compress` chunks
         of the file are compressed with zstd: smaller but slower.
@@ -76,7 +76,7 @@ class BagWriter:
         self._stack = ExitStack()
 
     def __enter__(self) -> BagWriter:
-        """Starts to write beside the path.
+        """Opens a draft beside the path.
 
         Raises:
             RecordingError: The path exists already, or nothing can be written there.
@@ -131,9 +131,7 @@ class BagWriter:
         *,
         is_dense: bool = True,
     ) -> None:
-        """Adds a point cloud.
-
-        Its header stamp is the receive time, too.
+        """Adds a point cloud; its header stamp is the receive time, too.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, or writing fails.
@@ -173,9 +171,7 @@ class BagWriter:
         frame_id: str,
         child_frame_id: str,
     ) -> None:
-        """Adds a pose; the velocity in the message stays zero.
-
-        The pose is (4, 4), of the child frame in the frame `frame_id`, in metres.
+        """Adds the (4, 4) pose, metres, of the child frame in `frame_id`; the velocity is zero.
 
         Raises:
             RecordingError: The stamp does not fit a ROS message, or writing fails.
@@ -223,7 +219,7 @@ class BagWriter:
 
 @contextmanager
 def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Yields the path of a draft; it is moved to `path` if the block ends well, else removed.
+    """Draft of a recording; moved to `path` when the block ends well, else removed.
 
     Missing parents are made. If the path ends in `.mcap`, only the mcap file in the folder is moved
     there. With `overwrite` a recording that is there already is replaced, at the very end.
@@ -253,7 +249,7 @@ def new_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Checks that a recording may be written, before any work is done for it.
+    """Checks the target of a recording before any work is done.
 
     Raises:
         RecordingError: Something is there already that may not be replaced.

@@ -48,7 +48,7 @@ def expanded(compression: str, data: bytes, max_bytes: int = MAX_BYTES) -> bytes
 
 
 def expanded_message(raw: bytes) -> bytes:
-    """Returns a ROS 2 message as it was before it was compressed by itself, if it was.
+    """Returns a ROS 2 message, decompressed if it was compressed by itself.
 
     Raises:
         ValueError: It is damaged or too large.
@@ -57,7 +57,7 @@ def expanded_message(raw: bytes) -> bytes:
 
 
 def expand_file(file: Path, target: Path) -> None:
-    """Writes the content of a file that is compressed as a whole (zstd).
+    """Decompresses a file that is compressed as a whole (zstd).
 
     Raises:
         ValueError: It is damaged.

@@ -56,13 +56,13 @@ _MAX_LENGTH: Final = 300
 
 @dataclass(frozen=True)
 class Damage:
-    """A part of a recording that is lost.
+    """Lost part of a recording.
 
     Attributes:
         file: The file or folder.
         position: Where in it, such as `byte 4711`; may be empty.
-        text: What was found there.
-        is_memory: Whether memory was missing to read it.
+        text: Description.
+        is_memory: Whether missing memory was the cause.
     """
 
     file: str
@@ -72,7 +72,7 @@ class Damage:
 
     @classmethod
     def of(cls, file: Path, position: str, error: Exception, text: str = "") -> Damage:
-        """Returns the damage that an error tells, with `text` before its reason."""
+        """Returns the damage described by an error; `text` comes before its reason."""
         told = f"{text}: {reason(error)}" if text else reason(error)
         return cls(str(file), position, told, isinstance(error, _NO_MEMORY))
 

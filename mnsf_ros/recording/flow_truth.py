@@ -47,24 +47,24 @@ class SurfaceClass(IntEnum):
     CYCLIST = 8
     STREET_FURNITURE = 9
     LARGE_VEHICLE = 10  # bus, truck, trailer, tram
-    OBSTACLE = 11  # cone, barrel, sign: what a data set labels as objects, though they stand
+    OBSTACLE = 11  # cone, barrel, sign: labelled as objects, but static
     ANIMAL = 12
 
 
 @dataclass(frozen=True, eq=False)
 class FlowTruth:
-    """The true motion of all N points of one sweep, row i for point i of its cloud.
+    """True flow of the N points of one sweep, row i for point i of its cloud.
 
     Attributes:
         stamp_ns: Header stamp of the sweep in nanoseconds.
-        flow: (N, 3) float32 metres from a point to where its piece of surface is in the next
-            sweep, in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
+        flow: (N, 3) float32 metres from a point to the position of its surface in the next sweep,
+            in the next sweep's sensor frame: ego motion is part of it. NaN if not valid.
         valid: (N,) bool, the flow of the point is known.
         dynamic: (N,) bool, the surface itself moves (residual flow above 0.05 m per 0.1 s).
         ground: (N,) bool, the point is on the ground.
         class_id: (N,) uint8 kind of surface, 0 if unknown.
         object_id: (N,) uint32 number of the object, the same in all sweeps, 0 for points of none.
-            None if nobody knows.
+            None if unknown.
     """
 
     stamp_ns: int
@@ -80,13 +80,13 @@ class FlowTruth:
         return len(self.flow)
 
     def of_points(self, rows: NDArray[np.int64]) -> FlowTruth:
-        """Returns the truth of some of the points, in the order of their rows."""
+        """Returns the truth of the points in these rows."""
         names = ("flow", "valid", "dynamic", "ground", "class_id", _OBJECT)
         known = {name: getattr(self, name) for name in names}
         return replace(self, **{k: array[rows] for k, array in known.items() if array is not None})
 
     def encode(self, xyz: NDArray[np.floating[Any]]) -> EncodedCloud:
-        """Returns the cloud for a recording, with the (N, 3) points so that viewers can show it.
+        """Returns the truth and the (N, 3) points, metres, as a cloud that viewers can show.
 
         Raises:
             RecordingError: The numbers of points differ.
@@ -108,8 +108,8 @@ class FlowTruth:
         """Returns the truth in a sensor_msgs/PointCloud2.
 
         Raises:
-            RecordingError: The cloud is damaged, lacks a field, or has a valid row without flow or
-                with one that no surface can have.
+            RecordingError: The cloud is damaged, lacks a field, or has a valid row whose flow is
+                not finite or too large.
         """
         try:
             stamp_ns = decode_stamp(message.header.stamp)
@@ -185,7 +185,7 @@ def read_sensor_poses(
 
 @contextmanager
 def _located(reader: BagReader, topic: str, stamp: StampLike) -> Iterator[None]:
-    """Names the recording, topic and stamp of a message that cannot be used."""
+    """Adds recording, topic and stamp to the error of a message."""
     try:
         yield
     except (MessageError, RecordingError) as error:

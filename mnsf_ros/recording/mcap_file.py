@@ -49,14 +49,7 @@ class _Message(NamedTuple):
 
 
 class McapFile:
-    """An mcap file, see `StorageFile`.
-
-    Attributes:
-        topics: Topic to its summary, of what is serialized as ROS 2 does.
-        first_ns: Receive time of the first message; infinite if there is none.
-        has_checksums: Whether flipped bits in the file are noticed.
-        damages: What cannot be read, as far as it is known before messages are read.
-    """
+    """An mcap file; its attributes are those of `StorageFile`."""
 
     def __init__(self, path: Path, watch: Callable[[int], None] | None = None) -> None:
         """Reads the index, or without an intact one the whole file.
@@ -204,7 +197,7 @@ class McapFile:
                 yield message
 
     def _message(self, opcode: int, payload: bytes) -> _Message | None:
-        """The message in a record; what a schema or a channel says is kept."""
+        """The message in a record; schemas and channels are kept."""
         if opcode == Opcode.MESSAGE:
             channel, _, received_ns, _ = _MESSAGE_HEAD.unpack_from(payload)
             if channel not in self._channels:

@@ -23,7 +23,7 @@ class SqliteFile:
     has_checksums = False
 
     def __init__(self, path: Path) -> None:
-        """Reads what is in the tables, but no message.
+        """Reads topics and counts, but no message.
 
         Raises:
             Exception: One of `UNREADABLE`: it is damaged or no database of rosbag2.

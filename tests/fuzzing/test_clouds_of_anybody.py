@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mnsf_ros.settings import TimeSettings
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 from msg_utils.errors import MessageError
-from msg_utils.point_cloud2 import decode_points, decode_xyz
+from msg_utils.point_cloud2 import decode_points
 
 NAMES = st.sampled_from(["x", "y", "z", "t", "time", "intensity", "", "x\n", "\u2603"]) | st.text()
 SIZES = st.sampled_from([0, 1, 2, 4, 12, 16, 32]) | st.integers(0, 2**32 - 1)
@@ -74,17 +74,6 @@ def test_points_or_a_message_error(cloud):
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert peak < MAX_BYTES
-
-
-@given(CLOUDS | fitting())
-def test_coordinates_or_a_message_error(cloud):
-    try:
-        xyz, finite = decode_xyz(cloud)
-    except MessageError as error:
-        assert str(error)
-        return
-    assert xyz.shape == (cloud.height * cloud.width, 3)
-    assert np.array_equal(np.isfinite(xyz).all(axis=1), finite)
 
 
 @given(

@@ -80,12 +80,6 @@ def test_flipped_bits_in_what_was_written_are_noticed(tmp_path, compress):
     assert damage.position == f"byte {chunks[2].chunk_start_offset}"
 
 
-def test_raw_bytes_stay_as_they_are(tmp_path):
-    write_one(tmp_path / "bag")
-    with BagReader(tmp_path / "bag") as reader:
-        assert list(reader.raw_messages("/points")) == [(7, bytes(tiny_bags.cdr(0)))]
-
-
 def test_layout_is_that_of_rosbag2(tmp_path):
     write_one(tmp_path / "bag")
     assert sorted(file.name for file in (tmp_path / "bag").iterdir()) == [
