@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from msg_utils.cloud_encoding import CloudEncoding
+from msg_utils.cloud_layout import CloudEncoding
 
 # Any object with `stamp` and `frame_id`, as std_msgs/Header has.
 HeaderLike: TypeAlias = Any

@@ -10,8 +10,15 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from msg_utils.cloud_encoding import CloudEncoding, Columns, KeptBytes
-from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike, read_only_bytes
+from msg_utils.cloud_layout import (
+    CloudEncoding,
+    CloudLayout,
+    Columns,
+    EncodedCloud,
+    KeptBytes,
+    PointCloudLike,
+    read_only_bytes,
+)
 from msg_utils.errors import MessageError, checked_integer, describe
 from msg_utils.point_fields import FieldLayout, datatype_of, fields_end, point_dtype
 

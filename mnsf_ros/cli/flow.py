@@ -18,7 +18,7 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 if TYPE_CHECKING:
     from mnsf_ros.core.flow_estimate import FlowEstimate
     from mnsf_ros.settings import Settings
-    from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile
+    from mnsf_ros.sweeps_io.read_sweep import SweepInFile
     from mnsf_ros.sweeps_io.write_flow import FlowToWrite
 
 _EPILOG = """\
@@ -64,8 +64,7 @@ def _run(options: argparse.Namespace) -> None:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from mnsf_ros.online.stream import Stream
     from mnsf_ros.scene_flow import StepReport
-    from mnsf_ros.sweeps_io.read_sweep import read_sweep
-    from mnsf_ros.sweeps_io.sweep_in_file import triplet_of_files
+    from mnsf_ros.sweeps_io.read_sweep import read_sweep, triplet_of_files
     from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
 
     settings = chosen_settings(options)

@@ -1,12 +1,13 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps in single files: npz, npy, PCD, Feather, and the binary rows of KITTI and nuScenes.
+"""Sweeps in files: npz, npy, PCD, Feather, and binary rows of KITTI and nuScenes; triplets of them.
 
 Every reader raises a SweepFileError if a file is missing, damaged, or has another structure.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,14 +16,73 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
 from mnsf_ros.sweeps_io.files import array_in, open_npz, read_feather_columns, reading, require
-from mnsf_ros.sweeps_io.sweep_in_file import SweepInFile, xyz_of_columns, xyz_of_table
 
 _NUSCENES_ENDING: Final = ".pcd.bin"
 _MAX_RING: Final = 127
 _USUAL_NAMES: Final = ("xyz", "points", "pc")
 # Nanoseconds since 1970 have 19 digits until the year 2286; the first data sets have 18.
 _STAMP_DIGITS: Final = (18, 19)
+# More columns than lidars measure values: with fewer rows the array is transposed.
+_MAX_COLUMNS: Final = 16
+_MIN_INTERVAL_S: Final = 0.001
+_MAX_INTERVAL_S: Final = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class SweepInFile:
+    """The points (N, 3) of a file in metres, row for row; rows without a point are not finite.
+
+    Without a stamp in the file `stamp_ns` is 0, without a pose `pose` (world_from_sensor) is None.
+    """
+
+    xyz: NDArray[np.float32]
+    stamp_ns: int = 0
+    pose: NDArray[np.float64] | None = None
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(N,) bool, the rows with a finite point."""
+        return np.asarray(np.isfinite(self.xyz).all(axis=1))
+
+    def sweep(self) -> Sweep:
+        """Returns the measured points as a sweep."""
+        xyz = np.ascontiguousarray(self.xyz[self.measured])
+        return Sweep(xyz, self.stamp_ns, odometry=self.pose)
+
+
+def _xyz_of_columns(path: Path, columns: Iterable[NDArray[Any]]) -> NDArray[np.float32]:
+    """Stacks columns x, y and z of numbers, (N,) each, to (N, 3) float32.
+
+    Raises:
+        SweepFileError: A column does not hold numbers.
+    """
+    found = list(columns)
+    for name, column in zip("xyz", found, strict=True):
+        if column.dtype.kind not in "fiu":
+            raise SweepFileError(f"{path}: {name} is of {column.dtype}, expected numbers")
+    # A value beyond float32 becomes infinite: a row without a point.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.stack([column.astype(np.float32) for column in found], axis=1)
+
+
+def _xyz_of_table(path: Path, name: str, table: NDArray[Any]) -> NDArray[np.float32]:
+    """Returns the first three columns of a table, or its fields x, y and z, as (N, 3) float32.
+
+    Raises:
+        SweepFileError: The array is not a table of at least three columns.
+    """
+    if table.dtype.names is not None:
+        return _xyz_of_columns(path, (table[axis].ravel() for axis in "xyz"))
+    is_table = table.ndim == 2 and table.shape[1] >= 3
+    is_transposed = is_table and table.shape[0] < table.shape[1] > _MAX_COLUMNS
+    if not is_table or is_transposed:
+        hint = ": one row for each point; is it transposed?" if is_transposed else ""
+        raise SweepFileError(
+            f"{path}: {name} has shape {table.shape}, expected (N, 3) or wider{hint}"
+        )
+    return _xyz_of_columns(path, table.T[:3])
 
 
 def _read_bin(path: Path) -> SweepInFile:
@@ -41,7 +101,7 @@ def _read_bin(path: Path) -> SweepInFile:
             f"of {4 * num_columns}"
         )
     table = np.frombuffer(content, dtype="<f4").reshape(-1, num_columns)
-    return SweepInFile(xyz_of_table(path, "the table", table))
+    return SweepInFile(_xyz_of_table(path, "the table", table))
 
 
 def _has_rings(content: bytes) -> bool:
@@ -58,7 +118,7 @@ def _read_npy(path: Path) -> SweepInFile:
     """Reads an array (N, 3) or wider, or one with the named fields x, y and z."""
     with path.open("rb") as file:
         array = np.lib.format.read_array(file, allow_pickle=False)  # type: ignore[no-untyped-call]
-    return SweepInFile(xyz_of_table(path, "the array", array))
+    return SweepInFile(_xyz_of_table(path, "the array", array))
 
 
 def _read_npz(path: Path, name: str = "") -> SweepInFile:
@@ -69,7 +129,7 @@ def _read_npz(path: Path, name: str = "") -> SweepInFile:
     with open_npz(path) as archive:
         wanted = name or next((usual for usual in _USUAL_NAMES if usual in archive.files), "")
         wanted = wanted or _only_table(path, archive)
-        xyz = xyz_of_table(path, f"array {wanted!r}", array_in(archive, wanted))
+        xyz = _xyz_of_table(path, f"array {wanted!r}", array_in(archive, wanted))
         stamp_ns = _stamp(archive["stamp_ns"]) if "stamp_ns" in archive.files else 0
         pose = _pose(archive["pose"]) if "pose" in archive.files else None
         return SweepInFile(xyz, stamp_ns, pose)
@@ -119,12 +179,12 @@ def _read_pcd(path: Path) -> SweepInFile:
     rows = np.atleast_1d(cloud.pc_data)
     if len(rows) != cloud.points:
         raise ValueError(f"is cut short: it has {len(rows)} of {cloud.points} points")
-    return SweepInFile(xyz_of_columns(path, [rows[axis] for axis in "xyz"]))
+    return SweepInFile(_xyz_of_columns(path, [rows[axis] for axis in "xyz"]))
 
 
 def _read_feather(path: Path) -> SweepInFile:
     """Reads the columns x, y and z; a name that is a number of nanoseconds is the stamp."""
-    xyz = xyz_of_columns(path, read_feather_columns(path, "xyz").values())
+    xyz = _xyz_of_columns(path, read_feather_columns(path, "xyz").values())
     is_stamp = path.stem.isdecimal() and len(path.stem) in _STAMP_DIGITS
     return SweepInFile(xyz, int(path.stem) if is_stamp else 0)
 
@@ -157,3 +217,54 @@ def read_sweep(name: str) -> SweepInFile:
         if path.is_file() and path.stat().st_size == 0:
             raise SweepFileError(f"{path}: is empty")
         return _read_npz(path, array) if has_array else reader(path)
+
+
+def triplet_of_files(
+    sweeps: Sequence[SweepInFile], interval_s: float = USUAL_INTERVAL_S
+) -> SweepTriplet:
+    """Returns the triplet of two sweeps or more in the order of time.
+
+    The last one is the next sweep, the one before it the current one. Poses of these two give the
+    ego motion. Unless all sweeps have a stamp, they are `interval_s` apart.
+
+    Raises:
+        SweepFileError: There are fewer than two, one has no point, their stamps are out of
+            order, the interval is out of range, or a pose cannot be inverted.
+    """
+    if len(sweeps) < 2:
+        raise SweepFileError(f"got {len(sweeps)} sweeps, expected two at least")
+    for number, sweep in enumerate(sweeps, start=1):
+        if not sweep.measured.any():
+            raise SweepFileError(f"sweep {number} of {len(sweeps)} has no finite point")
+    stamps = [sweep.stamp_ns for sweep in sweeps]
+    if not all(stamps):
+        sweeps = _with_stamps(sweeps, interval_s)
+    elif stamps != sorted(set(stamps)):
+        raise SweepFileError(f"the sweeps are not in the order of time: {stamps} ns")
+    *before, current, following = sweeps
+    motion = None
+    if current.pose is not None and following.pose is not None:
+        try:
+            motion = np.linalg.inv(following.pose) @ current.pose
+        except np.linalg.LinAlgError as error:
+            raise SweepFileError(
+                f"the pose of the next sweep cannot be inverted: {error}"
+            ) from error
+    newest_first = [sweep.sweep() for sweep in reversed(before)]
+    return SweepTriplet(
+        previous=newest_first[0] if newest_first else None,
+        current=current.sweep(),
+        next=following.sweep(),
+        earlier=tuple(newest_first[1:]),
+        next_from_current=motion,
+    )
+
+
+def _with_stamps(sweeps: Sequence[SweepInFile], interval_s: float) -> list[SweepInFile]:
+    if not _MIN_INTERVAL_S <= interval_s <= _MAX_INTERVAL_S:
+        raise SweepFileError(
+            f"interval between sweeps: got {interval_s:g} s, expected {_MIN_INTERVAL_S:g} to "
+            f"{_MAX_INTERVAL_S:g} s"
+        )
+    step_ns = round(interval_s * NANOSECONDS)
+    return [replace(sweep, stamp_ns=number * step_ns) for number, sweep in enumerate(sweeps, 1)]
