@@ -6,23 +6,21 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_columns import FLOW_NAMES
-from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.metrics import end_point_errors
-from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
-from msg_utils.point_cloud2 import decode_points, encode_columns
+from msg_utils.point_cloud2 import encode_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from mnsf_ros.evaluation.examples import Example
 
@@ -89,51 +87,15 @@ def flow_recorder(folder: Path | None, recording: str, method: str) -> Iterator[
         yield FlowRecorder(writer)
 
 
-class RecordedFlow(NamedTuple):
-    """The flow of the N scored points of a sweep, see `ShownFlow`."""
-
-    xyz: NDArray[np.float32]
-    flow: NDArray[np.float32]
-    error_m: NDArray[np.float32]
-    truth: NDArray[np.float32] | None
-
-
-def recorded_flow(path: Path, stamp_ns: int) -> RecordedFlow | None:
-    """Reads the flow of a sweep; None if it is missing or unreadable."""
-    with suppress(MnsfError, OSError), BagReader(path) as reader:
-        clouds = {topic: _cloud(reader, topic, stamp_ns) for topic in reader.topics}
-        cloud, error, truth = (clouds.get(one) for one in (FLOW_TOPIC, ERROR_TOPIC, TRUTH_TOPIC))
-        if cloud is not None:
-            return RecordedFlow(
-                xyz=_columns(cloud, "xyz"),
-                flow=_columns(cloud, FLOW_NAMES),
-                error_m=(
-                    np.full(len(cloud), np.nan, np.float32) if error is None else error["error_m"]
-                ),
-                truth=None if truth is None else _columns(truth, FLOW_NAMES),
-            )
-    return None
-
-
-def _cloud(reader: BagReader, topic: str, stamp_ns: int) -> NDArray[np.void] | None:
-    messages = reader.messages(topic, start_ns=stamp_ns, stop_ns=stamp_ns + 1)
-    message = next(iter(messages), None)
-    return None if message is None else decode_points(message).ravel()
-
-
-def _columns(points: NDArray[np.void], names: Iterable[str]) -> NDArray[np.float32]:
-    return np.stack([points[name].astype(np.float32) for name in names], axis=1)
-
-
 def flow_path(folder: Path | None, recording: str, method: str) -> Path | None:
     """Returns the path of the recording of a task's flow; None without a folder."""
     return None if folder is None else folder / folder_name(recording, method)
 
 
 def folder_name(recording: str, method: str) -> str:
-    """Returns a name for the folder of a task that any file system can have."""
+    """Returns a name for the folder of a task that any file system and locale can have."""
     plain = f"{recording}.{method}"
-    safe = re.sub(r"[^\w.-]+", "_", plain).strip("._")[:100]
+    safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
     # Two tasks must not share a name.
     return safe if safe == plain else f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"
 

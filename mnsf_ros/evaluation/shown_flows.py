@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import heapq
 import io
 import math
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.flow_recording import folder_name, recorded_flow
+from mnsf_ros.evaluation.flow_recording import folder_name
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import TaskKey
 from mnsf_ros.evaluation.results import ResultRow
@@ -116,17 +115,10 @@ class ShownFlows:
 
     def __init__(self, run_folder: Path) -> None:
         self._folder = run_folder / PICTURES_FOLDER
-        self._recordings = run_folder / FLOW_FOLDER
 
     def find(self, row: ResultRow) -> ShownFlow | None:
         """Returns the flow of a row; None if it was not kept, or is damaged."""
-        found = _read(self._task(row.recording, row.method) / f"{row.number}.npz")
-        if found is None:
-            path = self._recordings / folder_name(row.recording, row.method)
-            recorded = recorded_flow(path, row.stamp_ns)
-            if recorded is not None:
-                return ShownFlow(row.recording, row.method, row.number, *recorded)
-        return found
+        return _read(self._folder / folder_name(row.recording, row.method) / f"{row.number}.npz")
 
     def add(self, flow: ShownFlow, number: int) -> None:
         """Keeps a flow, and of each task so many of the worst sweeps.
@@ -134,7 +126,7 @@ class ShownFlows:
         Raises:
             OSError: It cannot be written.
         """
-        folder = self._task(flow.recording, flow.method)
+        folder = self._folder / folder_name(flow.recording, flow.method)
         folder.mkdir(parents=True, exist_ok=True)
         values = {one.name: getattr(flow, one.name) for one in fields(flow)}
         content = io.BytesIO()
@@ -150,13 +142,7 @@ class ShownFlows:
     def drop(self, keys: Collection[TaskKey]) -> None:
         """Removes the flows of some tasks."""
         for key in keys:
-            shutil.rmtree(self._task(*key), ignore_errors=True)
-
-    def _task(self, recording: str, method: str) -> Path:
-        name = folder_name(recording, method)
-        # Not every locale can write every name.
-        short = hashlib.sha256(name.encode()).hexdigest()[:16]
-        return self._folder / (name if name.isascii() else short)
+            shutil.rmtree(self._folder / folder_name(*key), ignore_errors=True)
 
 
 def _read(path: Path) -> ShownFlow | None:

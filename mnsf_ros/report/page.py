@@ -103,8 +103,7 @@ def _cards(results: RunResults, flows: ShownFlows, number: int) -> tuple[list[Ca
     if num_without:
         why_not = (
             f"{num_without} of {len(worst)} sweeps have no picture: the run did not keep their "
-            "flow. A new run with --pictures keeps that of the worst sweeps, with --write-flow "
-            "that of all."
+            "flow. A new run with --pictures keeps that of the worst sweeps."
         )
     return list(filter(None, worst)), why_not
 

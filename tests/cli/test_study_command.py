@@ -36,26 +36,17 @@ def study(name: str, *arguments: object) -> int:
     return run(["study", name, *map(str, arguments), "--num-points=100", *FEW_STEPS])
 
 
-def test_table_is_printed_and_written(
-    street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    assert study("fusion", street, "--out", out) == 0
-    printed = capsys.readouterr().out
-    for text in ("weighted sum", "EPE (m)", "12: mnsf+fusion.kind=mlp", "Written: "):
-        assert text in printed
-    names = {path.name for path in out.iterdir()}
-    assert names == {"fusion.md", "fusion.csv", "fusion.png", "evaluation"}
-    assert "| weighted sum |" in (out / "fusion.md").read_text()
-
-
-def test_options_may_stand_anywhere(
+def test_files_are_written_and_options_may_stand_anywhere(
     street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, few = str(tmp_path / "out"), [*FEW_STEPS, "--num-points", "100"]
     arguments = ["--max-examples", "1", "fusion", "--out", out, str(street), "--seed", "1"]
     assert run(["study", *arguments, *few]) == 0
-    assert "4: mnsf+fusion.kind=mlp" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    for text in ("weighted sum", "EPE (m)", "4: mnsf+fusion.kind=mlp", "Written: "):
+        assert text in printed
+    names = {path.name for path in Path(out).iterdir()}
+    assert names == {"fusion.md", "fusion.csv", "fusion.png", "evaluation"}
 
 
 @pytest.mark.parametrize(
@@ -85,7 +76,6 @@ def test_case_study_takes_its_own_options(
         (["stability", "--methods=mnfs"], "unknown method 'mnfs'"),
         (["stability", "--sizes=16,32,100000"], "sizes: got 100000"),
         (["stability", "--sizes=64,128"], "sizes: got 64, 128, expected 3 or more numbers"),
-        (["stability", "--sizes=0,64,128"], "expected 2 points or more each"),
         (["stability", "--repeats=0"], "repeats: got 0, expected 1 or more"),
         (["stability", "--methods=fnsf,fnsf"], "methods: got fnsf, fnsf, expected each once"),
         (["landscape", "--steps=4"], "steps: got 4, expected an odd number"),

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from mnsf_ros.evaluation.argoverse_metrics import bucket_sums, over_all_points, three_way_sums
-from mnsf_ros.evaluation.metrics import end_point_errors, flow_errors
 
 ROAD, CAR, PERSON, CYCLIST = 1, 6, 7, 8
 LARGE, CONE, ANIMAL = 10, 11, 12
@@ -118,63 +117,3 @@ def test_sums_of_examples_add_up_to_those_of_all_points():
         over_all_points([sums(slice(None))]), nan_ok=True
     )
     assert over_all_points([]) == {}
-
-
-@pytest.fixture
-def av2():
-    with np.errstate(all="ignore"):
-        return pytest.importorskip("av2.evaluation.scene_flow.eval", exc_type=ImportError)
-
-
-def random_flows(num_points=400):
-    random = np.random.default_rng(5)
-    truth = random.normal(0, 0.5, (num_points, 3))
-    estimate = truth + random.normal(0, 0.1, (num_points, 3))
-    estimate[:20], truth[:10] = 0.0, 0.0
-    return estimate, truth
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_point_errors_agree_with_av2(av2):
-    estimate, truth = random_flows()
-    assert np.allclose(
-        end_point_errors(estimate, truth), av2.compute_end_point_error(estimate, truth)
-    )
-    # av2 adds 1e-10 m to the length of the truth, the paper 1e-20: the same unless both are 0.
-    errors = flow_errors(estimate, truth)
-    assert errors.acc5 == av2.compute_accuracy_strict(estimate, truth).mean()
-    assert errors.acc10 == av2.compute_accuracy_relax(estimate, truth).mean()
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_three_way_epe_agrees_with_av2(av2):
-    from av2.evaluation.scene_flow import constants
-
-    examples, frames = [], []
-    for seed, num_points in ((0, 200), (1, 350)):
-        random = np.random.default_rng(seed)
-        truth = random.normal(0, 0.5, (num_points, 3))
-        estimate = truth + random.normal(0, 0.2, (num_points, 3))
-        dynamic = random.random(num_points) < 0.4
-        foreground = random.random(num_points) < 0.5
-        kinds = np.where(foreground, CAR, ROAD).astype(np.uint8)
-        examples.append(three_way_sums(end_point_errors(estimate, truth), dynamic, kinds))
-        frame = av2.compute_metrics(
-            estimate,
-            dynamic,
-            truth,
-            np.where(foreground, 19, 0),
-            dynamic,
-            np.ones(num_points, bool),
-            np.ones(num_points, bool),
-            constants.FOREGROUND_BACKGROUND_BREAKDOWN,
-        )
-        frame["Example"] = [str(seed)] * len(frame["Class"])
-        frames.append(av2.pd.DataFrame(frame))
-    theirs = av2.results_to_dict(av2.pd.concat(frames))
-    assert over_all_points(examples) == {
-        "three_way.foreground dynamic": pytest.approx(theirs["EPE/Foreground/Dynamic"]),
-        "three_way.foreground static": pytest.approx(theirs["EPE/Foreground/Static"]),
-        "three_way.background static": pytest.approx(theirs["EPE/Background/Static"]),
-        "three_way.mean": pytest.approx(theirs["EPE 3-Way Average"]),
-    }

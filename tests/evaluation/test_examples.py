@@ -75,11 +75,6 @@ def test_each_sweep_with_enough_neighbours_makes_an_example(num_sweeps, expected
     assert np.allclose(last.next_from_current, motion)
 
 
-def test_two_sweeps_are_an_example_where_no_more_are_asked_for():
-    (example,) = examples_of(map(small.sweep, range(2)), num_sweeps=2)
-    assert (example.number, example.triplet.before, example.truth) == (0, (), None)
-
-
 @pytest.mark.parametrize("num_points", [None, 20])
 def test_methods_get_whole_sweeps_and_the_points_that_count(num_points):
     options = options_of(num_points=num_points, seed=1)
@@ -313,13 +308,3 @@ def ordered(stamps, window=4):
 )
 def test_small_disorder_is_put_in_order(received, expected):
     assert ordered(received) == expected
-
-
-def test_only_the_window_is_held_back():
-    taken = []
-    items = (taken.append(stamp) or SimpleNamespace(stamp_ns=stamp) for stamp in range(100))
-    assert next(in_stamp_order(items, window=3)).stamp_ns == 0
-    assert len(taken) == 4
-    # A straggler beyond the window comes late, but it comes.
-    stamps = [10, 11, 12, 13, 14, 15, 5, 16]
-    assert sorted(ordered(stamps, window=2)) == sorted(stamps)

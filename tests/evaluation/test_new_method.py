@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.methods import make_method, method_names, registry
-from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.presets import preset
 from mnsf_ros.scene_flow import estimate_flow
 
@@ -45,21 +43,6 @@ def test_is_known_by_its_name(registered):
     points = small.xyz(0)
     flow = estimate_flow(points, points, settings=SETTINGS).flow
     assert not flow.any()
-
-
-def test_runs_in_the_pipeline_of_the_node(registered):
-    estimates, failures = [], []
-    pipeline = OnlinePipeline(
-        SETTINGS, lambda *result: estimates.append(result), lambda *failed: failures.append(failed)
-    )
-    for index in range(3):
-        pipeline.add_sweep(small.sweep(index), time.monotonic_ns())
-    give_up = time.monotonic() + 300
-    while not (estimates or failures) and time.monotonic() < give_up:
-        time.sleep(0.01)
-    assert pipeline.close(300.0)
-    ((job, estimate),) = estimates
-    assert estimate.flow.shape == job.triplet.current.xyz.shape
 
 
 def test_is_scored_by_the_evaluator(registered, tmp_path):

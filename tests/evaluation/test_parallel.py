@@ -33,7 +33,7 @@ needs_ray = [
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6)
+    return small.write_recording(tmp_path_factory.mktemp("bags") / "drive", 6, num_points=400)
 
 
 def events_by_task(execute, tasks, options):
@@ -51,7 +51,7 @@ def events_by_task(execute, tasks, options):
 )
 def test_events_are_the_same_wherever_tasks_run(bag, where):
     options = small.options(num_points=40)
-    tasks = [small.task_at(bag, method) for method in ("fnsf", "nothing", "zero")]
+    tasks = [small.task_at(bag, method) for method in ("online", "nothing", "zero")]
     serial = events_by_task(run_serially, tasks, options)
     with executor(**where) as execute:
         parallel = events_by_task(execute, tasks, options)

@@ -15,7 +15,7 @@ import small_evaluations as small
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.recordings import path_text, recording_names
+from mnsf_ros.evaluation.recordings import recording_names
 from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -101,25 +101,6 @@ def test_run_json_tells_what_is_run(tmp_path, recording):
     assert session.machine.cores >= 1
 
 
-def test_nothing_is_overwritten(tmp_path, recording):
-    out = tmp_path / "out"
-    begin(out, recording)
-    before = (out / "run.json").read_text()
-    with pytest.raises(EvaluationError, match="exists already; name another folder, or add"):
-        begin(out, recording)
-    assert (out / "run.json").read_text() == before
-    # Not even a folder that never was one of a run.
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "text.txt").write_text("mine")
-    with pytest.raises(EvaluationError, match="exists already"):
-        begin(tmp_path / "notes", recording)
-    with pytest.raises(EvaluationError, match="holds no run"):
-        begin(tmp_path / "notes", recording, resume=True)
-    for resume in (False, True):
-        with pytest.raises(EvaluationError, match="is not a folder"):
-            begin(tmp_path / "notes" / "text.txt", recording, resume=resume)
-
-
 def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
     (tmp_path / "out").mkdir()
     # What is left of a run that was killed while its first file was written.
@@ -145,18 +126,6 @@ def test_runs_with_other_settings_are_not_mixed(tmp_path, recording, options, te
         begin(tmp_path / "out", recording, options, resume=True)
     assert text in str(caught.value)
     assert str(caught.value).count(" was ") <= 5
-
-
-def test_resumed_run_may_have_more_methods_and_recordings(tmp_path, recording):
-    out = tmp_path / "out"
-    begin(out, recording)
-    other = replace(recording, name="other")
-    folder, left = begin(out, other, resume=True, methods=["zero", "ego"])
-    assert [task.key for task in left] == [("other", "zero"), ("other", "ego")]
-    run = folder.read_record()
-    assert run.method_names == ["ego", "zero"]
-    assert [item.name for item in run.recordings] == ["drive", "other"]
-    assert len(run.sessions) == 2
 
 
 def test_another_recording_of_the_same_name_is_refused_and_one_that_moved_is_not(tmp_path):
@@ -201,11 +170,6 @@ def test_recordings_are_named_by_the_last_part_of_their_path_if_that_is_enough(
     for same in (bag, bag.relative_to(tmp_path), tmp_path / "a" / ".." / "bag", "link", file):
         with pytest.raises(EvaluationError, match=r"is the same recording as .*; name it once"):
             recording_names([bag, tmp_path / same])
-
-
-def test_text_of_a_path_is_the_same_in_every_locale():
-    assert path_text(os.fsdecode(b"bad\xff")) == r"bad\xff"
-    assert path_text("\udcc3\udc9cber «x»") == "Über «x»"
 
 
 def done_run(out, recording, num_rows=2):

@@ -148,13 +148,6 @@ def test_static_points_in_one_place_do_not_overrule_odometry():
     assert points == {"0.5": 20, "2": 4}
 
 
-def test_without_odometry_the_standing_points_tell_the_motion():
-    with_odometry = scored_row(make_example(), "x", estimate(FLOW * 0.5))
-    without = scored_row(make_example(motion=None), "x", estimate(FLOW * 0.5))
-    assert without.by_speed.keys() == with_odometry.by_speed.keys()
-    assert without.errors == with_odometry.errors
-
-
 def test_points_that_are_not_valid_are_not_scored_nor_failures():
     flow = FLOW.copy()
     flow[3] = 9.0
@@ -177,12 +170,6 @@ def test_only_kept_points_are_scored(far):
     row = scored_row(with_kept(make_example(), kept), "x", estimate(flow, kept))
     assert row.num_points == row.errors["all"].num_points == 3
     assert row.errors["all"].epe_m == row.consistency["nearest_m"] == 0
-
-
-def test_without_truth_there_is_consistency_only():
-    row = scored_row(replace(make_example(), truth=None), "x", estimate(FLOW))
-    assert row.errors == {}
-    assert row.consistency["nearest_m"] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -63,15 +63,6 @@ def test_one_sweep_with_a_wrong_stamp_does_not_cost_the_others_their_truth(wrong
     assert found[5:] == [small.stamp(index) for index in range(15, 40)]
 
 
-def test_poses_of_a_recording(tmp_path):
-    path = small.write_recording(tmp_path / "drive", 4)
-    with BagReader(path) as reader:
-        found = list(recorded_poses(reader, "/truth/odometry", Findings()))
-    assert [item.stamp_ns for item in found] == [small.stamp(i) for i in range(4)]
-    assert np.allclose([item.world_from_frame for item in found], [small.pose(i) for i in range(4)])
-    assert {item.frame_id for item in found} == {"lidar"}
-
-
 def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     path = small.write_recording(tmp_path / "drive", 3)
     mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)

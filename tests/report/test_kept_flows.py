@@ -87,19 +87,6 @@ def test_flow_of_the_worst_sweeps_of_each_method_is_kept_and_drawn(street, tmp_p
         report_of(folder, focus="mnfs")
 
 
-def test_written_and_kept_flow_are_the_same(street, tmp_path):
-    kept = evaluate(street, tmp_path / "kept", num_pictured=1)
-    written = evaluate(street, tmp_path / "written", flow_folder=tmp_path / "written" / "flow")
-    assert not (written.path / "pictures").exists()
-    worst, *_ = worst_of(kept, "ego")
-    (row,) = [row for row in kept.rows if (row.method, row.number) == ("ego", worst)]
-    one, other = kept.flows.find(row), written.flows.find(row)
-    for name in ("xyz", "flow", "truth", "error_m"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    # All methods beside each other.
-    assert report_of(written, 2).count("data:image/png") == 2 * (1 + 1)
-
-
 def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
     whole = evaluate(street, tmp_path / "whole", methods=["ego"], num_pictured=2)
     evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, num_events=3)
