@@ -27,7 +27,6 @@ from mnsf_ros.core.temporal_fusion import invert_motion
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.study_charts import height_maps
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods.mnsf import mnsf
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
@@ -53,9 +52,8 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
     """Fits both methods to the first example and looks around their optima.
 
     Raises:
-        MnsfError: A recording, a setting or the folder cannot be used, or a fit fails.
+        MnsfError: A recording or a setting cannot be used, or a fit fails.
     """
-    check_folder(options.out, resume=options.resume)
     if options.settings.ego_motion.removed:
         raise SettingsError(
             "ego_motion.removed is true, expected false: the landscape is that of networks in the "
@@ -67,14 +65,7 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
     found = {}
     for name, (network, loss_of) in _losses(bench).items():
         options.say(f"looking around {name}")
-        found[name] = landscape(
-            network,
-            loss_of,
-            seed=options.seed,
-            radius=options.radius,
-            num_steps=options.num_steps,
-            num_directions=options.num_directions,
-        )
+        found[name] = landscape(network, loss_of, options)
     num_points = len(example.triplet.current.kept_xyz)
     where = f"Sweep {example.number} of {example.recording}, {num_points:,} points."
     return _result(found, [_TEXT, where, *_unconverged(bench.fits)])
@@ -98,51 +89,29 @@ class Landscape:
     radii: NDArray[np.float64]
     rises_m: NDArray[np.float64]
 
-    @property
-    def sharpness(self) -> NDArray[np.float64]:
-        """(R,) mean rise over all directions, metres."""
-        mean: NDArray[np.float64] = self.rises_m.mean(axis=0)
-        return mean
-
     def numbers(self) -> pd.DataFrame:
         """Kind, step along the first and second direction, and loss in metres."""
+        names = ("kind", "first_step", "second_step", "loss_m")
         first, second = (steps.ravel() for steps in np.meshgrid(self.axis, self.axis))
-        parts = [_places("square", first, second, self.losses_m.ravel())]
+        parts: list[tuple[object, ...]] = [("square", first, second, self.losses_m.ravel())]
         for number, rises_m in enumerate(self.rises_m):
-            parts.append(_places(f"direction {number}", self.radii, 0.0, self.loss_m + rises_m))
-        return pd.concat(parts)
+            line = np.zeros(len(self.radii))
+            parts.append((f"direction {number}", self.radii, line, self.loss_m + rises_m))
+        return pd.concat(pd.DataFrame(dict(zip(names, part, strict=True))) for part in parts)
 
 
-def _places(
-    kind: str,
-    first_step: NDArray[np.float64],
-    second_step: NDArray[np.float64] | float,
-    loss_m: NDArray[np.float64],
-) -> pd.DataFrame:
-    steps = {"first_step": first_step, "second_step": second_step}
-    return pd.DataFrame({"kind": kind, **steps, "loss_m": loss_m})
-
-
-def landscape(
-    network: nn.Module,
-    loss_of: Loss,
-    *,
-    seed: int,
-    radius: float,
-    num_steps: int,
-    num_directions: int,
-) -> Landscape:
-    """Measures the loss around the weights of a network, see `StudyOptions`."""
-    generator = torch.Generator().manual_seed(seed)
+def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> Landscape:
+    """Measures the loss around the weights of a network."""
+    generator = torch.Generator().manual_seed(options.seed)
     pair = [random_direction(network, generator) for _ in range(2)]
-    axis = np.linspace(-radius, radius, num_steps, dtype=np.float64)
+    axis = np.linspace(-options.radius, options.radius, options.num_steps, dtype=np.float64)
     places = [(x, y) for y in axis for x in axis]
-    losses_m = losses_along(network, loss_of, pair, places).reshape(num_steps, num_steps)
-    radii = radius * np.array([0.1, 0.2, 0.5, 1.0])
+    losses_m = losses_along(network, loss_of, pair, places).reshape(len(axis), len(axis))
+    radii = options.radius * np.array([0.1, 0.2, 0.5, 1.0])
     there_and_back = [(sign * step,) for step in radii for sign in (1.0, -1.0)]
     loss_m = float(losses_along(network, loss_of, [], [()])[0])
     rises_m = []
-    for _ in range(num_directions):
+    for _ in range(options.num_directions):
         direction = random_direction(network, generator)
         losses = losses_along(network, loss_of, [direction], there_and_back)
         rises_m.append(losses.reshape(-1, 2).mean(axis=1) - loss_m)
@@ -245,7 +214,7 @@ def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
     header = ["method", "loss (m)", *(f"rise at {radius:g} (m)" for radius in radii)]
     cells, parts = [], []
     for name, item in found.items():
-        pairs = zip(item.sharpness, item.rises_m.std(axis=0), strict=True)
+        pairs = zip(item.rises_m.mean(axis=0), item.rises_m.std(axis=0), strict=True)
         rises = (f"{mean:.4f} ± {deviation:.4f}" for mean, deviation in pairs)
         cells.append([name, format_number(item.loss_m, 4), *rises])
         parts.append(item.numbers().assign(method=name))

@@ -13,13 +13,10 @@ import pandas as pd
 from mnsf_ros.drawing.study_charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.options import (
-    MAX_SWEEPS,
-    evaluated_methods,
-)
+from mnsf_ros.evaluation.options import MAX_SWEEPS, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.results_files import write_results
@@ -100,10 +97,9 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     """Evaluates the variants; `evaluation` in the folder is an evaluation like any other.
 
     Raises:
-        MnsfError: A recording, a setting or the folder cannot be used.
+        MnsfError: A recording or a setting cannot be used.
         OSError: Writing fails.
     """
-    check_folder(options.out, resume=options.resume)
     evaluation = replace(options.evaluation(study.num_sweeps), num_pictured=_NUM_PICTURED)
     methods = evaluated_methods(study.variants.values(), evaluation)
     # The evaluation has a folder of its own beside the simulated street.

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.studies.landscape_study import run_landscape_study
@@ -27,9 +28,10 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
     """Runs one of `STUDIES`; returns its result and the files NAME.md, NAME.csv and NAME.png.
 
     Raises:
-        MnsfError: An option, a setting or a recording cannot be used.
+        MnsfError: An option, a setting, a recording or the folder cannot be used.
         OSError: Writing fails.
     """
+    check_folder(options.out, resume=options.resume)
     if name == "stability":
         options = replace(options, settings=stability_settings(options.settings))
     result = STUDIES[name](options)

@@ -9,7 +9,7 @@ with one point replaced by another of the full sweep, from the same start weight
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
@@ -23,7 +23,6 @@ from scipy.stats import linregress
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.drawing.study_charts import LogLine, log_lines
 from mnsf_ros.errors import EvaluationError
-from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import SettingValue
@@ -80,18 +79,15 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
     """Replaces points of the first example; its settings are best those of `stability_settings`.
 
     Raises:
-        MnsfError: A recording, a setting or the folder cannot be used, or an estimate fails.
+        MnsfError: A recording or a setting cannot be used, or an estimate fails.
     """
-    check_folder(options.out, resume=options.resume)
     settings = options.evaluation().settings
     estimators = {method: make_method(method, settings) for method in options.methods}
     triplet = first_example(options).triplet
     found: list[Change] = []
     for method, estimator in estimators.items():
         options.say(f"replacing points for {method}")
-        found += changes(
-            method, estimator, triplet, options.sizes, options.num_repeats, options.seed
-        )
+        found += changes(method, estimator, triplet, options)
     return _result(pd.DataFrame(found), options)
 
 
@@ -99,40 +95,34 @@ def changes(
     method: str,
     estimator: SceneFlowEstimator,
     triplet: SweepTriplet,
-    sizes: Sequence[int],
-    num_repeats: int,
-    seed: int,
+    options: StudyOptions,
 ) -> Iterator[Change]:
-    """Replaces points of the full sweeps and yields the effects.
-
-    Each of the `sizes` must be less than the smallest sweep has points. For each, there are
-    `num_repeats` draws, the same for all methods with the same seed.
+    """Replaces points of the full sweeps and yields the effects; draws are those of the seed.
 
     Raises:
         EvaluationError: A sweep has too few points.
         MnsfError: An estimate fails.
     """
-    sweeps = _full_sweeps(triplet, max(sizes))
+    sweeps = _full_sweeps(triplet, max(options.sizes))
     tree = cKDTree(triplet.next.kept_xyz)
-    for size in sizes:
-        for repeat in range(num_repeats):
-            random = np.random.default_rng([seed, size, repeat])
-            # So many rows of each sweep, and one more.
-            drawn = {
-                name: random.choice(len(sweep), size + 1, replace=False)
-                for name, sweep in sweeps.items()
-            }
-            usual = {name: rows[:-1] for name, rows in drawn.items()}
-            before = estimator.estimate(_part(triplet, sweeps, usual)).flow
-            for name in SWEEPS:
-                # The last one drawn takes the place of the first.
-                other = usual | {name: np.concatenate([drawn[name][-1:], usual[name][1:]])}
-                after = estimator.estimate(_part(triplet, sweeps, other)).flow
-                xyz = sweeps["current"].xyz[usual["current"]][1:]
-                pair = (before[1:], after[1:])
-                losses = [float(tree.query(xyz + flow)[0].mean()) for flow in pair]
-                flow_m = float(np.linalg.norm(pair[1] - pair[0], axis=1).mean())
-                yield Change(method, size, name, repeat, flow_m, abs(losses[1] - losses[0]))
+    for size, repeat in product(options.sizes, range(options.num_repeats)):
+        random = np.random.default_rng([options.seed, size, repeat])
+        # So many rows of each sweep, and one more.
+        drawn = {
+            name: random.choice(len(sweep), size + 1, replace=False)
+            for name, sweep in sweeps.items()
+        }
+        usual = {name: rows[:-1] for name, rows in drawn.items()}
+        before = estimator.estimate(_part(triplet, sweeps, usual)).flow
+        for name in SWEEPS:
+            # The last one drawn takes the place of the first.
+            other = usual | {name: np.concatenate([drawn[name][-1:], usual[name][1:]])}
+            after = estimator.estimate(_part(triplet, sweeps, other)).flow
+            xyz = sweeps["current"].xyz[usual["current"]][1:]
+            pair = (before[1:], after[1:])
+            losses = [float(tree.query(xyz + flow)[0].mean()) for flow in pair]
+            flow_m = float(np.linalg.norm(pair[1] - pair[0], axis=1).mean())
+            yield Change(method, size, name, repeat, flow_m, abs(losses[1] - losses[0]))
 
 
 def _full_sweeps(triplet: SweepTriplet, size: int) -> dict[str, Sweep]:

@@ -13,7 +13,9 @@ import pytest
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
+from mnsf_ros.presets import preset
 from mnsf_ros.studies.stability_study import changes, fitted_slope
+from mnsf_ros.studies.study import StudyOptions
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 
@@ -36,12 +38,19 @@ def triplet():
     return SweepTriplet(*sweeps)
 
 
-def found_with(triplet, sizes=(100, 300, 900), num_repeats=40, seed=0):
-    return list(changes("mean", MeanFlow(), triplet, sizes, num_repeats, seed))
+@pytest.fixture
+def changes_of(tmp_path):
+    """Replaces points with an estimator."""
+
+    def changes_with(estimator, triplet, sizes=(100, 300, 900), num_repeats=40):
+        options = StudyOptions(tmp_path, preset("paper"), sizes=sizes, num_repeats=num_repeats)
+        return list(changes("mean", estimator, triplet, options))
+
+    return changes_with
 
 
-def test_mean_falls_with_one_over_the_number_of_points(triplet):
-    found = pd.DataFrame(found_with(triplet))
+def test_mean_falls_with_one_over_the_number_of_points(triplet, changes_of):
+    found = pd.DataFrame(changes_of(MeanFlow(), triplet))
     for sweep in ("current", "next"):
         means = found[found["sweep"] == sweep].groupby("num_points")["flow_m"].mean()
         slope, _ = fitted_slope(means)
@@ -50,7 +59,13 @@ def test_mean_falls_with_one_over_the_number_of_points(triplet):
     assert (unused[["flow_m", "loss_m"]] == 0).all(axis=None)
 
 
-def test_only_one_point_is_another_one(triplet):
+def test_only_one_point_is_another_one_and_points_keep_their_times(triplet, changes_of):
+    names = ("current", "next", "previous")
+    sweeps = {name: getattr(triplet, name) for name in names}
+    timed = {
+        name: replace(sweep, times_s=sweep.xyz[:, 0], kept=sweep.xyz[:, 1] > 0)
+        for name, sweep in sweeps.items()
+    }
     seen = []
 
     class Watching(MeanFlow):
@@ -58,19 +73,21 @@ def test_only_one_point_is_another_one(triplet):
             seen.append(triplet)
             return super().estimate(triplet)
 
-    list(changes("mean", Watching(), triplet, (50,), 1, 0))
-    usual, *others = seen
-    for name, other in zip(("current", "next", "previous"), others, strict=True):
-        for sweep in ("current", "next", "previous"):
+    changes_of(Watching(), replace(triplet, **timed), (20, 30, 50), 1)
+    usual, *others = seen[-4:]
+    for name, other in zip(names, others, strict=True):
+        for sweep in names:
             pair = (getattr(usual, sweep).xyz, getattr(other, sweep).xyz)
             num_changed = np.count_nonzero((pair[0] != pair[1]).any(axis=1))
             assert num_changed == (sweep == name)
+            np.testing.assert_array_equal(getattr(other, sweep).times_s, pair[1][:, 0])
+            assert getattr(other, sweep).kept.all()
 
 
-def test_too_few_points_are_refused(triplet):
+def test_too_few_points_are_refused(triplet, changes_of):
     text = "sizes: got 3000, but the current sweep has 3000 points, expected more"
     with pytest.raises(EvaluationError, match=re.escape(text)):
-        found_with(triplet, (3000,), 1)
+        changes_of(MeanFlow(), triplet, (10, 20, 3000), 1)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +95,6 @@ def test_too_few_points_are_refused(triplet):
     [
         ({10: 1.0, 100: 0.1, 1000: 0.01}, -1.0, 0.0),
         ({10: 1.0, 100: 0.1}, -1.0, math.nan),
-        ({1: 2.0, 4: 4.0, 16: 8.0}, 0.5, 0.0),
         ({10: 1.0, 100: 0.0}, math.nan, math.nan),
         ({}, math.nan, math.nan),
     ],
@@ -87,23 +103,3 @@ def test_slope_of_known_lines(means, slope, deviation):
     line = fitted_slope(pd.Series(means, dtype=float))
     assert line[0] == pytest.approx(slope, nan_ok=True)
     assert line[1] == pytest.approx(deviation, nan_ok=True, abs=1e-6)
-
-
-def test_points_keep_their_times(triplet):
-    """A sweep of some of its points has as many times as points."""
-    sweeps = [
-        replace(sweep, times_s=sweep.xyz[:, 0], kept=sweep.xyz[:, 1] > 0)
-        for sweep in (triplet.previous, triplet.current, triplet.next)
-    ]
-    seen = []
-
-    class Watching(MeanFlow):
-        def estimate(self, triplet):
-            seen.extend([triplet.previous, triplet.current, triplet.next])
-            return super().estimate(triplet)
-
-    list(changes("mean", Watching(), SweepTriplet(*sweeps), (50,), 2, 0))
-    assert seen
-    for sweep in seen:
-        np.testing.assert_array_equal(sweep.times_s, sweep.xyz[:, 0])
-        assert sweep.kept.all()

@@ -111,12 +111,6 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
         run_study("fusion", replace(options, resume=True, max_examples=None))
 
 
-def test_method_study_takes_all_examples_of_a_recording(options):
-    run_study("fusion", replace(options, max_examples=None))
-    # Seven sweeps have five with one before and one after.
-    assert len(list(RunFolder(options.out / "evaluation").rows)) == 5 * 4
-
-
 @pytest.mark.usefixtures("without_drawing")
 def test_method_study_can_be_reported(studied):
     folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
