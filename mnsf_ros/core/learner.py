@@ -37,7 +37,7 @@ class Learner:
 
 @dataclass(frozen=True)
 class PartlyJudgedLoss:
-    """A sum of losses of which one alone decides when to stop.
+    """Sum of losses, and the one loss for early stopping.
 
     Attributes:
         total: The sum to minimize; the weights of its lowest value are the best ones.

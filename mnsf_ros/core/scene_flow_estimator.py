@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The interface of all methods of scene flow, ours and those of other packages."""
+"""Interface of all scene flow methods, also of other packages."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class PreparingEstimator(SceneFlowEstimator, Protocol):
     """
 
     def prepare(self, triplet: SweepTriplet) -> Any:  # noqa: ANN401 - known to the method only
-        """Makes the sweeps of a triplet ready, those that are not yet, and returns what is ready.
+        """Prepares the new sweeps of a triplet, and returns the prepared triplet.
 
         It is called for each triplet in the order of the stamps, also for those that are dropped
         afterwards. What it returns must not change any more.
@@ -124,7 +124,7 @@ class PreparingEstimator(SceneFlowEstimator, Protocol):
         cancelled: Callable[[], bool] = never,
         prepared: Any = None,  # noqa: ANN401 - as above
     ) -> FlowEstimate:
-        """Estimates the flow as every method does, from what `prepare` made of the triplet.
+        """Estimates the flow of a prepared triplet, like `estimate` of every method.
 
         The flow is the same if nobody has prepared it: None stands for that, and the method
         prepares it first.

@@ -129,7 +129,7 @@ class SurfaceMap:
         return cells
 
     def _clear(self, num_points: int) -> None:
-        """Drops cells that were not seen for long, and makes room for those of new points."""
+        """Drops cells not seen for long, and makes room for cells of new points."""
         is_kept = self._seen[: self._num] >= self._num_added - self._num_sweeps
         kept = np.flatnonzero(is_kept)
         centers = ((self._indices[kept] + 0.5) * self._cell_m).astype(np.float64, copy=False)

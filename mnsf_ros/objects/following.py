@@ -121,7 +121,7 @@ def _updated(
 def _replaced_points(
     tracks: Tracks, rows: NDArray[np.int64], seen: Sightings, things: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Returns the points of the tracks and their owners, those of some rows seen anew."""
+    """Returns points of the tracks and their owners; some rows have new points."""
     is_old = ~np.isin(tracks.owners, rows)
     row_of = np.full(len(seen), -1)
     row_of[things] = rows

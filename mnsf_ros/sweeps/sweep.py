@@ -124,7 +124,7 @@ class Start(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A part of a stream without a break. What a method learns in it holds until its end.
+    """Part of a stream without a break: the lifetime of a method's state.
 
     Two triplets are of the same stretch if theirs is the same object.
 
