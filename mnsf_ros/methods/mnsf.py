@@ -14,12 +14,7 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.forward_backward_fields import (
-    fit_field,
-    fit_jointly,
-    fit_stacked,
-    still_fits,
-)
+from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, fit_stacked, still_fits
 from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
@@ -78,38 +73,22 @@ def _still_fit(carried: Learners, bench: Workbench) -> bool:
 
 def _field_flows(bench: Workbench, schedules: Schedules) -> list[torch.Tensor]:
     """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
-    fields = bench.learners.fields
+    fields, stack = bench.learners.fields, bench.learners.stack
     keep_best = bench.settings.fusion.fields == "best"
-    if bench.learners.stack is not None:
-        return _stacked_flows(bench, bench.learners.stack, schedules, keep_best=keep_best)
-    if not bench.settings.optimization.joint:
+    if stack is None and not bench.settings.optimization.joint:
         return _fitted_flows(bench, schedules.fields(len(fields)), keep_best=keep_best)
+    # All fields are fitted in the same steps.
+    targets = [sweep.distance for sweep in (bench.next, *bench.before)]
+    (schedule,) = schedules.fields(1)
     with bench.stage("fields"):
-        bench.fits["fields"] = fit_jointly(
-            fields,
-            bench.points,
-            [sweep.distance for sweep in (bench.next, *bench.before)],
-            schedules.fields(1)[0],
-            keep_best=keep_best,
-        )
-    return [bench.flow("fields", field.network) for field in fields]
-
-
-def _stacked_flows(
-    bench: Workbench, stack: Learner, schedules: Schedules, *, keep_best: bool
-) -> list[torch.Tensor]:
-    """The flows of all fields, fitted in the same steps."""
-    fields, targets = bench.learners.fields, (bench.next, *bench.before)
-    with bench.stage("fields"):
-        results = fit_stacked(
-            stack,
-            fields,
-            bench.points,
-            [target.distance for target in targets],
-            schedules.fields(1)[0],
-            keep_best=keep_best,
-        )
-    bench.fits.update(zip(_field_stages(len(fields)), results, strict=True))
+        if stack is None:
+            result = fit_jointly(fields, bench.points, targets, schedule, keep_best=keep_best)
+            bench.fits["fields"] = result
+        else:
+            results = fit_stacked(
+                stack, fields, bench.points, targets, schedule, keep_best=keep_best
+            )
+            bench.fits.update(zip(_field_stages(len(fields)), results, strict=True))
     return [bench.flow("fields", field.network) for field in fields]
 
 
