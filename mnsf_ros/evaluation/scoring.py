@@ -202,10 +202,10 @@ def cycle_distance(
     backward_flow: NDArray[np.float32],
     points: NDArray[np.bool_],
 ) -> dict[str, float]:
-    """Returns the forward-backward disagreement: how far from its start a point returns.
+    """Returns the forward-backward disagreement: distance between a point and its return.
 
-    `flow` is (N, 3) metres, finite at the measured `points` (N,); `backward_flow` (M, 3) is that
-    of the next sweep. A moved point takes that of its nearest point.
+    `flow` is (N, 3) metres, finite at the measured `points` (N,); `backward_flow` (M, 3) is the
+    flow of the next sweep. A moved point returns by the flow of its nearest point.
 
     Returns:
         `cycle_m`, the mean over the points. Empty if either sweep has no points.

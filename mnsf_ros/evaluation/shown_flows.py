@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Flow of the worst sweeps, kept during the run: the pictures of a report show what was scored."""
+"""Flow of the worst sweeps, kept during the run for the pictures of the report."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class ShownFlow:
         number: Index of the sweep in the recording.
         xyz: (N, 3) metres, sensor frame.
         flow: (N, 3) metres until the next sweep; rows that are not finite have none.
-        error_m: (N,) distance to the true flow, or without truth that of the moved points to the
-            next sweep; NaN where unknown.
+        error_m: (N,) error of the flow, or without truth distance from the moved points to the next
+            sweep; NaN where unknown.
         truth: (N, 3) true flow, NaN where unknown; None if there is none at all.
         ego_motion: (4, 4) next_from_current; None if unknown.
         badness_m: Figure that sweeps are ranked by, see `ResultRow`.

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Why one place of a sweep was called dynamic or not, in lines for people."""
+"""Reasons for calling a place of a sweep dynamic or static, as text."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 
 # A stamp that was printed with three decimals is off by less.
 _SAME_STAMP_NS: Final = 1_000_000
-# What happened longer ago plays no part.
+# Memory of the method: earlier sweeps have no effect.
 _PAST_S: Final = 3.0
 _RADIUS_M: Final = 0.5
 _FARTHEST_M: Final = 2.0
-# The step at which each verdict falls, as in docs/method.md; what a user can change about it.
+# Stage of each verdict, as in docs/method.md, and the parameters that change it.
 _STEPS: Final = {
     Verdict.NO_OBJECT: "ground",
     Verdict.TOO_FEW_POINTS: "objects",
@@ -52,18 +52,18 @@ def explain(
     place_m: tuple[float, float],
     method: str = "online",
 ) -> list[str]:
-    """Returns lines on what a method made of a place (x, y) in the sensor frame of a sweep.
+    """Returns the decision of a method at a place (x, y) metres in the sensor frame, as lines.
 
-    The sweeps of the 3 s before are estimated, too, because the method remembers them.
+    The 3 s before the sweep are estimated, too, because the method remembers them.
 
     Raises:
-        EvaluationError: There is no such sweep, no point near the place, or the method does not
-            say why.
+        EvaluationError: There is no such sweep, no point near the place, or the method gives no
+            reasons.
         MnsfError: The recording cannot be read, or the estimate fails.
     """
     example, estimate = _estimated(recording, options, stamp_ns, method)
     if estimate.reason_of is None or estimate.over_ground is None:
-        raise EvaluationError(f"method {method!r} does not say why; online does")
+        raise EvaluationError(f"method {method!r} gives no reasons; online does")
     rows = _rows_at(example, estimate, place_m)
     reason = estimate.reason_of(rows)
     xyz = example.triplet.current.xyz[rows]

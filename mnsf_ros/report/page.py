@@ -103,13 +103,13 @@ def _cards(results: RunResults, flows: ShownFlows, number: int) -> tuple[list[Ca
     if num_without:
         why_not = (
             f"{num_without} of {len(worst)} sweeps have no picture: the run did not keep their "
-            "flow. A new run with --pictures keeps that of the worst sweeps."
+            "flow. A new run with --pictures keeps the flow of the worst sweeps."
         )
     return list(filter(None, worst)), why_not
 
 
 def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
-    """A sweep with its truth and every flow that was kept; None without that of the row."""
+    """A sweep with its truth and all kept flows; None if the flow of the row was not kept."""
     own = flows.find(row)
     if own is None:
         return None

@@ -171,7 +171,7 @@ def missed_table(results: RunResults) -> TextTable:
     return TextTable(header, rows, title)
 
 
-# Columns of the summary in metres, and what they are.
+# Columns of the summary in metres, and their meaning.
 _TRUE_ERRORS: Final = {
     "errors.all.epe_m": "mean end point error",
     "errors.dynamic.epe_m": "error of dynamic points",

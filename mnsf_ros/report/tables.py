@@ -169,7 +169,7 @@ def objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTa
 
 
 def losses_table(summary: pd.DataFrame) -> TextTable:
-    """Returns the stages that rejected movers, of methods that say why."""
+    """Returns the stages that rejected movers, of methods that give reasons."""
     lost = part_of(_movers(summary), "lost").fillna(0)
     stages = {one.value: Column(one.value, None) for one in LostBy if one.value in lost}
     title = "Mover-sweeps without detection, by the stage that rejected the mover (to 50 m)"

@@ -36,9 +36,7 @@ def test_three_way_groups_by_class_and_motion():
         "three_way.background static": pytest.approx(0.03),
         "three_way.mean": pytest.approx(0.73 / 3),
     }
-
-
-def test_three_way_epe_of_groups_without_points_is_nan():
+    # Groups without points have no EPE, and then there is no mean of the three.
     epe_m = over_all_points([three_way_sums(array(0.2), np.array([False]), classes(ROAD))])
     assert epe_m["three_way.background static"] == 0.2
     assert math.isnan(epe_m["three_way.foreground dynamic"])
@@ -66,20 +64,17 @@ def test_only_points_within_a_square_of_35_m_count():
 
 def test_classes_of_the_challenge():
     numbers = classes(0, ROAD, 9, CAR, PERSON, CYCLIST, LARGE, CONE, ANIMAL)
-    sums = bucket_sums(np.ones(9), np.zeros(9), np.zeros((9, 2)), numbers)
-    assert {name: values[0] for name, values in sums.items()} == {
+    buckets = bucket_sums(np.ones(9), np.zeros(9), np.zeros((9, 2)), numbers)
+    assert {name: values[0] for name, values in buckets.items()} == {
         "BACKGROUND/0": 3,
         "CAR/0": 1,
         "PEDESTRIAN/0": 1,
         "WHEELED_VRU/0": 1,
         "OTHER_VEHICLES/0": 1,
     }
-
-
-def test_everything_labelled_is_foreground():
-    numbers = classes(CAR, PERSON, CYCLIST, LARGE, CONE, ANIMAL, 0, ROAD, 9)
-    sums = three_way_sums(np.ones(9), np.zeros(9, bool), numbers)
-    assert {name: values[0] for name, values in sums.items()} == {
+    # Everything labelled is foreground.
+    groups = three_way_sums(np.ones(9), np.zeros(9, bool), numbers)
+    assert {name: values[0] for name, values in groups.items()} == {
         "foreground static": 6,
         "background static": 3,
     }

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""What an estimate says of movers: points, false movers, confidence, objects over time."""
+"""Scores of movers: points, false movers, confidence, objects over time."""
 
 from __future__ import annotations
 
@@ -91,22 +91,22 @@ def test_points_are_counted_and_objects_found():
     assert summary["iou"] == pytest.approx(40 / 95)
 
 
-def test_parked_object_that_is_called_moving_is_a_ghost_and_a_row():
-    tracks = np.where(IDS == 2, 7, 0).astype(np.int32)
-    row = row_of(true_motion(IDS, {1: 5.0}), said(IDS == 2, tracks=tracks))
-    assert (row.num_ghosts, [(item.object_id, item.moves) for item in row.objects]) == (
-        1,
-        [(1, True), (2, False)],
-    )
+@pytest.mark.parametrize(
+    ("speeds_m_s", "called", "points", "objects"),
+    [
+        # A parked object that is called moving is a false mover, and has a row.
+        ({1: 5.0}, IDS == 2, (0, 40, 40), [(1, True), (2, False)]),
+        # A mover below the limit of dynamic points is neither wrong nor missed.
+        ({1: 0.3, 2: 0.2}, IDS > 0, (0, 40, 0), [(1, False), (2, False)]),
+    ],
+)
+def test_false_mover(speeds_m_s, called, points, objects):
+    tracks = np.where(called, IDS, 0).astype(np.int32)
+    row = row_of(true_motion(IDS, speeds_m_s), said(called, tracks=tracks))
+    assert (row.num_ghosts, row.points) == (1, points)
+    assert [(item.object_id, item.moves) for item in row.objects] == objects
     summary = summary_of([("drive", 0, row), ("drive", 1, replace(row, num_ghosts=0))])
     assert (summary["ghosts_per_sweep"], summary["ghost_sweeps"]) == (0.5, 0.5)
-
-
-def test_slow_mover_below_the_limit_of_dynamic_is_neither_wrong_nor_missed():
-    tracks = IDS.astype(np.int32)
-    row = row_of(true_motion(IDS, {1: 0.3, 2: 0.2}), said(IDS > 0, tracks=tracks))
-    assert row.points == (0, 40, 0)
-    assert row.num_ghosts == 1
 
 
 def test_motions_without_tracks_are_ghosts_each():
@@ -235,13 +235,10 @@ def test_nothing_to_judge_is_no_number():
     assert math.isnan(summary["velocity_error_m_s"])
     assert groups_in(summary) == set()
     assert row_of(true_motion(IDS[:0], {}), said(np.zeros(0, bool))).points == (0, 0, 0)
-
-
-def test_without_object_ids_there_are_points_but_no_objects():
+    # Without object ids there are points, but no objects.
     truth = replace(true_motion(IDS, {1: 5.0}), object_id=None)
     row = row_of(truth, said(IDS == 1))
-    assert row.points == (40, 0, 0)
-    assert row.objects == []
+    assert (row.points, row.objects) == ((40, 0, 0), [])
 
 
 def example():

@@ -67,13 +67,14 @@ def test_poses_of_the_robot_become_those_of_the_sensor_mounted_on_it(tmp_path):
     path = small.write_recording(tmp_path / "drive", 3)
     mount = EgoMotionSettings(sensor_x_m=1.5, sensor_z_m=2.0, sensor_yaw_deg=90.0)
     with BagReader(path) as reader:
-        poses = recorded_poses(reader, "/truth/odometry", Findings())
-        track = PoseTrack(poses, sensor_mount(mount))
-        found = [track.pose_at(small.stamp(index)) for index in range(3)]
-    expected = [[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]
-    for index, item in enumerate(found):
-        assert np.allclose(item.world_from_frame, small.pose(index) @ expected)
-    assert {item.frame_id for item in found} == {""}
+        poses = list(recorded_poses(reader, "/truth/odometry", Findings()))
+    track = PoseTrack(poses, sensor_mount(mount))
+    of_sensor = [track.pose_at(small.stamp(index)) for index in range(3)]
+    mounted = [[0, -1, 0, 1.5], [1, 0, 0, 0], [0, 0, 1, 2.0], [0, 0, 0, 1]]
+    for index, (pose, sensor) in enumerate(zip(poses, of_sensor, strict=True)):
+        assert (pose.stamp_ns, pose.frame_id, sensor.frame_id) == (small.stamp(index), "lidar", "")
+        assert np.allclose(pose.world_from_frame, small.pose(index))
+        assert np.allclose(sensor.world_from_frame, small.pose(index) @ mounted)
 
 
 @pytest.mark.parametrize(
