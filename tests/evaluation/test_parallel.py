@@ -87,13 +87,12 @@ def test_run_of_a_killed_worker_is_resumed(bag, tmp_path, capsys, monkeypatch):
 @pytest.mark.slow
 def test_workers_end_when_the_driver_is_killed(bag, tmp_path):
     begun, program = tmp_path / "begun", tmp_path / "method.py"
-    program.write_text(f"import time; open({str(begun)!r}, 'w'); time.sleep(300)")
+    code = f"import os, time; open({str(begun)!r}, 'w').write(str(os.getpid())); time.sleep(300)"
+    program.write_text(code)
     command = [sys.executable, "-m", "mnsf_ros.cli", "evaluate", bag, "--methods=zero,ego"]
     command += [f"--methods=command:{sys.executable} {program}", "--workers=2"]
-    with subprocess.Popen(
-        [*command, f"--out={tmp_path / 'out'}"], start_new_session=True
-    ) as process:
-        while not begun.exists():
+    with subprocess.Popen([*command, f"--out={tmp_path / 'out'}"]) as process:
+        while not (begun.exists() and begun.read_text()):
             time.sleep(0.1)
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
         process.kill()
@@ -102,8 +101,7 @@ def test_workers_end_when_the_driver_is_killed(bag, tmp_path):
         time.sleep(0.1)
     still_there = list(filter(is_running, children))
     # The program of the worker goes on without it.
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
+    os.kill(int(begun.read_text()), signal.SIGKILL)
     assert len(children) >= 2
     assert still_there == []
 
