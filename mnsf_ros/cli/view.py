@@ -42,7 +42,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--node", "full name of the node", default="/scene_flow")
     arguments.value(
         "--host",
-        "address to listen on; others than this computer can connect to 0.0.0.0",
+        "address to listen on; 0.0.0.0 lets other computers connect, without a password",
         default="127.0.0.1",
     )
     arguments.value("--port", "port to listen on", default=8765)

@@ -123,7 +123,7 @@ class _Scorer:
         if not self._traits.is_timed:
             time_ms = math.nan
         elif result.times_ms:
-            # A program that runs a network reports its own time, without its start.
+            # The sum of its stages; a program that runs a network reports it without its start.
             time_ms = result.time_ms
         row = attempted(lambda: scored_row(example, self._method, result, time_ms))
         if isinstance(row, str):

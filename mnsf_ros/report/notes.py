@@ -90,7 +90,7 @@ def _settings_text(used: Mapping[str, UsedSettings], references: Collection[str]
 def _time_text(options: EvaluationOptions, table: pd.DataFrame) -> str:
     devices = sorted({row.device for row in table["row"]} - {""})
     threads = options.settings.compute.num_threads
-    text = "Time: wall time of one estimate without the choice of points, device synchronized"
+    text = "Time: stages of one estimate, device synchronized"
     if devices:
         text += f", on {' and '.join(devices)}"
     if "cpu" in devices:
@@ -98,8 +98,7 @@ def _time_text(options: EvaluationOptions, table: pd.DataFrame) -> str:
     if options.realtime_rate is not None:
         text += (
             f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
-            "times: a triplet still waiting when the next one arrives is dropped, as in the live "
-            "node"
+            "times: triplets that wait too long are dropped for newer ones, as in the live node"
         )
     reasons = chain.from_iterable(row.stop_reasons.values() for row in table["row"])
     limited = list(reasons).count("time_budget")
