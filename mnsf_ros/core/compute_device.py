@@ -124,6 +124,11 @@ def limit_threads(settings: ComputeSettings) -> None:
         torch.set_num_threads(settings.num_threads)
 
 
+def node_threads() -> int:
+    """Default number of threads of a live node: one core is left to the executor."""
+    return max(1, (os.cpu_count() or 1) - 1)
+
+
 def machine_bytes() -> int:
     """Returns the memory of the machine or its container."""
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]

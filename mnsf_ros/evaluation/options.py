@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.errors import EvaluationError, SettingsError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
@@ -96,8 +96,7 @@ class EvaluationOptions:
             raise EvaluationError(f"realtime rate: got {rate}, must be above 0")
         values: dict[str, Any] = {"compute.seed": self.seed}
         if self.settings.compute.num_threads == 0:
-            is_node = rate is not None
-            values["compute.num_threads"] = max(1, (os.cpu_count() or 1) - 1) if is_node else 1
+            values["compute.num_threads"] = 1 if rate is None else node_threads()
         object.__setattr__(self, "settings", self.settings.changed(values))
 
     @property

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import traceback
 from dataclasses import replace
 
@@ -12,6 +11,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.diagnostics import Diagnostics
@@ -208,5 +208,4 @@ def _with_node_threads(settings: Settings) -> Settings:
     """The settings; unless given, the number of threads leaves one core to the executor."""
     if settings.compute.num_threads:
         return settings
-    num_threads = max(1, (os.cpu_count() or 1) - 1)
-    return replace(settings, compute=replace(settings.compute, num_threads=num_threads))
+    return replace(settings, compute=replace(settings.compute, num_threads=node_threads()))

@@ -197,6 +197,7 @@ class Stream:
             if settings is not self._adapted_to:
                 self._estimator = self._estimator.with_settings(settings_for(self.method, settings))
                 self._adapted_to = settings
+            # By another estimator than this triplet: a newer one came between with other settings.
             is_overtaken = self._prepared_by is not prepared.estimator
             if is_overtaken and isinstance(self._estimator, PreparingEstimator):
                 # Sweeps can be prepared in their order only.

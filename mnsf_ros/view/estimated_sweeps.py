@@ -36,9 +36,7 @@ def estimated_sweeps(reader: BagReader, topic: str, settings: Settings) -> Itera
         RecordingError: Damage is met in the recording.
     """
     stream = Stream(settings)
-    for sweep in in_stamp_order(_sweeps(reader, topic, settings.time)):
-        if sweep is None:
-            continue
+    for sweep in filter(None, in_stamp_order(_sweeps(reader, topic, settings.time))):
         try:
             estimate = stream.push(sweep)
         except MnsfError as error:
