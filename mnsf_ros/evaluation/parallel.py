@@ -109,13 +109,14 @@ def _processes(num_workers: int) -> Iterator[Executor]:
     try:
         yield execute
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
         workers = set(multiprocessing.active_children()) - others
         for worker in workers:
             worker.terminate()
         for worker in workers:
             worker.join(_ENDING_S)
             worker.kill()
+        # Waits for its thread: else Python would warn of leaked semaphores after an interruption.
+        pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:
