@@ -88,11 +88,6 @@ class OnlinePipeline:
         # In this order: a triplet that goes on meanwhile is counted twice rather than not at all.
         return self._preparing.load + self._estimating.load
 
-    @property
-    def method(self) -> str:
-        """Name of the method."""
-        return self._stream.method
-
     def change_settings(self, settings: Settings) -> None:
         """Lets other settings hold from the next estimate on.
 
