@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Final
 
 
@@ -53,6 +54,14 @@ class DatasetError(MnsfError):
 
 class EvaluationError(MnsfError, ValueError):
     """Flows, masks, table rows or the files of a run do not fit together, or cannot be scored."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Returns the nearest known names, as the end of a message; empty if none is near."""
+    import difflib
+
+    near = difflib.get_close_matches(name, known, n=3)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
 # Library to the extra of setup.py that installs it.

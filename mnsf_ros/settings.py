@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import SettingsError, did_you_mean
 from mnsf_ros.setting import Setting, SettingValue, declared, settings_of
 
 
@@ -656,13 +656,9 @@ def declared_setting(name: str) -> Setting:
     Raises:
         SettingsError: If there is none of that name; the text names the nearest ones.
     """
-    import difflib
-
     by_name = {setting.name: setting for setting in declared_settings()}
     if name not in by_name:
-        near = difflib.get_close_matches(name, by_name, n=3)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise SettingsError(f"unknown setting {name!r}{hint}")
+        raise SettingsError(f"unknown setting {name!r}{did_you_mean(name, by_name)}")
     return by_name[name]
 
 

@@ -12,7 +12,6 @@ Modules of methods that fit networks are imported when such a method is made: Py
 
 from __future__ import annotations
 
-import difflib
 import logging
 import sys
 from collections.abc import Callable, Mapping
@@ -23,7 +22,7 @@ from pkgutil import resolve_name
 from typing import Any, Final
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
-from mnsf_ros.errors import LibraryError, SettingsError, library_missing
+from mnsf_ros.errors import LibraryError, SettingsError, did_you_mean, library_missing
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -158,9 +157,9 @@ def _maker(name: str) -> MethodMaker:
     # A package seen twice on the path (a checkout and its installation) is still one.
     plug_ins = set(entry_points(group=GROUP, name=name))
     if not plug_ins:
-        near = difflib.get_close_matches(name, method_names(), n=3)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise SettingsError(f"unknown method {name!r}{hint}; there are {', '.join(method_names())}")
+        known = method_names()
+        hint = did_you_mean(name, known)
+        raise SettingsError(f"unknown method {name!r}{hint}; there are {', '.join(known)}")
     if len(plug_ins) > 1:
         packages = " and ".join(sorted(_package(plug_in) for plug_in in plug_ins))
         raise SettingsError(f"method {name!r} is offered by {packages}; uninstall all but one")

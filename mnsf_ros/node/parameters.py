@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeAlias
 
 from rcl_interfaces.msg import (
@@ -12,15 +13,25 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import SettingsError, did_you_mean
 from mnsf_ros.setting import Setting
 from mnsf_ros.settings import Settings, declared_settings
 
 # Takes the next settings; raises SettingsError if they cannot be used.
 SettingsChange: TypeAlias = Callable[[Settings], None]
+
+
+class UnknownParameterError(ParameterNotDeclaredException):
+    """The node does not have this parameter; rclpy's own error does not name it."""
+
+    def __init__(self, name: str) -> None:
+        """The text names the nearest settings, too."""
+        hint = did_you_mean(name, (setting.name for setting in declared_settings()))
+        Exception.__init__(self, f"unknown parameter {name!r}{hint}")
 
 
 class NodeParameters:
@@ -81,7 +92,7 @@ def _declared(node: Node, *, has_life_cycle: bool) -> Settings:
             ignore_override=True,
         )
         given[setting.name] = parameter.value
-    node.add_pre_set_parameters_callback(_in_declared_types)
+    node.add_pre_set_parameters_callback(partial(_in_declared_types, node))
     return Settings().changed(given)
 
 
@@ -103,11 +114,17 @@ def _overrides(node: Node) -> dict[str, Parameter]:
     return overrides
 
 
-def _in_declared_types(parameters: list[Parameter]) -> list[Parameter]:
-    """The parameters in their declared types: 60 as 60.0 where a float is declared."""
+def _in_declared_types(node: Node, parameters: list[Parameter]) -> list[Parameter]:
+    """The parameters in their declared types: 60 as 60.0 where a float is declared.
+
+    Raises:
+        UnknownParameterError: If the node does not have one of them.
+    """
     settings = {setting.name: setting for setting in declared_settings()}
     typed = []
     for item in parameters:
+        if not node.has_parameter(item.name):
+            raise UnknownParameterError(item.name)
         setting = settings.get(item.name)
         value = item.value if setting is None else _in_type_of(setting, item.value)
         typed.append(item if value is item.value else Parameter(item.name, value=value))

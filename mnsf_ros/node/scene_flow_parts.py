@@ -18,7 +18,11 @@ from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
-from mnsf_ros.node.parameters import NodeParameters, undeclared_overrides
+from mnsf_ros.node.parameters import (
+    NodeParameters,
+    UnknownParameterError,
+    undeclared_overrides,
+)
 from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
@@ -124,7 +128,7 @@ class SceneFlowParts:
         reliability = f"qos_overrides.{self._input.state.topic}.subscription.reliability"
         for name in undeclared_overrides(self._node):
             instead = "; set node.input_reliability" if name == reliability else ""
-            self._logger.warning(f"unknown parameter {name!r} is ignored{instead}")
+            self._logger.warning(f"ignored: {UnknownParameterError(name)}{instead}")
         self._logger.info(greeting(_with_node_threads(self._settings)))
         self._logger.info(f"sweeps from {self._input.state.topic}, flow on {self._outputs.topic}")
 

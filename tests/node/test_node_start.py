@@ -105,7 +105,7 @@ class TestNodeWithNamesAndParameters:
         warnings = [line for line in peer.process.log.splitlines() if "unknown parameter" in line]
         assert all("[WARN]" in line for line in warnings)
         (typo, reliability) = warnings
-        assert "parameter 'crop.max_rang_m'" in typo
+        assert "parameter 'crop.max_rang_m'; did you mean crop.max_range_m" in typo
         assert "points.subscription.reliability" in reliability
         assert "set node.input_reliability" in reliability
 

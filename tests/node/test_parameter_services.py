@@ -74,7 +74,8 @@ def test_a_change_applies_from_the_next_triplet_on(peer, drive):
         ("distance.kind", "octree", r"distance\.kind: got 'octree', expected one of grid, tree"),
         ("warm_start.enabled", 1, r"warm_start\.enabled: got 1, expected true or false"),
         ("method.name", "mnsf", r"read-only parameter: method\.name"),
-        ("crop.max_rang_m", 5.0, r"undeclared"),
+        ("crop.max_range", 5.0, r"^unknown parameter 'crop\.max_range'; did you mean crop\.max_ra"),
+        ("x" * 10_000, 5.0, r"^unknown parameter 'x+'$"),
     ],
 )
 def test_an_invalid_value_is_refused_with_the_reason(peer, name, value, reason):
@@ -91,6 +92,7 @@ class TestSeveralAtOnce:
     def test_are_refused_together_if_one_is_wrong(self, peer, drive, other):
         result = peer.set_atomically({LAYOUT: "compact", other: "x"})
         assert not result.successful
+        assert other in result.reason
         assert peer.get(LAYOUT) == "full"
         assert layout_of_a_drive(peer, drive) == "full"
 
