@@ -2,6 +2,7 @@
 """Starts the scene flow node.
 
 ros2 launch mnsf_ros scene_flow.launch.py points:=/lidar/points
+ros2 launch mnsf_ros scene_flow.launch.py bag:=recording
 """
 
 from pathlib import Path
@@ -10,6 +11,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    ExecuteProcess,
     OpaqueFunction,
     RegisterEventHandler,
 )
@@ -19,7 +21,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.event_handlers import OnStateTransition
 from launch_ros.events.lifecycle import ChangeState
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 from lifecycle_msgs.msg import Transition
 
 from launch import Action, LaunchContext, LaunchDescription
@@ -29,15 +31,17 @@ SHARE = FindPackageShare("mnsf_ros")
 FLOW_TOPICS = ("flow", "flow/moving", "flow/standing")
 SHOWN_TOPICS = (*FLOW_TOPICS, "objects", "objects/markers", "ego_motion")
 
-SWITCHES = ("lifecycle", "autostart", "use_sim_time", "rviz")
+SWITCHES = ("lifecycle", "autostart", "use_sim_time", "rviz", "view")
+ON_WITH_A_BAG = ("use_sim_time", "view")
 
 # Relative names are in the namespace.
 ARGUMENTS = {
     "points": (
         "",
         "PointCloud2 topic of the lidar, or topics of several, separated by commas; empty: the "
-        "only one that is published",
+        "only one that is published, or in the bag",
     ),
+    "bag": ("", "recording that is played to the node, from when the node listens"),
     "odometry": ("odom", "Odometry topic of the robot, for ego_motion.source: odometry"),
     "flow": ("", "another name for ~/flow, also of ~/flow/moving and ~/flow/standing"),
     "params_file": (
@@ -49,15 +53,16 @@ ARGUMENTS = {
     "odom_frame": ("", "frame of ~/ego_motion; empty: NAMESPACE/scene_flow_odom"),
     "lifecycle": ("false", "start the node with a life cycle (scene_flow_lifecycle_node)"),
     "autostart": ("true", "configure and activate a node with a life cycle"),
-    "use_sim_time": ("false", "take the time from /clock"),
+    "use_sim_time": ("", "take the time from /clock; empty: only with a bag"),
     "log_level": ("info", "debug, info, warn, error or fatal"),
     "rviz": ("false", "also open RViz"),
+    "view": ("", "show the flow in a browser; empty: only with a bag"),
     "fixed_frame": ("", "frame that RViz shows, that of the clouds; empty: lidar"),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node, and RViz if asked for."""
+    """The node; a recording for it, RViz and the view in a browser if asked for."""
     return LaunchDescription(
         [
             *(
@@ -74,6 +79,8 @@ def _nodes(context: LaunchContext) -> list[Action]:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     if not Path(given["params_file"]).is_file():
         raise SettingsError(f"params_file: there is no file {given['params_file']}")
+    for name in ON_WITH_A_BAG:
+        given[name] = given[name] or str(bool(given["bag"]))
     for name in SWITCHES:
         # As Python and ROS 1 spell them, too.
         given[name] = given[name].lower()
@@ -82,12 +89,18 @@ def _nodes(context: LaunchContext) -> list[Action]:
     rviz = [_rviz(context, given)] if given["rviz"] == "true" else []
     node = _flow_node(given)
     is_started = given["lifecycle"] == "true" and given["autostart"] == "true"
-    return [*(_transitions(node) if is_started else ()), node, *rviz]
+    return [
+        *(_transitions(node) if is_started else ()),
+        node,
+        *rviz,
+        *([_mnsf("view", "--node", _full_name(context, given))] if given["view"] == "true" else ()),
+        *([_mnsf("play", given["bag"], "--clock", "--wait")] if given["bag"] else ()),
+    ]
 
 
 def _flow_node(given: dict[str, str]) -> Node:
     frame = given["odom_frame"] or f"{given['namespace']}/scene_flow_odom".lstrip("/")
-    topics = _points(given["points"]).split(",")
+    topics = _points(given["points"], given["bag"]).split(",")
     own_names = ["~/points", *(f"~/points_{number}" for number in range(2, len(topics) + 1))]
     remappings = [*zip(own_names, topics, strict=True), ("~/odometry", given["odometry"])]
     several = {"lidars.count": len(topics)} if len(topics) > 1 else {}
@@ -127,12 +140,29 @@ def _transitions(node: LifecycleNode) -> list[Action]:
     return [RegisterEventHandler(configured), RegisterEventHandler(started)]
 
 
-def _points(topic: str) -> str:
-    if topic:
-        return topic
+def _points(topics: str, bag: str) -> str:
+    if bag:
+        from mnsf_ros.recording.bag_reader import BagReader
+        from mnsf_ros.recording.bag_topics import used_topics
+
+        with BagReader(bag) as reader:
+            return topics or used_topics(reader.path, reader.topics).points
+    if topics:
+        return topics
     from mnsf_ros.node.raw_topics import only_cloud_topic
 
     return only_cloud_topic()
+
+
+def _mnsf(*words: str) -> Action:
+    program = ExecutableInPackage(package="mnsf_ros", executable="mnsf")
+    return ExecuteProcess(cmd=[program, *words], output="screen")
+
+
+def _full_name(context: LaunchContext, given: dict[str, str]) -> str:
+    pushed = context.launch_configurations.get("ros_namespace", "")
+    full_name = "/".join(part for part in (pushed, given["namespace"], given["name"]) if part)
+    return f"/{full_name.lstrip('/')}"
 
 
 def _rviz(context: LaunchContext, given: dict[str, str]) -> Node:
@@ -141,9 +171,7 @@ def _rviz(context: LaunchContext, given: dict[str, str]) -> Node:
     except PackageNotFoundError:
         raise SettingsError("rviz: the package rviz2 is not installed") from None
     configuration = PathJoinSubstitution([SHARE, "rviz", "scene_flow.rviz"]).perform(context)
-    pushed = context.launch_configurations.get("ros_namespace", "")
-    full_name = "/".join(part for part in (pushed, given["namespace"], given["name"]) if part)
-    names = {name: f"/{full_name.lstrip('/')}/{name}" for name in SHOWN_TOPICS}
+    names = {name: f"{_full_name(context, given)}/{name}" for name in SHOWN_TOPICS}
     if given["flow"]:
         names |= {name: given["flow"] + name[4:] for name in FLOW_TOPICS}
     fixed_frame = ["--fixed-frame", given["fixed_frame"]] if given["fixed_frame"] else []

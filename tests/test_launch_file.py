@@ -45,6 +45,7 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for package, executable in (
         ("mnsf_ros", "scene_flow_node"),
         ("mnsf_ros", "scene_flow_lifecycle_node"),
+        ("mnsf_ros", "mnsf"),
         ("rviz2", "rviz2"),
     ):
         (index / package).touch()
@@ -114,6 +115,23 @@ def test_several_lidars_and_a_flow_that_takes_its_parts_along(prefix: Path) -> N
     assert "lidars.count: 2" in Path(path).read_text()
 
 
+def test_a_bag_is_played_and_shown(prefix: Path, make_street) -> None:
+    street = make_street()
+    status, output = launched(prefix, f"bag:={street}", "namespace:=front")
+    assert status == 0, output
+    assert f"started mnsf play {street} --clock --wait" in output
+    assert "started mnsf view --node /front/scene_flow" in output
+    assert "~/points:=/points " in output
+    (path,) = (word for word in output.split() if Path(word).name.startswith("launch_params"))
+    assert "use_sim_time: true" in Path(path).read_text()
+
+
+def test_the_view_may_be_left_out_and_the_topic_named(prefix: Path, make_street) -> None:
+    _, output = launched(prefix, f"bag:={make_street()}", "view:=false", "points:=/other")
+    assert "~/points:=/other " in output
+    assert "mnsf view" not in output
+
+
 @pytest.mark.parametrize("switch", ["true", "FALSE"])
 def test_node_with_or_without_a_life_cycle(prefix: Path, switch: str) -> None:
     status, output = launched(prefix, "points:=/x", f"lifecycle:={switch}", "autostart:=false")
@@ -127,6 +145,7 @@ def test_node_with_or_without_a_life_cycle(prefix: Path, switch: str) -> None:
     [
         (["points:=/x", "params_file:=/no/such.yaml"], "there is no file /no/such.yaml"),
         (["points:=/x", "rviz:=perhaps"], "expected true or false"),
+        (["bag:=/no/such/recording"], "/no/such/recording: no such file or folder"),
         ([], "no PointCloud2 topic is published"),
     ],
 )

@@ -110,6 +110,7 @@ def add_play(subparsers: Subparsers) -> None:
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
     arguments.flag("--clock", "publish the time of the recording on /clock, for use_sim_time")
+    arguments.flag("--wait", "start when somebody listens to a cloud of the recording")
 
 
 def _play(options: argparse.Namespace) -> None:
@@ -122,7 +123,7 @@ def _play(options: argparse.Namespace) -> None:
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
-    how = PlayOptions(topics, options.rate, options.loop, options.clock)
+    how = PlayOptions(topics, options.rate, options.loop, options.clock, options.wait)
     with open_recording(options.bag, console.warn) as reader:
         for topic in topics:
             known_topic(reader.path, reader.topics, topic)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Final
@@ -13,6 +13,7 @@ from typing import Final
 from mnsf_ros.demo.pace import in_time
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics
 from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 # Subscribers need a while to find the publishers.
 _SETTLE_S: Final = 1.0
@@ -29,12 +30,14 @@ class PlayOptions:
         rate: Speed over that of the recording, above 0.
         loop: Start again at the end.
         clock: Publish the time of the recording on /clock, for `use_sim_time`.
+        wait: Start when somebody subscribes to a cloud of the recording.
     """
 
     topics: Sequence[str] = ()
     rate: float = 1.0
     loop: bool = False
     clock: bool = False
+    wait: bool = False
 
 
 def play(
@@ -59,6 +62,8 @@ def play(
         publishers = _publishers(reader, ros, options.topics, on_left_out)
         tell_time = ros.clock() if options.clock else None
         ros.spin_for(_SETTLE_S)
+        while options.wait and not _is_heard(reader, ros, publishers):
+            ros.spin_for(_SETTLE_S)
         number = 0
         for _ in itertools.count() if options.loop else range(1):
             messages = _in_order(reader, list(publishers))
@@ -87,6 +92,11 @@ def _publishers(
     if not publishers:
         raise MessageTypeError(f"{reader.path}: no topic can be published")
     return publishers
+
+
+def _is_heard(reader: BagReader, ros: RawTopics, topics: Iterable[str]) -> bool:
+    clouds = (topic for topic in topics if reader.topics[topic].msgtype == CLOUD_TYPE)
+    return any(ros.num_subscribers(topic) for topic in clouds)
 
 
 def _in_order(reader: BagReader, topics: Sequence[str]) -> Iterator[tuple[int, str, bytes]]:

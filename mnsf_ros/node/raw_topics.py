@@ -126,6 +126,10 @@ class RawTopics:
         """Number of publishers of a topic."""
         return int(self.node.count_publishers(topic))
 
+    def num_subscribers(self, topic: str) -> int:
+        """Number of subscribers of a topic."""
+        return int(self.node.count_subscribers(topic))
+
     def spin_for(self, duration_s: float) -> None:
         """Handles the messages that arrive within a duration."""
         deadline_s = time.monotonic() + duration_s

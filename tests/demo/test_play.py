@@ -48,6 +48,7 @@ class Graph:
     """A ROS graph in which waiting takes no time; it keeps what is published, and when."""
 
     now_s = 0.0
+    heard_from_s = 0.0
 
     def __init__(self) -> None:
         self.published: list[tuple[float, str, bytes]] = []
@@ -69,6 +70,9 @@ class Graph:
 
     def clock(self):
         return self.told_ns.append
+
+    def num_subscribers(self, topic: str) -> int:
+        return int(topic == "/points" and self.now_s >= self.heard_from_s)
 
     def spin_for(self, duration_s: float) -> None:
         self.now_s += max(0.0, duration_s)
@@ -120,6 +124,13 @@ def test_topics_are_chosen_and_repeated(street: Path, graph: Graph) -> None:
         ("/points", raw) for raw in 2 * points
     ]
     assert graph.told_ns == []
+
+
+def test_the_first_message_waits_for_somebody_who_listens(street: Path, graph: Graph) -> None:
+    graph.heard_from_s = 20.0
+    with BagReader(street) as reader:
+        play(reader, PlayOptions(wait=True), lambda _: None, lambda _: None)
+    assert graph.published[0][0] == 20.0
 
 
 def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain: None) -> None:
