@@ -250,12 +250,22 @@ class LidarMerging(LidarGroups):
         return poses
 
     def _tell_missing(self, group: LidarGroup, merged: Container[int]) -> None:
-        lidars = list(enumerate(self._topics))
-        self.missing = tuple(topic for index, topic in lidars if index not in merged)
-        for index, topic in lidars:
-            if index not in group.sweeps:
+        missing = []
+        for index, topic in enumerate(self._topics):
+            clouds, name = f"clouds_of_lidar_{index + 1}", topic
+            if index in group.clocks_ahead_s:
+                name += f" (its clock is {_apart(group.clocks_ahead_s[index])})"
+                self._report(f"{clouds}_with_another_clock", f"merged without {name}")
+            elif index not in group.sweeps:
                 text = (
                     f"no cloud of {topic} is near in time: merged without it (see "
                     "lidars.tolerance_s, lidars.max_wait_s)"
                 )
-                self._report(f"clouds_of_lidar_{index + 1}_missing", text)
+                self._report(f"{clouds}_missing", text)
+            if index not in merged:
+                missing.append(name)
+        self.missing = tuple(missing)
+
+
+def _apart(ahead_s: float) -> str:
+    return f"{abs(ahead_s):.1f} s {'ahead' if ahead_s > 0 else 'behind'}"

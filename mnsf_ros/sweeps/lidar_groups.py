@@ -30,9 +30,15 @@ class ArrivedSweep:
 
 @dataclass(frozen=True, eq=False)
 class LidarGroup:
-    """Sweeps of one revolution: number of the lidar, from 0, to its sweep, the reference first."""
+    """Sweeps of one revolution.
+
+    Attributes:
+        sweeps: Number of a lidar, from 0, to its sweep, the reference first.
+        clocks_ahead_s: Number of a lidar whose clock differs to the seconds that it is ahead.
+    """
 
     sweeps: dict[int, ArrivedSweep]
+    clocks_ahead_s: dict[int, float]
 
     @property
     def reference(self) -> ArrivedSweep:
@@ -43,9 +49,9 @@ class LidarGroup:
 class LidarGroups:
     """Groups each sweep of one lidar, the reference, with the nearest in time of each other one.
 
-    The reference is the first lidar that works. A lidar that sends nothing within the longest wait
-    is left out until it sends a sweep of the others' time; so a lidar that fails, or has another
-    clock, does not stop the others.
+    The reference is the first lidar that works and has the clock of most others. A lidar that sends
+    nothing within the longest wait is left out until it sends again, one with another clock until
+    most others have that, too; so neither stops the others.
     """
 
     def __init__(self, num_lidars: int) -> None:
@@ -64,9 +70,11 @@ class LidarGroups:
         """Forgets all sweeps and all lidars left out."""
         for queue in self._queues:
             queue.clear()
-        self._left_out: set[int] = set()
+        self._silent: set[int] = set()
+        self._odd: set[int] = set()  # have another clock
+        self._last: dict[int, tuple[int, int]] = {}  # arrival and stamp of the last sweep
         self._heard_s: list[float] | None = None  # when each lidar has sent last
-        self._last_ns: int | None = None  # of the last group
+        self._last_reference = 0
 
     def add(self, index: int, item: ArrivedSweep, settings: LidarsSettings) -> None:
         """Adds a sweep of a lidar."""
@@ -74,56 +82,69 @@ class LidarGroups:
             # The first one waits for the others as if they had just sent something.
             self._heard_s = [item.arrived_s] * len(self._queues)
         self._heard_s[index] = item.arrived_s
-        if index in self._left_out:
-            self._queues[index].clear()
-            near_s = settings.tolerance_s + settings.max_wait_s
-            if self._last_ns is None or _gap_s(item.sweep.stamp_ns, self._last_ns) <= near_s:
-                self._left_out.remove(index)
-        self._queues[index].append(item)
+        self._last[index] = item.arrived_ns, item.sweep.stamp_ns
+        queue = self._queues[index]
+        if index in self._silent | self._odd:
+            # Nobody waited for them, and they would come late.
+            while queue and item.arrived_s - queue[0].arrived_s >= settings.max_wait_s:
+                queue.popleft()
+        self._silent.discard(index)
+        queue.append(item)
 
     def due(self, now_s: float, settings: LidarsSettings) -> Iterator[LidarGroup]:
         """Yields the complete groups, in the order of the reference."""
         while (reference := self._reference(settings)) is not None:
             first = self._queues[reference][0]
-            late = [index for index in self._others(reference) if self._may_come(index, first)]
+            others = (index for index in self._working if index != reference)
+            late = [index for index in others if self._may_come(index, first, settings)]
             if late and now_s - first.arrived_s < settings.max_wait_s:
                 return
-            self._left_out.update(late)
+            self._silent.update(late)
+            self._odd = set(self._working).difference(self._agreeing(settings))
             yield self._group(reference, first, settings)
 
     def _reference(self, settings: LidarsSettings) -> int | None:
-        """The first lidar that works, if it has a sweep."""
-        for index, queue in enumerate(self._queues):
-            if index in self._left_out:
-                continue
-            if queue:
-                return index
-            if not self._is_silent(index, settings):
+        """The first lidar that works, of those of one clock, if it has a sweep."""
+        while agreeing := self._agreeing(settings):
+            first = agreeing[0]
+            if self._queues[first]:
+                return first
+            if not self._is_silent(first, settings):
                 return None
-            self._left_out.add(index)
-        # Those left out did not fit to the one that is silent now: the first that sends goes on.
-        sending = [index for index, queue in enumerate(self._queues) if queue]
-        if not sending:
-            return None
-        self._left_out.remove(sending[0])
-        return sending[0]
+            self._silent.add(first)
+        return None
 
     def _is_silent(self, index: int, settings: LidarsSettings) -> bool:
         """Whether another lidar has sent a sweep long after the last one of this lidar."""
         heard_s = self._heard_s or [0.0]
         return max(heard_s) - heard_s[index] >= settings.max_wait_s
 
-    def _others(self, reference: int) -> list[int]:
-        return [
-            index
-            for index in range(len(self._queues))
-            if index != reference and index not in self._left_out
-        ]
+    @property
+    def _working(self) -> list[int]:
+        return [index for index in range(len(self._queues)) if index not in self._silent]
 
-    def _may_come(self, index: int, first: ArrivedSweep) -> bool:
+    def _agreeing(self, settings: LidarsSettings) -> list[int]:
+        """The largest set of working lidars with one clock; as before if two are as large."""
+        near_ns = (settings.tolerance_s + settings.max_wait_s) * NANOSECONDS
+        working = self._working
+        sets = [[j for j in working if self._agree(i, j, near_ns)] for i in working]
+        return max(sets, key=lambda some: (len(some), self._last_reference in some), default=[])
+
+    def _agree(self, first: int, second: int, near_ns: float) -> bool:
+        """Whether the last stamps are no further apart than the time between the arrivals."""
+        if first not in self._last or second not in self._last:
+            return True
+        earlier, later = sorted((self._last[first], self._last[second]))
+        passed_ns = later[0] - earlier[0]  # more than between the stamps in a slow replay
+        return -near_ns <= later[1] - earlier[1] <= passed_ns + near_ns
+
+    def _may_come(self, index: int, first: ArrivedSweep, settings: LidarsSettings) -> bool:
         """Whether the sweep nearest to the reference's may still arrive from a lidar."""
-        queue = self._queues[index]
-        return not queue or queue[-1].sweep.stamp_ns < first.sweep.stamp_ns
+        if index in self._agreeing(settings):
+            queue = self._queues[index]
+            return not queue or queue[-1].sweep.stamp_ns < first.sweep.stamp_ns
+        # All clocks may have been set.
+        return index not in self._odd and self._last[index][0] < first.arrived_ns
 
     def _group(self, reference: int, first: ArrivedSweep, settings: LidarsSettings) -> LidarGroup:
         stamp_ns = first.sweep.stamp_ns
@@ -139,8 +160,11 @@ class LidarGroups:
             while queue and queue[0].sweep.stamp_ns < stamp_ns:
                 queue.popleft()
         self._queues[reference].popleft()
-        self._last_ns = stamp_ns
-        return LidarGroup(sweeps)
+        self._last_reference = reference
+        clocks_s = {index: (last[1] - last[0]) / NANOSECONDS for index, last in self._last.items()}
+        odd = (i for i in self._odd.difference(sweeps) if not self._is_silent(i, settings))
+        ahead_s = {index: clocks_s[index] - clocks_s[reference] for index in odd}
+        return LidarGroup(sweeps, ahead_s)
 
 
 def _gap_s(first_ns: int, second_ns: int) -> float:

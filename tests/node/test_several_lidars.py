@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
@@ -56,12 +58,13 @@ def half_street(index, lidar, *, drive=0, **options):
     return cloud_message(columns, stamp_ns=stamp_ns, frame_id=f"lidar_{lidar}", **options)
 
 
-def drive_on(peer, indices, drive, *, lidars=(0, 1)):
+def drive_on(peer, indices, drive, *, lidars=(0, 1), rear_clock_s=0):
     """Sends clouds and returns the flow of all but the first and the last sweep."""
     publishers = (peer.publish, peer.rear.publish)
     fronts = []
     for index in indices:
         clouds = [half_street(index, lidar, drive=drive) for lidar in lidars]
+        clouds[-1].header.stamp.sec += rear_clock_s
         before = peer.count("sweeps_received")
         for lidar, cloud in zip(lidars, clouds, strict=True):
             publishers[lidar](cloud)
@@ -108,3 +111,11 @@ def test_lidar_that_fails_is_told_and_stops_nobody(two):
     assert set(column(flows[-1], "lidar").tolist()) == {1, 2}
     two.wait_for_diagnostics()
     assert two.status("input").level == DiagnosticStatus.OK
+
+
+def test_lidar_with_another_clock_is_named(two):
+    drive_on(two, range(3), drive=2)
+    drive_on(two, range(3, 6), drive=2, rear_clock_s=3600)
+    message = two.status("input").message
+    assert re.fullmatch(r"merged without /two/points_2 \(its clock is \d+\.\d s ahead\)", message)
+    assert two.count("clouds_of_lidar_2_with_another_clock") > 0

@@ -22,7 +22,7 @@ class Robot:
     def __init__(self, num_lidars=2, settings=SETTINGS):
         self._settings = settings
         self._groups = LidarGroups(num_lidars)
-        self.found = []
+        self.found, self.now_s = [], 0.0
 
     def hear(self, *events):
         """Takes events: steady time, number of the lidar, stamp; all in seconds."""
@@ -30,6 +30,7 @@ class Robot:
             sweep = Sweep(np.zeros((1, 3), np.float32), stamp_ns=round(stamp_s * 1e9))
             self._groups.add(index, ArrivedSweep(sweep, round(now_s * 1e9)), self._settings)
             self.ask(now_s)
+            self.now_s = now_s
         return self.found
 
     def ask(self, now_s):
@@ -38,6 +39,7 @@ class Robot:
                 index: round(item.sweep.stamp_ns / 1e9, 3) for index, item in group.sweeps.items()
             }
             self.found.append(stamps)
+            self.clocks_ahead_s = group.clocks_ahead_s
         return self.found
 
 
@@ -96,10 +98,54 @@ def test_lidar_with_another_clock_stops_nobody(clock_s):
     assert robot.found[-1][1] == pytest.approx(2.9 + clock_s, abs=1e-3)
 
 
+@pytest.mark.parametrize("odd", range(3))
+@pytest.mark.parametrize("clock_s", [-1.0, 3600.0])
+def test_lidar_with_another_clock_that_was_alone_gives_way_to_most(odd, clock_s):
+    robot = Robot(3)
+    robot.hear(*sweeps(odd, stop=10, clock_s=clock_s))
+    assert set(robot.found[-1]) == {odd}
+    right = [index for index in range(3) if index != odd]
+    alone = robot.hear(
+        *sweeps(odd, start=10, stop=20, clock_s=clock_s), *sweeps(right[1], start=10, stop=20)
+    )
+    assert alone[-1] == {odd: pytest.approx(1.9 + clock_s)}
+    found = robot.hear(
+        *sweeps(odd, start=20, stop=30, clock_s=clock_s),
+        *(event for index in right for event in sweeps(index, start=20, stop=30)),
+    )
+    assert found[-8:] == [
+        dict.fromkeys(right, t) for t in np.round(np.arange(22, 30) * PERIOD_S, 3)
+    ]
+    assert robot.clocks_ahead_s == {odd: pytest.approx(clock_s)}
+
+
 def test_phase_beyond_the_tolerance_leaves_the_other_out_of_each_group():
     settings = replace(SETTINGS, tolerance_s=0.01)
     found = Robot(settings=settings).hear(*sweeps(0), *sweeps(1, phase_s=0.04))
     assert found[:9] == [{0: t} for t in np.round(np.arange(9) * PERIOD_S, 3)]
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_clocks_that_are_set_together_separate_nobody(first):
+    order_s = (0.0, 0.001) if first == 0 else (0.001, 0.0)
+    robot = Robot()
+    for clock_s in (0.0, -50.0, 50.0):
+        found = robot.hear(
+            *sweeps(0, start=1, clock_s=clock_s, delay_s=order_s[0] + robot.now_s),
+            *sweeps(1, start=1, clock_s=clock_s, delay_s=order_s[1] + robot.now_s),
+        )
+    assert [set(group) for group in found] == 27 * [{0, 1}]
+
+
+def test_slow_replay_is_merged():
+    found = Robot().hear(
+        *(
+            (20 * now_s, index, stamp_s)
+            for lidar in (0, 1)
+            for now_s, index, stamp_s in sweeps(lidar)
+        )
+    )
+    assert [set(group) for group in found] == 10 * [{0, 1}]
 
 
 def test_time_that_jumps_back_starts_anew():
@@ -108,7 +154,7 @@ def test_time_that_jumps_back_starts_anew():
     late = [(now_s + 20, index, stamp_s) for now_s, index, stamp_s in (*sweeps(0), *sweeps(1))]
     robot.hear(*late)
     assert robot.found[-1] == {0: 0.9, 1: 0.9}
-    assert len(robot.found) >= 13
+    assert [set(group) for group in robot.found] == 15 * [{0, 1}]
 
 
 def test_memory_is_bounded_and_clear_forgets():
