@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -24,6 +25,12 @@ _EXPECTED: Final = "a rosbag2 folder, or a .mcap, .db3 or .bag file"
 _END_BYTES: Final = 2**20
 _ROOT: Final = "rosbag2_bagfile_information"
 _MOST: Final = 2**63
+# That of a thousand topics has half of it, and takes seconds to parse.
+_METADATA_BYTES: Final = 2**20
+# No recorder writes anchors or references; nested ones are trees that grow with every use.
+_REFERENCE: Final = re.compile(r"(?:^|[\s\[{,:?-])([&*][^\s,\]]{1,20})")
+# Of a file, and more than ROS allows for a topic.
+_NAME_LENGTH: Final = 255
 
 
 def stored_files(path: Path) -> list[Path]:
@@ -121,19 +128,38 @@ def read_metadata(folder: Path) -> Metadata | None:
     file = folder / METADATA_NAME
     if not file.is_file():
         return None
-    try:
-        content = YAML(typ="safe").load(file.read_text("utf-8"))[_ROOT]
-    except YAMLError as error:
-        text = getattr(error, "problem", None) or type(error).__name__
-        raise ValueError(f"YAML error: {text}") from error
+    content = _parsed(file)[_ROOT]
     counts: Counter[str] = Counter()
     for topic in content["topics_with_message_count"]:
         if not 0 <= topic["message_count"] < _MOST:
             raise ValueError("a message_count is out of range")
-        counts[str(topic["topic_metadata"]["name"])] += topic["message_count"]
-    # Whatever folders a path names, only this one is looked into.
-    files = [folder / PurePath(name).name for name in content["relative_file_paths"]]
-    return Metadata(files, counts)
+        counts[_name(topic["topic_metadata"]["name"])] += topic["message_count"]
+    # Whatever folders a path names, only this one is looked into, and once for each file.
+    names = [_name(PurePath(path).name) for path in content["relative_file_paths"]]
+    return Metadata([folder / name for name in dict.fromkeys(names)], counts)
+
+
+def _parsed(file: Path) -> Any:  # noqa: ANN401
+    with file.open("rb") as stream:
+        data = stream.read(_METADATA_BYTES + 1)
+    if len(data) > _METADATA_BYTES:
+        raise ValueError(f"it has more than {_METADATA_BYTES} bytes")
+    text = data.decode()
+    if reference := _REFERENCE.search(text):
+        raise ValueError(f"YAML references such as {reference[1]!r} are not supported")
+    try:
+        return YAML(typ="safe").load(text)
+    except YAMLError as error:
+        problem = getattr(error, "problem", None) or type(error).__name__
+        raise ValueError(f"YAML error: {problem}") from error
+
+
+def _name(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"found a {type(value).__name__}, expected a name")
+    if len(value) > _NAME_LENGTH:
+        raise ValueError(f"a name of {len(value)} characters, expected at most {_NAME_LENGTH}")
+    return value
 
 
 @dataclass

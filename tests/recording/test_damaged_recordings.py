@@ -305,8 +305,16 @@ def metadata(tmp_path):
 
 @pytest.mark.parametrize(
     "content",
-    ["", "[]", "\x00\x01", "[" * 5_000, "a: [", "!!python/object/apply:os.system [ls]"],
-    ids=["empty", "list", "binary", "deep", "cut", "object"],
+    [
+        "",
+        "[]",
+        "\x00\x01",
+        "[" * 5_000,
+        "a: [",
+        "!!python/object/apply:os.system [ls]",
+        "#" * 2**21,
+    ],
+    ids=["empty", "list", "binary", "deep", "cut", "object", "large"],
 )
 def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
     metadata.write_text(content)
@@ -326,6 +334,10 @@ def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
         ("name: /points", "name: /lines", "promises 10 messages on '/lines', 0 are stored"),
         ("- bag.mcap", "- bag.mcap\n  - bag_1.mcap", "bag_1.mcap: cannot be read: No such file"),
         ("- bag.mcap", "- 5", "cannot be read: TypeError"),
+        ("- bag.mcap", f"- {5000 * 'f'}", "expected at most 255"),
+        ("- bag.mcap", "- bag.mcap\n  - ./bag.mcap", ""),
+        ("version: 9", "version: &a 9\n  b: &a 9", "cannot be read: ValueError: YAML references"),
+        ("version: 9", "version: 9\n  note: 4 * 5 & 6", ""),
         ("relative_file_paths", "some_paths", "cannot be read: KeyError: 'relative_file_paths'"),
         (f"type: {CLOUD_TYPE}", "type: sensor_msgs/msg/Imu", ""),
         ("version: 9", "version: 99", ""),
@@ -339,6 +351,16 @@ def test_metadata_that_lies_is_told(metadata, old, new, told):
     assert found == ALL
     assert told in " ".join(map(str, reader.damages))
     assert bool(reader.damages) == bool(told)
+
+
+def test_nested_references_in_metadata_take_no_time(metadata):
+    """Written out, their text would have a billion brackets."""
+    tree = "".join(f"- &a{number + 1} [*a{number}, *a{number}]\n" for number in range(30))
+    content = metadata.read_text().replace("name: /points", "name: *a30")
+    metadata.write_text(f"tree:\n- &a0 []\n{tree}{content}")
+    found, reader = read(metadata.parent)
+    assert found == ALL
+    assert "YAML references such as '&a0'" in str(reader.damages[0])
 
 
 @pytest.mark.parametrize("name", ["../other/other.mcap", "/etc/hostname", "..", "gone.mcap"])
