@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 PERIOD_S: Final = 600.0
 _PACKAGE: Final = __name__.partition(".")[0]
 _MOST_NAMES: Final = 6
+_FRAMES_SHOWN: Final = 3
 
 # rclpy's logger, whose type moves about.
 Logger: TypeAlias = Any
@@ -78,6 +80,19 @@ class FaultLog:
     def error(self, kind: str, text: str) -> None:
         """Logs an error, unless one of its kind was logged lately."""
         self._logger(kind).error(f"{text} {_OFTEN}", throttle_duration_sec=PERIOD_S)
+
+    def unexpected(self, what: str, error: Exception) -> None:
+        """Logs an error that is a defect, with its traceback; one of ROS alone is one line."""
+        frames = list(traceback.walk_tb(error.__traceback__))
+        # The first one has caught it.
+        is_own = any(_PACKAGE in frame.f_globals.get("__name__", "") for frame, _ in frames[1:])
+        if is_own:
+            details = "".join(traceback.format_exception(error))
+            text = f"unexpected error\n{details}"
+        else:
+            where = ", ".join(frame.f_code.co_name for frame, _ in frames[-_FRAMES_SHOWN:])
+            text = f"refused by ROS in {where}: {type(error).__name__}: {error}"
+        self.error(f"{what.partition(' ')[0]} {type(error).__name__}", f"{what}: {text}")
 
     def _logger(self, kind: str) -> Logger:
         # rclpy throttles each line of a program, and each logger by itself.

@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.node.node_log import FaultLog
 from mnsf_ros.node.parameters import NodeParameters
 from mnsf_ros.node.scene_flow_parts import SceneFlowParts
+from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS
 
 NODE_NAME = "scene_flow"
 
@@ -33,23 +35,25 @@ class _FlowNode(Node):
 
     _parts: SceneFlowParts | None = None
 
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME)
+        self._faults = FaultLog(self.get_logger().name)
+
     def close(self, timeout_s: float) -> bool:
         """Abandons the estimate under way; False if it could not be interrupted in time."""
         return self._parts is None or self._parts.close(timeout_s)
 
     def report_error(self, error: Exception) -> None:
         """Logs an unexpected error, unless ROS is shutting down; counts it while configured."""
+        if not self.context.ok():
+            return
         if self._parts is not None:
-            self._parts.report_error(error)
-        elif self.context.ok():
-            self.get_logger().error("".join(traceback.format_exception(error)))
+            self._parts.statistics.count(CALLBACK_ERRORS)
+        self._faults.unexpected("callback", error)
 
 
 class SceneFlowNode(_FlowNode):
     """Works from its start to its end."""
-
-    def __init__(self) -> None:
-        super().__init__(NODE_NAME)
 
     def start(self) -> None:
         """Declares the parameters and subscribes.
@@ -57,7 +61,7 @@ class SceneFlowNode(_FlowNode):
         Raises:
             SettingsError: If a parameter was given an invalid value.
         """
-        self._parts = SceneFlowParts(self, NodeParameters(self))
+        self._parts = SceneFlowParts(self, NodeParameters(self), self._faults)
         self.create_service(SetBool, "~/set_enabled", partial(_set_enabled, self._parts))
 
 
@@ -72,15 +76,12 @@ def _set_enabled(
     return response
 
 
-class SceneFlowLifecycleNode(LifecycleNode, _FlowNode):
+class SceneFlowLifecycleNode(_FlowNode, LifecycleNode):
     """Works while it is active.
 
     Unconfigured it has its parameters only. Configured it subscribes and publishes
     `/diagnostics`, but ignores clouds until it is activated.
     """
-
-    def __init__(self) -> None:
-        super().__init__(NODE_NAME)
 
     def start(self) -> None:
         """Declares the parameters.
@@ -88,6 +89,8 @@ class SceneFlowLifecycleNode(LifecycleNode, _FlowNode):
         Raises:
             SettingsError: If a parameter was given an invalid value.
         """
+        # It repeats the labels of unknown transitions, however long they are.
+        set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
         self._own_parameters = NodeParameters(self, has_life_cycle=True)
         self._own_entities = _entities(self)
 
@@ -112,7 +115,7 @@ class SceneFlowLifecycleNode(LifecycleNode, _FlowNode):
 
     def _configure(self) -> None:
         try:
-            self._parts = SceneFlowParts(self, self._own_parameters, _INACTIVE)
+            self._parts = SceneFlowParts(self, self._own_parameters, self._faults, _INACTIVE)
         except BaseException:
             self._clean_up()
             raise

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import traceback
 from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,13 +25,15 @@ from mnsf_ros.node.parameters import (
 from mnsf_ros.node.raw_topics import cloud_topics
 from mnsf_ros.node.sweep_input import TRANSFORMS_MISSING, SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, TransformError
-from mnsf_ros.online.online_pipeline import CALLBACK_ERRORS, OnlinePipeline, TripletJob
+from mnsf_ros.online.online_pipeline import OnlinePipeline, TripletJob
+from mnsf_ros.online.online_statistics import OnlineStatistics
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 from mnsf_ros.sweeps_io.flow_cloud import renamed_fields
 
 _REFRESH_PERIOD_S = 0.2
+_PAUSE_PERIOD_S = 1.0  # between two lines of one kind in the log
 
 
 class SceneFlowParts:
@@ -42,7 +43,9 @@ class SceneFlowParts:
     publishes. Call `close` before destroying the node.
     """
 
-    def __init__(self, node: Node, parameters: NodeParameters, pause: str = "") -> None:
+    def __init__(
+        self, node: Node, parameters: NodeParameters, faults: FaultLog, pause: str = ""
+    ) -> None:
         """Subscribes and advertises on behalf of a node; `pause` is a reason to start paused.
 
         Raises:
@@ -51,7 +54,7 @@ class SceneFlowParts:
         self._node = node
         self._parameters = parameters
         self._logger = node.get_logger()
-        self._faults = FaultLog(self._logger.name)
+        self._faults = faults
         try:
             self._join_topics(pause)
         except RuntimeError as error:
@@ -71,14 +74,16 @@ class SceneFlowParts:
 
     def pause(self, reason: str) -> None:
         """Ignores clouds from now on, for a reason; all sweeps are forgotten."""
+        if reason != self._input.pause:
+            self._logger.info(reason, throttle_duration_sec=_PAUSE_PERIOD_S)
         self._input.pause = reason
         self.reset()
-        self._logger.info(reason)
 
     def resume(self) -> None:
         """Takes clouds again."""
+        if self._input.pause:
+            self._logger.info("clouds are taken", throttle_duration_sec=_PAUSE_PERIOD_S)
         self._input.pause = ""
-        self._logger.info("clouds are taken")
 
     def reset(self) -> None:
         """Forgets all sweeps and tracks; an estimate under way is abandoned."""
@@ -90,13 +95,10 @@ class SceneFlowParts:
         self._parameters.follow(None)
         return self._pipeline.close(timeout_s)
 
-    def report_error(self, error: Exception) -> None:
-        """Logs and counts an unexpected error, unless ROS is shutting down."""
-        if not self._node.context.ok():
-            return
-        self._pipeline.statistics.count(CALLBACK_ERRORS)
-        details = "".join(traceback.format_exception(error))
-        self._faults.error(f"callback {type(error).__name__}", details)
+    @property
+    def statistics(self) -> OnlineStatistics:
+        """Counters and recent figures."""
+        return self._pipeline.statistics
 
     @property
     def _settings(self) -> Settings:
@@ -177,9 +179,7 @@ class SceneFlowParts:
                 f"refused {type(error).__name__}", f"no flow for sweep {stamp_ns}: {error}"
             )
             return
-        details = "".join(traceback.format_exception(error))
-        text = f"no flow for sweep {stamp_ns}: unexpected error\n{details}"
-        self._faults.error(f"failed {type(error).__name__}", text)
+        self._faults.unexpected(f"no flow for sweep {stamp_ns}", error)
 
     def _refresh_input(self) -> None:
         for subscription in self._input.refresh():

@@ -67,13 +67,7 @@ _LIFE_CYCLE = "from mnsf_ros.node.__main__ import lifecycle_main; lifecycle_main
 
 
 class SceneFlowProcess:
-    """`python -m mnsf_ros.node --ros-args ...`, or the node with a life cycle; it writes to a file.
-
-    Attributes:
-        num_expected_tracebacks: How many of them a test has provoked.
-    """
-
-    num_expected_tracebacks = 0
+    """`python -m mnsf_ros.node`, or the node with a life cycle; it writes to a file."""
 
     def __init__(self, log_path, parameters, ros_arguments, *, has_life_cycle=False):
         self._log_path = log_path

@@ -108,13 +108,16 @@ def test_cleanup_lets_go_of_all_but_the_parameters(managed, drive):
 
 def test_a_transition_that_the_state_does_not_have_is_refused(managed):
     assert not managed.change(Transition.TRANSITION_ACTIVATE, "activate")
+    assert not managed.change(0, "x" * 10_000)
     # Without a label rclpy raises out of its service, and gives no answer.
-    managed.peer.process.num_expected_tracebacks = 1
     managed.change(77, waits=False)
     assert managed.state == State.PRIMARY_STATE_UNCONFIGURED
     assert managed.change(Transition.TRANSITION_CONFIGURE)
     assert not managed.change(Transition.TRANSITION_CONFIGURE, "configure")
     assert managed.state == State.PRIMARY_STATE_INACTIVE
+    log = managed.peer.process.log
+    assert log.count("refused by ROS in ") == 1
+    assert max(map(len, log.splitlines())) < 1000
 
 
 def test_invalid_settings_fail_the_configuration(managed):

@@ -127,12 +127,11 @@ def test_a_value_of_any_type_is_refused_and_the_node_lives(peer, value):
 
 
 def test_a_value_of_a_type_that_does_not_exist_does_not_end_the_node(peer, drive):
-    """rclpy raises out of its own parameter service; the node says so once."""
-    peer.process.num_expected_tracebacks = 1
+    """rclpy raises out of its own parameter service; the node says so in one line."""
     before = peer.count("callback_errors")
     peer.set_without_waiting({"crop.max_range_m": ParameterValue(type=255)})
     peer.spin_until(lambda: peer.count("callback_errors") > before, "the error to be counted")
-    assert peer.process.is_running
+    assert "refused by ROS in " in peer.process.log
     assert peer.set({LAYOUT: "compact"})[0].successful
     assert layout_of_a_drive(peer, drive) == "compact"
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -41,6 +42,16 @@ def test_a_disabled_node_takes_no_cloud_and_says_so(peer, drive):
     assert peer.call(SetBool, "set_enabled", SetBool.Request(data=True)).success
     peer.spin_until(lambda: "disabled" not in peer.status("flow").message, "diagnostics")
     peer.flow_amid(drive.sweeps(*range(3)))
+
+
+def test_requests_without_end_do_not_fill_the_log(peer):
+    start_s, before = time.monotonic(), len(peer.process.log.splitlines())
+    for number in range(100):
+        peer.call(SetBool, "set_enabled", SetBool.Request(data=number % 4 > 1))
+        peer.call(Trigger, "reset", Trigger.Request())
+    num_lines = len(peer.process.log.splitlines()) - before
+    # Two kinds of lines, each at most once a second.
+    assert num_lines <= 2 * (time.monotonic() - start_s + 1)
 
 
 class TestWithoutSubscribers:
@@ -126,6 +137,21 @@ class TestOnSimulatedTime:
         peer.flow_of(sweeps[1])
         set_clock(10**9)
         peer.flow_amid(drive.sweeps(3, 4, 5))
+
+    def test_a_time_that_is_none_is_one_line_of_the_log(self, peer):
+        publisher = peer.node.create_publisher(Clock, "/clock", 1)
+        message, before = Clock(), peer.count("callback_errors")
+        message.clock.sec = -5
+
+        def is_counted():
+            publisher.publish(message)
+            return peer.count("callback_errors") > before
+
+        peer.spin_until(is_counted, "the error")
+        peer.node.destroy_publisher(publisher)
+        lines = [line for line in peer.process.log.splitlines() if "clock_callback" in line]
+        assert "ValueError: Seconds value must not be negative" in lines[0]
+        assert len(lines) == 1
 
     def test_sweeps_without_a_stamp_take_the_time_of_the_clock(self, peer, drive, set_clock):
         peer.flows.clear()
