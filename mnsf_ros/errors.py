@@ -64,6 +64,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
+def one_line(error: BaseException) -> str:
+    """Returns an error of other people's code as one line of at most some hundred characters."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+
+
 # Library to the extra of setup.py that installs it.
 _EXTRAS: Final = {
     **dict.fromkeys(("cattrs", "jinja2", "matplotlib", "pandas"), "evaluation"),

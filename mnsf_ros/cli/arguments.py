@@ -7,6 +7,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
+from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings, parse_assignments
 
@@ -39,7 +40,7 @@ class IntermixedParser(argparse.ArgumentParser):
         finally:
             self._is_inside = False
         if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+            self.error(f"unrecognized arguments: {' '.join(map(plain_text, unknown))}")
         return known, unknown
 
 

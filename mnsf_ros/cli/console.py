@@ -5,12 +5,30 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 
 import rich.console
+from rich.segment import Segment
+
+from mnsf_ros.plain_text import plain_text
 
 
 class Console(rich.console.Console):
-    """Falls silent when its reader has left, as after `| head -1`; the work goes on."""
+    """Shows control characters in names and messages instead of sending them to the terminal.
+
+    It falls silent when its reader has left, as after `| head -1`; the work goes on.
+    """
+
+    def render(
+        self,
+        renderable: rich.console.RenderableType,
+        options: rich.console.ConsoleOptions | None = None,
+    ) -> Iterable[Segment]:
+        """Yields the segments of all that is printed, also of tables and bars."""
+        for segment in super().render(renderable, options):
+            lines = segment.text.split("\n")
+            safe = segment._replace(text="\n".join(map(plain_text, lines)))
+            yield segment if segment.control else safe
 
     def say(self, text: str, style: str | None = None, *, soft_wrap: bool = False) -> None:
         """Prints a text without markup; with `soft_wrap`, long lines stay whole."""
@@ -34,5 +52,10 @@ class Console(rich.console.Console):
         except BrokenPipeError:
             self.on_broken_pipe()
         except OSError as error:
-            print(f"mnsf: the output cannot be written: {error.strerror}", file=sys.stderr)
+            complain(f"the output cannot be written: {error.strerror}")
             self.on_broken_pipe()
+
+
+def complain(text: object) -> None:
+    """Prints an error of the command as one line."""
+    print(f"mnsf: {plain_text(text)}", file=sys.stderr)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from mnsf_ros.cli.arguments import (
@@ -15,10 +14,10 @@ from mnsf_ros.cli.arguments import (
     add_subcommand,
     number_or_all,
 )
-from mnsf_ros.cli.console import Console
+from mnsf_ros.cli.console import Console, complain
 
-EXIT_INCOMPLETE = 3
 EXIT_STOPPED = 4
+EXIT_INCOMPLETE = 5
 DEFAULT_METHODS = ("online", "mnsf")
 
 _EPILOG = """\
@@ -30,10 +29,11 @@ Examples:
 Exit status:
   0    complete
   2    an argument, setting or recording cannot be used; nothing was run
-  3    done, but incomplete: a recording is damaged (its readable part was
-       evaluated) or has nothing to evaluate, a task failed, a method failed on
-       every example of a recording, or report.html could not be written
+  3    it takes more memory than --max-memory
   4    stopped: results cannot be written (disk full), or a worker was killed
+  5    done, but incomplete: a recording is damaged (its readable part was
+       evaluated) or has nothing to evaluate, a method cannot be made or failed
+       on every example of a recording, or report.html could not be written
   130  interrupted
 
 After 4 and 130, finished results are kept. To continue, repeat the command
@@ -134,16 +134,14 @@ def _add_run_arguments(group: Arguments) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from mnsf_ros.cli.evaluation import evaluate
-    from mnsf_ros.evaluation.recordings import path_text
     from mnsf_ros.evaluation.run_folder import StoppedError
 
     try:
         is_complete = evaluate(options, Console())
     except StoppedError as error:
-        print(
-            f"mnsf: {error}. Finished results are kept; to continue, repeat the command with "
-            f"--out {path_text(options.out)} --resume",
-            file=sys.stderr,
+        complain(
+            f"{error}. Finished results are kept; to continue, repeat the command with "
+            f"--out {options.out} --resume"
         )
         return EXIT_STOPPED
     return 0 if is_complete else EXIT_INCOMPLETE

@@ -18,7 +18,7 @@ from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.demo.console_progress import counting_progress
-from mnsf_ros.errors import LibraryError, MnsfError, SettingsError
+from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
@@ -28,7 +28,7 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.parallel import Executor, executor
-from mnsf_ros.evaluation.recordings import inspected_recordings, path_text, short_name
+from mnsf_ros.evaluation.recordings import inspected_recordings, named_recordings, short_name
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
@@ -46,7 +46,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
 
     Returns:
         False if a recording is damaged or has no example, if a method failed on all examples of
-        one, if a task or a recording had to be given up, or if there is no report.
+        one, if a task, a method or a recording had to be given up, or if there is no report.
 
     Raises:
         StoppedError: The run cannot go on.
@@ -58,11 +58,12 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
         options.out = _new_folder(options.bags)
     evaluation = _evaluation_options(options)
     check_folder(options.out, resume=options.resume)
-    methods = _methods(options, evaluation, console)
+    named = named_recordings(options.bags)
+    methods, failed = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = _executor(options, evaluation)
     recordings, unreadable = inspected_recordings(
-        options.bags,
+        named,
         *(options.points, options.truth, options.odometry),
         watching=partial(_checking, console),
     )
@@ -71,16 +72,17 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
         session = SessionRecord.now(["mnsf", *sys.argv[1:]])
         record = RunRecord(evaluation, methods, recordings, [session])
         tasks = folder.begin(record, resume=options.resume)
-        console.say(f"Results folder: {path_text(folder.path)}")
+        console.say(f"Results folder: {folder.path}")
         try:
             given_up = _run_tasks(tasks, evaluation, execute, folder, console)
         finally:
             # Also after Ctrl-C: what is finished is worth a table.
             number = evaluation.num_pictured
             is_complete = folder.has_results and _conclude(folder, number, console)
-    for text in (*given_up, *unreadable):
+    given_up = [*failed, *unreadable, *given_up]
+    for text in given_up:
         console.warn(text)
-    return is_complete and not given_up and not unreadable
+    return is_complete and not given_up
 
 
 def _run_tasks(
@@ -141,9 +143,9 @@ def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
         path = write_report(folder, results, tables, num_pictured)
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
-        console.warn(f"no report: {reason}; `mnsf report {path_text(folder.path)}` tries again")
+        console.warn(f"no report: {reason}; `mnsf report {folder.path}` tries again")
         return False
-    console.say(f"Report: {path_text(path)}")
+    console.say(f"Report: {path}")
     return not results.is_incomplete
 
 
@@ -160,7 +162,7 @@ def _print_results(
         console.say(text)
     for note in results.notes:
         (console.warn if note.is_incomplete else console.say)(note.text)
-    console.say(f"Results: {path_text(folder.path / 'results.md')}")
+    console.say(f"Results: {folder.path / 'results.md'}")
 
 
 def _new_folder(paths: Sequence[Path]) -> Path:
@@ -172,18 +174,26 @@ def _new_folder(paths: Sequence[Path]) -> Path:
 
 def _methods(
     options: argparse.Namespace, evaluation: EvaluationOptions, console: Console
-) -> list[EvaluatedMethod]:
-    """The named methods; else the default ones whose libraries are installed."""
-    ask = partial(evaluated_methods, options=evaluation, is_remote=options.ray is not None)
-    if options.methods:
-        return ask(_split(options.methods))
+) -> tuple[list[EvaluatedMethod], list[str]]:
+    """The named methods that work, and an error text for each other one.
+
+    By default those whose libraries are installed.
+    """
+    names = _split(options.methods) if options.methods else DEFAULT_METHODS
     found: list[EvaluatedMethod] = []
-    for name in DEFAULT_METHODS:
+    failed: list[str] = []
+    for name in names:
         try:
-            found += ask([name])
+            found += evaluated_methods([name], evaluation, is_remote=options.ray is not None)
         except LibraryError as error:
+            if options.methods:
+                raise
             console.warn(f"{name} is not evaluated: {error}")
-    return found
+        except MethodError as error:
+            failed.append(str(error))
+    if not found:
+        raise MethodError("; ".join(failed))
+    return found, failed
 
 
 def _split(texts: Sequence[str]) -> list[str]:

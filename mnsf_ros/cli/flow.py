@@ -8,9 +8,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import rich.console
-
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
+from mnsf_ros.cli.console import Console
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.presets import settings_for
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
@@ -71,22 +70,22 @@ def _run(options: argparse.Namespace) -> None:
     if len(options.sweeps) < 2:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
     check_target(options.out, overwrite=options.force)
-    method = options.method or settings.method.name
-    stream = Stream(settings, method)
     sweeps = [read_sweep(name) for name in options.sweeps]
     triplet = triplet_of_files(sweeps, options.interval_s)
+    method = options.method or settings.method.name
+    stream = Stream(settings, method)
     if stream.traits.needs_poses and triplet.next_from_current is None:
         raise SweepFileError(
             f"method {method!r} needs the poses of the sensor: give CURRENT and NEXT as .npz with "
             "a pose, or use ego-estimated, which estimates them"
         )
-    with rich.console.Console(stderr=True).status(f"estimating with {method}") as status:
+    with Console(stderr=True).status(f"estimating with {method}") as status:
         estimate = stream.flow_of(triplet, StepReport(status.update))
     flow = _in_rows_of_file(
         sweeps[-2], triplet.interval_s, estimate, method, settings_for(method, settings)
     )
     write_flow(options.out, flow, overwrite=options.force)
-    print(_summary(options.out, method, flow, estimate))
+    Console().say(_summary(options.out, method, flow, estimate), soft_wrap=True)
 
 
 def _in_rows_of_file(

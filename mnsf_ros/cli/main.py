@@ -25,6 +25,7 @@ from mnsf_ros.cli import (
     view,
 )
 from mnsf_ros.cli.arguments import Arguments, IntermixedParser
+from mnsf_ros.cli.console import complain
 from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.errors import MnsfError
 
@@ -87,13 +88,13 @@ def run(arguments: list[str] | None = None) -> int:
         with limited_memory(getattr(options, "max_memory", math.inf)):
             return _run(options)
     except (MnsfError, OSError) as error:
-        print(f"mnsf: {error}", file=sys.stderr)
+        complain(error)
         return EXIT_USAGE
     except (Exception, KeyboardInterrupt) as error:
         # A library that a signal meets in its start makes it an error.
         if not _is_caused_by(error, KeyboardInterrupt):
             raise
-        print("mnsf: interrupted", file=sys.stderr)
+        complain("interrupted")
         return EXIT_INTERRUPTED
 
 
@@ -103,7 +104,7 @@ def _run(options: argparse.Namespace) -> int:
     except (MnsfError, MemoryError) as error:
         if not _is_caused_by(error, MemoryError):
             raise
-        print(f"mnsf: {str(error) or 'out of memory'}; {memory_hint()}", file=sys.stderr)
+        complain(f"{str(error) or 'out of memory'}; {memory_hint()}")
         return EXIT_MEMORY
     return status or 0
 

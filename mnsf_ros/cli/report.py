@@ -39,4 +39,8 @@ def _run(options: argparse.Namespace) -> None:
     folder = RunFolder(options.folder)
     results = read_results(folder, options.method)
     path = write_report(folder, results, tables_of(results), max(0, options.pictures))
-    Console().say(f"Report: {path}")
+    console = Console()
+    for note in results.notes:
+        if note.is_incomplete:
+            console.warn(note.text)
+    console.say(f"Report: {path}")

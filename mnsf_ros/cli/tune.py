@@ -70,15 +70,14 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.evaluation.recordings import choose_topics, recording_names
+    from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
     from mnsf_ros.tuning.outcome import figures_table, gains_table, write_outcome
     from mnsf_ros.tuning.tune import check_optuna
 
     check_optuna()
     console, tuning = Console(), _options(options)
     recordings = [
-        choose_topics(path, name, options.points)
-        for path, name in zip(options.bags, recording_names(options.bags), strict=True)
+        choose_topics(path, name, options.points) for name, path in named_recordings(options.bags)
     ]
     outcome = _tuned(recordings, tuning, console)
     for table in (figures_table(outcome), *([gains_table(outcome)] if outcome.changed else [])):

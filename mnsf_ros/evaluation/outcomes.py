@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
-from mnsf_ros.errors import MnsfError
+from mnsf_ros.errors import MnsfError, one_line
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import DROPPED, Failure
 from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
@@ -92,14 +92,17 @@ def replayed(
 
 
 def attempted(work: Callable[[], Result]) -> Result | str:
-    """The result of work, or in one line why it failed: one bad example must not end a run."""
+    """The result of work, or in one line why it failed: one bad example must not end a run.
+
+    Methods are other people's code, too, which may even call `sys.exit`.
+    """
     try:
         return work()
     except MnsfError as error:
         return str(error)
-    except Exception as error:  # noqa: BLE001 - methods are other people's code, too
-        _LOG.exception("an example failed")
-        return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - see above
+        _LOG.info("an example failed", exc_info=True)
+        return one_line(error)
 
 
 def _timed(

@@ -9,20 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mnsf_ros.errors import EvaluationError, RecordingError
+from mnsf_ros.plain_text import plain_text
 from mnsf_ros.recording.bag_files import fingerprint, stored_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.setting import SettingValue
-
-
-def path_text(path: Path | str) -> str:
-    r"""Returns a path, or text with paths in it, as text that every file and terminal can hold.
-
-    Python keeps the bytes of a file name that its locale cannot decode as lone surrogates. Those
-    that are UTF-8 after all are decoded, so that the text is the same in every locale; the others
-    are shown as `\xff`.
-    """
-    return str(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @dataclass(frozen=True)
@@ -92,7 +83,7 @@ def _with_topics(reader: BagReader, name: str, *topics: str | None) -> Evaluated
         odometry=used.odometry,
         num_sweeps=reader.topics[used.points].count,
         has_checksums=reader.has_checksums,
-        damages=[path_text(str(damage)) for damage in reader.damages],
+        damages=[plain_text(damage) for damage in reader.damages],
         fingerprint=fingerprint(reader.path),
     )
 
@@ -101,24 +92,23 @@ Watch = Callable[[int, int], None]
 
 
 def inspected_recordings(
-    paths: Sequence[Path],
+    named: Sequence[tuple[str, Path]],
     *topics: str | None,
     watching: Callable[[str], AbstractContextManager[Watch | None]],
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """Opens each recording; returns the usable ones, and an error text for each other one.
 
     Args:
-        paths: Where they are.
+        named: Their names and paths, see `named_recordings`.
         topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
         watching: Name of a recording to a context with the progress of reading, see `BagReader`.
 
     Raises:
-        EvaluationError: The same recording is named twice, in whatever spelling.
         RecordingError: None of them can be used, or a topic of one is not there.
     """
     found: list[EvaluatedRecording] = []
     errors: list[RecordingError] = []
-    for path, name in zip(paths, recording_names(paths), strict=True):
+    for name, path in named:
         with watching(name) as watch, ExitStack() as opened:
             try:
                 reader = opened.enter_context(BagReader(path, watch))
@@ -134,14 +124,17 @@ def inspected_recordings(
     return found, unreadable
 
 
-def recording_names(paths: Sequence[Path]) -> list[str]:
-    """Returns a name for each recording: the last part of its path, or all of it if need be.
+def named_recordings(paths: Sequence[Path]) -> list[tuple[str, Path]]:
+    """Returns each path with a name: its last part, or all of it if need be. Opens nothing.
 
     Raises:
+        RecordingError: There is no such file or folder.
         EvaluationError: The same recording is named twice, in whatever spelling.
     """
     owners: dict[Path, Path] = {}
     for path in paths:
+        if not path.exists():
+            raise RecordingError(f"{path}: no such file or folder")
         for file in (one.resolve() for one in stored_files(path)):
             if file in owners:
                 raise EvaluationError(
@@ -150,11 +143,11 @@ def recording_names(paths: Sequence[Path]) -> list[str]:
             owners[file] = path
     names = [short_name(path) for path in paths]
     return [
-        name if names.count(name) == 1 else path_text(path)
+        (name if names.count(name) == 1 else plain_text(path), path)
         for name, path in zip(names, paths, strict=True)
     ]
 
 
 def short_name(path: Path) -> str:
     """Returns the last part of a path, without the suffix of a file."""
-    return path_text(path.stem if path.is_file() else path.resolve().name)
+    return plain_text(path.stem if path.is_file() else path.resolve().name)

@@ -29,11 +29,11 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, EvaluationTask, TaskKey
-from mnsf_ros.evaluation.recordings import path_text
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
 from mnsf_ros.evaluation.task import TaskEvent
+from mnsf_ros.plain_text import plain_text
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 
@@ -120,7 +120,7 @@ class RunFolder:
                 self.flows.add(event, self._num_pictured)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
-            damages = [path_text(str(damage)) for damage in event.damages]
+            damages = [plain_text(damage) for damage in event.damages]
             finished = FinishedTask(*task.key, self._num_rows[task.key], counts, damages)
             _append_line(self._tasks, finished)
 

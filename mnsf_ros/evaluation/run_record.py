@@ -18,7 +18,8 @@ from typing import Final
 from mnsf_ros import __version__
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, EvaluationOptions
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, path_text
+from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import UsedSettings, used_settings
 
 # Layout of the files of a run.
@@ -79,7 +80,7 @@ class SessionRecord:
         """Returns the record of a session that starts now."""
         return cls(
             started=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
-            command=[path_text(argument) for argument in arguments],
+            command=[plain_text(argument) for argument in arguments],
             versions={
                 "mnsf_ros": __version__,
                 "python": platform.python_version(),

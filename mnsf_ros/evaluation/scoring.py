@@ -55,9 +55,11 @@ def scored_row(
     """Scores an estimate that took `time_ms` of wall time.
 
     Raises:
-        EvaluationError: The flow does not have one row for each point, or is not finite for a
-            kept point.
+        EvaluationError: It is no estimate, or its flow does not have one row for each point, or is
+            not finite for a kept point.
     """
+    if not isinstance(estimate, FlowEstimate):
+        raise EvaluationError(f"got a {type(estimate).__name__}, expected a FlowEstimate")
     row = replace(
         empty_row(example, method),
         time_ms=time_ms,

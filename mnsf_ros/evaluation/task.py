@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
@@ -20,7 +19,7 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
-from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.results import Failure, ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
@@ -117,15 +116,12 @@ class _Scorer:
                     yield outcome
 
     def _row(self, outcome: Outcome, recorder: FlowRecorder) -> ResultRow:
-        example, result, time_ms = outcome.example, outcome.result, outcome.time_ms
-        if not isinstance(result, FlowEstimate):
+        example, result = outcome.example, outcome.result
+        if isinstance(result, Failure | str):
             return failed_row(example, self._method, result)
-        if not self._traits.is_timed:
-            time_ms = math.nan
-        elif result.times_ms:
-            # The sum of its stages; a program that runs a network reports it without its start.
-            time_ms = result.time_ms
-        row = attempted(lambda: scored_row(example, self._method, result, time_ms))
+        row = attempted(
+            lambda: scored_row(example, self._method, result, self._time_ms(outcome, result))
+        )
         if isinstance(row, str):
             return failed_row(example, self._method, row)
         recorder.write(example, result.flow)
@@ -133,18 +129,23 @@ class _Scorer:
         row = replace(row, latency_ms=outcome.latency_ms)
         return self._with_cycle(row, example, result)
 
+    def _time_ms(self, outcome: Outcome, estimate: FlowEstimate) -> float:
+        """The sum of its stages: a program that runs a network reports it without its start."""
+        if not self._traits.is_timed:
+            return math.nan
+        return estimate.time_ms if estimate.times_ms else outcome.time_ms
+
     def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
         if not self._has_way_back:
             return row
-        backward = self._way_back()
-        triplet = example.triplet
-        way_back = attempted(lambda: backward.estimate(reversed_pair(triplet)))
-        if isinstance(way_back, str):
-            return row
-        answered = np.isfinite(result.flow).all(axis=1)
-        looked_at = answered & example.scored
-        cycle = cycle_distance(triplet, result.flow, way_back.flow, looked_at)
-        return replace(row, consistency={**row.consistency, **cycle})
+        triplet, looked_at = example.triplet, example.scored & np.isfinite(result.flow).all(axis=1)
+
+        def cycle() -> dict[str, float]:
+            way_back = self._way_back().estimate(reversed_pair(triplet))
+            return cycle_distance(triplet, result.flow, way_back.flow, looked_at)
+
+        found = attempted(cycle)
+        return row if isinstance(found, str) else replace(row, consistency=row.consistency | found)
 
     def _way_back(self) -> SceneFlowEstimator:
         """An estimator of its own, which does not disturb the state of the other."""
@@ -178,5 +179,4 @@ def warm_up(method: str, settings: Settings) -> None:
         next_from_current=np.eye(4),
     )
     estimator = make_method(method, settings.changed(_FEW_STEPS))
-    with suppress(MnsfError):
-        estimator.estimate(triplet)
+    attempted(lambda: estimator.estimate(triplet))

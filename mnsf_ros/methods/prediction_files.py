@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import MethodError
+from mnsf_ros.errors import MethodError, SettingsError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from mnsf_ros.sweeps_io.files import array_in, open_npz, read_feather_columns, reading
@@ -47,7 +47,7 @@ class PredictionFiles:
             settings: Not used.
 
         Raises:
-            MethodError: There is no such folder.
+            SettingsError: There is no such folder.
         """
         self._folders = folders
         self.settings = settings
@@ -95,7 +95,7 @@ class PredictionFiles:
 def _existing(folder: str) -> Path:
     path = Path(folder)
     if not folder or not path.is_dir():
-        raise MethodError(f"{FILE_PREFIX}{folder}: there is no such folder of predictions")
+        raise SettingsError(f"{FILE_PREFIX}{folder}: there is no such folder of predictions")
     return path
 
 

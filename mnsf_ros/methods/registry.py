@@ -22,7 +22,15 @@ from pkgutil import resolve_name
 from typing import Any, Final
 
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, SceneFlowEstimator
-from mnsf_ros.errors import LibraryError, SettingsError, did_you_mean, library_missing
+from mnsf_ros.errors import (
+    LibraryError,
+    MethodError,
+    MnsfError,
+    SettingsError,
+    did_you_mean,
+    library_missing,
+    one_line,
+)
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -136,9 +144,10 @@ def make_method(name: str, settings: Settings) -> SceneFlowEstimator:
             preset instead of `paper` or `authors`, see `settings_for`.
 
     Raises:
-        SettingsError: If there is no such method, it cannot be made, or the settings ask for a
-            device that is not there.
+        SettingsError: If there is no such method, or the settings ask for a device that is not
+            there.
         LibraryError: If it needs a library that is not installed.
+        MethodError: If another package offers it and fails.
     """
     try:
         return _maker(variant_of(name)[0])(settings_for(name, settings))
@@ -169,18 +178,18 @@ def _maker(name: str) -> MethodMaker:
 def _of_package(plug_in: EntryPoint, settings: Settings) -> SceneFlowEstimator:
     source = f"method {plug_in.name!r} of {_package(plug_in)}"
     try:
-        make = plug_in.load()
+        estimator: SceneFlowEstimator = plug_in.load()(settings)
+    except MnsfError:
+        raise
     except ImportError as error:
         raise LibraryError(f"{source}: cannot load {plug_in.value!r}: {error}") from error
-    except AttributeError as error:
-        raise SettingsError(f"{source}: cannot load {plug_in.value!r}: {error}") from error
-    if not callable(make):
-        raise SettingsError(f"{source}: got {make!r}, expected a class or function of settings")
-    estimator: SceneFlowEstimator = make(settings)
+    except (Exception, SystemExit) as error:
+        text = f"{source}: {plug_in.value!r} cannot be made: {one_line(error)}"
+        raise MethodError(text) from error
     parts = ("estimate", "with_settings", "settings", "traits")
     missing = [name for name in parts if not hasattr(estimator, name)]
     if missing or not isinstance(estimator.traits, MethodTraits):
-        raise SettingsError(
+        raise MethodError(
             f"{source}: {type(estimator).__name__} lacks {', '.join(missing or ['MethodTraits'])}, "
             "which every method must have; see docs/extending.md"
         )

@@ -45,7 +45,7 @@ class PreparedTriplet:
     triplet: SweepTriplet
     estimator: SceneFlowEstimator
     content: Any = None
-    error: Exception | None = None
+    error: BaseException | None = None
 
     @property
     def is_prepared(self) -> bool:
@@ -211,5 +211,5 @@ def _prepared(triplet: SweepTriplet, estimator: SceneFlowEstimator) -> PreparedT
         return PreparedTriplet(triplet, estimator)
     try:
         return PreparedTriplet(triplet, estimator, estimator.prepare(triplet))
-    except Exception as error:  # noqa: BLE001 - it is told when it is the triplet's turn
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - it is told when it is the triplet's turn
         return PreparedTriplet(triplet, estimator, error=error)

@@ -13,8 +13,10 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
 from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.plain_text import plain_text
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables
+from mnsf_ros.report.text_table import markdown_code, markdown_text
 
 _COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
 _ERRORS: Final = tuple(field.name for field in fields(FlowErrors))
@@ -61,10 +63,10 @@ def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> 
 
 def results_markdown(results: RunResults, tables: RunTables) -> str:
     """Returns the protocol, all tables, the notes and the session."""
-    parts = ["# Scene flow evaluation", *results.protocol]
+    parts = ["# Scene flow evaluation", *map(markdown_text, results.protocol)]
     parts += [table.markdown().rstrip("\n") for table in tables.listed]
     if results.notes:
-        parts += ["## Notes", "\n".join(f"* {note.text}" for note in results.notes)]
+        parts += ["## Notes", "\n".join(f"* {markdown_text(note.text)}" for note in results.notes)]
     *earlier, last = results.record.sessions
     lines = session_lines(last)
     if earlier:
@@ -87,7 +89,12 @@ def results_csv(results: RunResults) -> str:
     the same on every line of a method; the scores of movers, which come last, are for all points.
     """
     lines = [
-        {"recording": recording, "method": method, **line, **_origin(results, str(method))}
+        {
+            "recording": recording,
+            "method": plain_text(method),
+            **line,
+            **_origin(results, str(method)),
+        }
         | {name: own.get(key) for name, key in _MOVERS.items()}
         for recording, summary in {"": results.summary, **results.by_recording}.items()
         for method, own in summary.iterrows()
@@ -170,5 +177,7 @@ def _records(summary: pd.DataFrame) -> list[dict[str, object]]:
 
 def session_lines(session: SessionRecord) -> list[str]:
     """Returns the facts of a session as lines of Markdown."""
-    facts = session.facts | {"command": f"`{session.command_line}`"}
-    return [f"* {name}: {text}" for name, text in facts.items() if text != "``"]
+    return [
+        f"* {name}: {markdown_code(text) if name == 'command' else markdown_text(text)}"
+        for name, text in session.facts.items()
+    ]

@@ -13,6 +13,8 @@ import pandas as pd
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
+from mnsf_ros.plain_text import plain_text
+
 # Which value of a column is the best.
 Better = Literal["min", "max"] | None
 
@@ -66,9 +68,13 @@ class TextTable:
     def markdown(self) -> str:
         """Returns the table as Markdown, the title as a paragraph above, newline at the end."""
         marks = [":---", *["---:"] * (len(self.header) - 1)]
-        rows = [[_one_line(cell).replace("|", r"\|") for cell in row] for row in self.rows]
-        lines = [f"| {' | '.join(cells)} |" for cells in (self.header, marks, *rows)]
-        return "\n".join([*([self.title, ""] if self.title else []), *lines, ""])
+        head, *rows = (
+            [markdown_text(cell).replace("|", r"\|") for cell in row]
+            for row in (self.header, *self.rows)
+        )
+        lines = [f"| {' | '.join(cells)} |" for cells in (head, marks, *rows)]
+        title = [markdown_text(self.title), ""] if self.title else []
+        return "\n".join([*title, *lines, ""])
 
     def latex(self) -> str:
         """Returns the table for LaTeX with the package booktabs, the title as caption."""
@@ -109,5 +115,17 @@ def format_percent(share: float, decimals: int = 1) -> str:
     return format_number(share * 100.0, decimals)
 
 
-def _one_line(cell: str) -> str:
-    return " ".join(cell.split())
+def markdown_text(text: str) -> str:
+    """Returns a text for Markdown without tags, which a viewer would take for HTML."""
+    return _one_line(text).replace("&", "&amp;").replace("<", "&lt;")
+
+
+def markdown_code(text: str) -> str:
+    """Returns a text as a span of code, which no backtick in it ends."""
+    fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+    space = " " if len(fence) > 1 else ""
+    return f"{fence}{space}{_one_line(text)}{space}{fence}"
+
+
+def _one_line(text: str) -> str:
+    return plain_text(" ".join(text.split()))

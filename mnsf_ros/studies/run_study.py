@@ -9,9 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from mnsf_ros.evaluation.recordings import named_recordings
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.results_files import session_lines
+from mnsf_ros.report.text_table import markdown_text
 from mnsf_ros.studies.landscape_study import run_landscape_study
 from mnsf_ros.studies.method_study import METHOD_STUDIES, run_method_study
 from mnsf_ros.studies.stability_study import run_stability_study, stability_settings
@@ -32,6 +34,7 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
         OSError: Writing fails.
     """
     check_folder(options.out, resume=options.resume)
+    named_recordings(options.recordings)
     if name == "stability":
         options = replace(options, settings=stability_settings(options.settings))
     result = STUDIES[name](options)
@@ -44,7 +47,7 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
 
 
 def _page(result: StudyResult, options: StudyOptions) -> str:
-    parts = [f"# {result.title}", *result.texts]
+    parts = [f"# {result.title}", *map(markdown_text, result.texts)]
     parts += [table.markdown().rstrip("\n") for table in result.tables]
     parts += [f"![{result.title}]({result.name}.png)", "## Run"]
     facts = {
@@ -52,7 +55,7 @@ def _page(result: StudyResult, options: StudyOptions) -> str:
         "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
         "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
     }
-    lines = [f"* {name}: {text}" for name, text in facts.items()]
+    lines = [f"* {name}: {markdown_text(text)}" for name, text in facts.items()]
     parts.append("\n".join([*session_lines(SessionRecord.now(options.command)), *lines]))
     lines = [f"| {name} | {value} |" for name, value in options.settings.to_mapping().items()]
     parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))

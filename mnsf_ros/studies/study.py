@@ -14,7 +14,7 @@ from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, recording_names
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
 from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.recording import write_recording
@@ -131,9 +131,7 @@ def study_recordings(options: StudyOptions, num_sweeps: int = 3) -> list[Evaluat
             simulated one cannot be written.
     """
     paths = options.recordings or (_simulated_street(options, num_sweeps),)
-    recordings = [
-        choose_topics(path, name) for path, name in zip(paths, recording_names(paths), strict=True)
-    ]
+    recordings = [choose_topics(path, name) for name, path in named_recordings(paths)]
     for path, recording in zip(paths, recordings, strict=True):
         if recording.num_sweeps < num_sweeps:
             raise RecordingError(

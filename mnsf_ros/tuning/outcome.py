@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.report.text_table import TextTable, format_number
+from mnsf_ros.report.text_table import TextTable, format_number, markdown_code
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
@@ -85,7 +85,7 @@ def write_outcome(outcome: Outcome, folder: Path, command: str) -> list[Path]:
         OSError: Writing fails.
     """
     page = folder / PAGE
-    parts = ["# Tuning", outcome.verdict, f"Command: `{command}`"]
+    parts = ["# Tuning", outcome.verdict, f"Command: {markdown_code(command)}"]
     parts += [table.markdown() for table in (figures_table(outcome), gains_table(outcome))]
     page.write_text("\n\n".join(parts), encoding="utf-8")
     parameters = folder / PARAMETER_FILE

@@ -25,6 +25,29 @@ def test_parameters_prints_a_parameter_file(capsys: pytest.CaptureFixture[str]) 
     assert printed.endswith(settings_yaml(Settings(), "x").partition("\n")[2])
 
 
+HOSTILE = "\x1b]0;owned\x07\x9b31m\u202e<script>`"
+
+
+def test_names_of_files_send_nothing_to_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / HOSTILE
+    few = ["--duration-s=0.3", "--num-beams=16", "--num-columns=90"]
+    assert run(["simulate", str(out), *few]) == 0
+    evaluate = ["evaluate", str(out), "--methods=zero", "--pictures=0", "--out"]
+    assert run([*evaluate, str(tmp_path / f"r{HOSTILE}")]) == 0
+    assert run([*evaluate, str(out)]) == EXIT_USAGE
+    with pytest.raises(SystemExit):
+        run(["simulate", "x", "--colour", HOSTILE])
+    printed = capsys.readouterr()
+    for text in (printed.out, printed.err):
+        assert r"\x1b]0;owned\x07\x9b31m\u202e" in text
+        assert not set(text) & set("\x1b\x07\x9b\u202e")
+    for name in ("results.md", "results.csv", "results.tex"):
+        text = (tmp_path / f"r{HOSTILE}" / name).read_text()
+        assert not set(text) & set("\x1b\x07\x9b\u202e")
+
+
 def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "street"
     small = ["--duration-s", "0.3", "--num-beams", "16", "--num-columns", "90"]

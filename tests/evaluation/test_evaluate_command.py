@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 import small_evaluations as small
@@ -25,7 +26,7 @@ from mnsf_ros.evaluation.task import TaskFailed
 pytestmark = pytest.mark.usefixtures("without_drawing")
 
 SETTINGS = [f"--set={name}={value}" for name, value in small.TINY.items()]
-COMPLETE, USAGE, INCOMPLETE, STOPPED, INTERRUPTED = 0, 2, 3, 4, 130
+COMPLETE, USAGE, STOPPED, INCOMPLETE, INTERRUPTED = 0, 2, 4, 5, 130
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,74 @@ def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, mnsf, mon
     assert not (tmp_path / "other").exists()
 
 
+def test_what_must_be_mended_first_is_said_first_and_alone(tmp_path, mnsf, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    ended = mnsf(tmp_path / "nosuch", "--out", tmp_path / "out")
+    assert ended.status == USAGE
+    assert ended.errors == [f"mnsf: {tmp_path / 'nosuch'}: no such file or folder"]
+    assert ended.out == ""
+
+
+# Names of plug-ins to their code, and to what is said of them.
+PLUG_INS = {
+    "fails-at-import": ("raise ValueError('no licence')", "ValueError: no licence"),
+    "leaves-at-import": ("import sys; sys.exit(7)", "SystemExit: 7"),
+    "fails-when-made": ("def Method(settings): return 1 / 0", "ZeroDivisionError"),
+    "fails": ("def flow_of(points): raise RuntimeError('no GPU')", "RuntimeError: no GPU"),
+    "leaves": ("import sys; flow_of = lambda points: sys.exit(7)", "SystemExit: 7"),
+    "too-short": ("flow_of = lambda points: points[1:]", "flow of shape (59, 3)"),
+    "nothing": ("flow_of = lambda points: None", "'NoneType'"),
+}
+PLUG_IN = """
+import numpy as np
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.core.scene_flow_estimator import MethodTraits
+
+class Method:
+    traits = MethodTraits()
+
+    def __init__(self, settings):
+        self.settings = settings
+
+    def with_settings(self, settings):
+        return Method(settings)
+
+    def estimate(self, triplet, cancelled=None):
+        points = triplet.current.xyz
+        return FlowEstimate(flow_of(points), np.ones(len(points), bool))
+"""
+
+
+@pytest.fixture
+def plug_ins(tmp_path, monkeypatch):
+    """Installs a package with broken methods."""
+    site = tmp_path / "site"
+    (site / "broken-1.0.dist-info").mkdir(parents=True)
+    lines = ["[mnsf_ros.methods]"]
+    for number, (name, (code, _)) in enumerate(PLUG_INS.items()):
+        (site / f"broken_{number}.py").write_text(f"{PLUG_IN}\n{code}\n")
+        monkeypatch.delitem(sys.modules, f"broken_{number}", raising=False)
+        lines.append(f"{name} = broken_{number}:Method")
+    (site / "broken-1.0.dist-info" / "METADATA").write_text("Name: broken\nVersion: 1.0\n")
+    (site / "broken-1.0.dist-info" / "entry_points.txt").write_text("\n".join(lines))
+    monkeypatch.syspath_prepend(site)
+
+
+@pytest.mark.usefixtures("plug_ins")
+def test_broken_plug_in_costs_its_own_rows_and_one_line(bag, tmp_path, mnsf):
+    out = tmp_path / "out"
+    ended = mnsf(bag, f"--methods={','.join(PLUG_INS)},zero", "--check-cycle", "--out", out)
+    assert ended.status == INCOMPLETE
+    assert ended.errors == []
+    for name, (_, text) in PLUG_INS.items():
+        assert re.search(rf"\b{name}(:|' of broken:) .*?{re.escape(text)}", ended.out)
+    good = [row["method"] for row in rows_in(out) if row["failure"] is None]
+    assert good == ["zero"] * 4
+    for name in ("fails-at-import", "leaves"):
+        alone = mnsf(bag, f"--methods={name}", "--out", tmp_path / name)
+        assert (alone.status, len(alone.errors)) in [(USAGE, 1), (INCOMPLETE, 0)]
+
+
 def test_several_recordings_with_a_name_in_any_place(bag, tmp_path, mnsf):
     other = small.write_recording(tmp_path / "other", 4)
     assert mnsf(bag, "--methods", "ego", other, "--out", tmp_path / "out").status == COMPLETE
@@ -144,6 +213,19 @@ def test_nothing_is_overwritten_and_resume_goes_on(bag, tmp_path, mnsf):
     assert found == first + [("more", "zero")] * 2 + [("more", "ego")] * 2
     run = json.loads((out / "run.json").read_text())
     assert [len(run[name]) for name in ("recordings", "methods", "sessions")] == [2, 2, 2]
+
+
+def test_run_whose_rows_are_gone_is_unfinished_and_done_again(bag, tmp_path, mnsf, capsys):
+    out = tmp_path / "out"
+    arguments = [bag, "--methods=zero", "--out", out]
+    assert mnsf(*arguments).status == COMPLETE
+    for take_away in (Path.unlink, lambda rows: rows.write_text("")):
+        take_away(out / "rows.jsonl")
+        assert run(["report", str(out)]) == 0
+        assert "Unfinished: zero on drive" in capsys.readouterr().out
+        ended = mnsf(*arguments, "--resume")
+        assert (ended.status, len(rows_in(out))) == (COMPLETE, 4)
+        assert "mean over 4 examples" in ended.out
 
 
 def test_without_a_folder_results_go_to_a_new_one(bag, tmp_path, mnsf, monkeypatch):

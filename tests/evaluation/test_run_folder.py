@@ -15,7 +15,7 @@ import small_evaluations as small
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
-from mnsf_ros.evaluation.recordings import recording_names
+from mnsf_ros.evaluation.recordings import named_recordings
 from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
@@ -155,21 +155,18 @@ def test_recordings_are_named_by_the_last_part_of_their_path_if_that_is_enough(
     for path in paths:
         path.mkdir(parents=True)
     (tmp_path / "log.mcap").touch()
-    assert recording_names([*paths, tmp_path / "log.mcap"]) == [
-        "drive",
-        "street",
-        r"bad\xff",
-        "log",
-    ]
+    paths.append(tmp_path / "log.mcap")
+    names = ["drive", "street", r"bad\xff", "log"]
+    assert named_recordings(paths) == list(zip(names, paths, strict=True))
     other = tmp_path / "b" / "drive"
     other.mkdir()
-    assert recording_names([paths[0], other]) == [str(paths[0]), str(other)]
+    assert [name for name, _ in named_recordings([paths[0], other])] == [str(paths[0]), str(other)]
     bag = small.write_recording(tmp_path / "bag", 1)
     (tmp_path / "link").symlink_to(bag)
     (file,) = bag.glob("*.mcap")
     for same in (bag, bag.relative_to(tmp_path), tmp_path / "a" / ".." / "bag", "link", file):
         with pytest.raises(EvaluationError, match=r"is the same recording as .*; name it once"):
-            recording_names([bag, tmp_path / same])
+            named_recordings([bag, tmp_path / same])
 
 
 def done_run(out, recording, num_rows=2):

@@ -45,7 +45,7 @@ def test_hostile_recording_ends_in_lines_and_takes_little_memory(tmp_path, kind)
     assert "Traceback" not in ended.stderr
     assert str(path.name) in ended.stderr + ended.stdout
     status, peak_mb = ended.stdout.splitlines()[-1].split()
-    assert status in {"2", "3"}
+    assert status in {"2", "3", "5"}
     assert int(peak_mb) < MAX_MB
 
 

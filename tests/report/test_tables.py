@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from mnsf_ros.report.tables import bin_names, errors_table
-from mnsf_ros.report.text_table import TextTable, format_number, format_percent
+from mnsf_ros.report.text_table import TextTable, format_number, format_percent, markdown_code
 
 FNSF = {
     "epe_m": 0.0754,
@@ -64,6 +64,15 @@ def test_markdown():
     rows = "| name | value |\n| :--- | ---: |\n| \\|e\\| > 1 or so | 1 |\n| b | 2 |\n"
     assert table.markdown() == f"Two things\n\n{rows}"
     assert TextTable(("name",), []).markdown() == "| name |\n| :--- |\n"
+
+
+def test_markdown_has_no_tags_and_code_no_end():
+    table = TextTable(("<script>", "\x1b[31m"), [("<b>&", "<i>")], "<img src=x>")
+    text = table.markdown()
+    assert not set(text) & set("<\x1b")
+    assert text.startswith("&lt;img src=x>")
+    assert markdown_code("a `b`` <c>") == "``` a `b`` <c> ```"
+    assert markdown_code("a b") == "`a b`"
 
 
 def test_latex():
