@@ -43,8 +43,7 @@ $(READY): setup.py constraints.txt
 	@echo "installing 0.8 GB into $(VENV), which takes some minutes"
 	sed -e '/^\#/d' $(SYSTEM_PINS) constraints.txt > $(VENV)/constraints.txt
 	$(INSTALL) '.[$(EXTRAS)]'
-	@echo "compiling loops for this computer, about a second each"
-	$(BIN)/python -c "import mnsf_ros.methods, mnsf_ros.drawing.color_wheel, mnsf_ros.core.flow_columns"
+	$(BIN)/python -m mnsf_ros.cli.compile_loops
 	touch $@
 
 $(COMPLETE): $(READY)

@@ -3,14 +3,43 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 from setuptools import find_packages, setup
+from setuptools.command.install import install
 
 PACKAGE = "mnsf_ros"
 HERE = Path(__file__).resolve().parent  # colcon links this file into its build folder
 VERSION = re.search(r'__version__ = "(.+)"', (HERE / PACKAGE / "__init__.py").read_text())[1]
+
+
+class InstallAndCompile(install):
+    """As colcon does: the loops are compiled where the package lies, not at the first start."""
+
+    def run(self) -> None:
+        """Installs, and compiles, unless it is for another place, as in a wheel or a package."""
+        super().run()
+        if self.root is not None:
+            return
+        self.announce("compiling loops for this computer, half a minute", level=2)
+        folder = str(Path(self.install_lib).resolve())
+        paths = [folder, *filter(None, [os.environ.get("PYTHONPATH")])]
+        compiled = subprocess.run(
+            [sys.executable, "-m", f"{PACKAGE}.cli.compile_loops"],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+        if compiled.returncode != 0:
+            reason = compiled.stderr.strip().rpartition("\n")[2]
+            self.warn(f"the first start will compile loops, half a minute: {reason}")
+
 
 # The PyPI wheels of ROS 2 must never be a hard requirement: beside an installed ROS they would
 # shadow it. They are an extra, for machines without ROS.
@@ -47,6 +76,7 @@ setup(
         "Topic :: Scientific/Engineering :: Image Processing",
         "Typing :: Typed",
     ],
+    cmdclass={"install": InstallAndCompile},
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
     package_data={
         PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*", "view/*.json"],

@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import logging
+import os
+import shutil
 from collections.abc import Callable
-from typing import Final, TypeVar, cast
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, TypeVar, cast
 
 import numba
-from numba.core import event
+from numba.core import config, event
 
 _LOG = logging.getLogger(__name__)
 # Numba's event of a compilation; machine code from the cache causes none.
@@ -22,8 +29,9 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
 
     The types are named, so that all is compiled when the module is imported, nothing while a robot
     drives, and an array of another type or layout is a TypeError instead of a pause.
-    The machine code is kept on disk, beside the source or in the user's cache; where neither can
-    be written, each process compiles anew.
+    The machine code is kept on disk: beside the source, where the installation puts it, else in
+    the user's cache, else in a folder of this process. Code that was installed is used in any case,
+    unless it is for another kind of CPU.
 
     A compiled function runs without the GIL. It sums in the order of its loops, so that its digits
     are those of the same function in plain Python (`NUMBA_DISABLE_JIT=1`). It must call no
@@ -34,17 +42,53 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
     """
 
     def compile_(function: Function) -> Function:
-        try:
-            return _jit(signatures, function, cache=True)
-        except RuntimeError:  # there is no folder for the cache
-            return _jit(signatures, function, cache=False)
+        if config.DISABLE_JIT:  # type: ignore[attr-defined]
+            return function
+        dispatcher = _dispatcher(function)
+        for signature in signatures:
+            dispatcher.compile(signature)
+        dispatcher.disable_compile()
+        return cast(Function, dispatcher)
 
     return compile_
 
 
-def _jit(signatures: tuple[str, ...], function: Function, *, cache: bool) -> Function:
-    decorate = numba.njit(list(signatures), nogil=True, error_model="numpy", cache=cache)
-    return cast(Function, decorate(function))
+def _dispatcher(function: Callable[..., object]) -> Any:  # noqa: ANN401 - a class of Numba
+    """Numba's object of a function, which looks for machine code on disk."""
+    decorate = functools.partial(numba.njit, nogil=True, error_model="numpy")
+    try:
+        dispatcher = decorate(cache=True)(function)
+    except RuntimeError:  # neither the folder of the source nor that of the user can be written
+        try:
+            config.CACHE_DIR = _folder_of_process().name  # type: ignore[attr-defined]
+        except OSError:
+            return decorate()(function)
+        dispatcher = decorate(cache=True)(function)
+    _take_installed(function, Path(str(dispatcher.stats.cache_path)))
+    return dispatcher
+
+
+@functools.cache
+def _folder_of_process() -> TemporaryDirectory[str]:
+    return TemporaryDirectory(prefix="mnsf_ros_loops.")
+
+
+def _take_installed(function: Callable[..., object], cache: Path) -> None:
+    """Copies machine code from beside the source into another cache that has none, or older one."""
+    source = Path(inspect.getfile(function))
+    installed = source.parent / "__pycache__"
+    if cache == installed:
+        return
+    for index in installed.glob(f"{source.stem}.{function.__qualname__}-*.nbi"):
+        known = cache / index.name
+        if known.exists() and known.stat().st_mtime >= index.stat().st_mtime:
+            continue
+        # Without them, the function is compiled. The index comes last, as it names the others.
+        with suppress(OSError):
+            for file in (*installed.glob(f"{index.stem}.*.nbc"), index):
+                draft = cache / f"{file.name}.{os.getpid()}"
+                shutil.copy2(file, draft)
+                draft.replace(cache / file.name)
 
 
 class _FirstCompilation(event.Listener):

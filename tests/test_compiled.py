@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -46,36 +47,61 @@ def one_less(number):
 """
 
 
-@pytest.mark.parametrize(
-    "has_folder", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["folder", "no folder"]
-)
-def test_compiling_is_announced_once_and_later_starts_load_it(tmp_path, has_folder):
-    package, home = tmp_path / "only_here", tmp_path / "home"
+@pytest.fixture
+def package(tmp_path) -> Path:
+    package = tmp_path / "only_here"
     package.mkdir()
     (package / "loops.py").write_text(_LOOPS)
-    if not has_folder:
-        home.write_text("no folder")
-        (package / "__pycache__").write_text("no folder")
-    environment = {name: value for name, value in os.environ.items() if name != "XDG_CACHE_HOME"}
-    environment |= {"PYTHONPATH": f"{tmp_path}:{ROOT}", "HOME": str(home)}
-    command = [sys.executable, "-B", "-c", "from only_here.loops import *; print(one_more(1))"]
-    for is_compiled in (True, not has_folder):
-        done = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
-        )
-        assert done.stdout == "2\n"
-        assert done.stderr.count("loops are compiled") == is_compiled
+    return package
 
 
-def test_setup_compiles_every_loop():
-    """The imports of `make setup` reach all modules with compiled functions."""
-    line = re.search(r'python -c "(import mnsf_ros[^"]*)"', (ROOT / "Makefile").read_text())[1]
+def compiles(package: Path, **environment: str) -> bool:
+    """Whether a program that uses the loops says that it compiles them, in one line."""
+    known = {name: value for name, value in os.environ.items() if name != "XDG_CACHE_HOME"}
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", "from only_here.loops import *; print(one_more(1))"],
+        cwd=package.parent,
+        env=known | {"PYTHONPATH": f"{package.parent}:{ROOT}"} | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "2\n"
+    said = done.stderr.count("loops are compiled")
+    assert said in (0, 1)
+    return said == 1
+
+
+def test_compiling_is_announced_once_and_later_starts_load_it(package):
+    assert compiles(package)
+    assert not compiles(package)
+
+
+def test_code_that_was_installed_is_used_where_the_cache_is_elsewhere(package, tmp_path):
+    assert compiles(package)
+    elsewhere = tmp_path / "elsewhere"
+    for _ in range(2):
+        assert not compiles(package, NUMBA_CACHE_DIR=str(elsewhere))
+    shutil.rmtree(package / "__pycache__")
+    assert not compiles(package, NUMBA_CACHE_DIR=str(elsewhere))
+
+
+@pytest.mark.slow
+def test_without_any_folder_each_process_compiles(package, tmp_path):
+    for path in (home := tmp_path / "home", package / "__pycache__"):
+        path.write_text("no folder")
+    for _ in range(2):
+        assert compiles(package, HOME=str(home), TMPDIR=str(home))
+
+
+def test_the_installation_compiles_every_loop():
+    """Its imports reach all modules with compiled functions."""
     wanted = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts)
         for path in (ROOT / "mnsf_ros").rglob("*.py")
         if re.search(r"^@compiled\(", path.read_text(), re.MULTILINE)
     }
-    script = f"{line}\nimport sys\nprint(*sys.modules)"
+    script = "import mnsf_ros.cli.compile_loops\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
     )
