@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Protocol
@@ -30,6 +31,9 @@ _DEPTH = 5
 
 # The reliability is a parameter of its own, because it changes.
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
+
+# Publishers that were there before are known by then.
+_DISCOVERY_S = 3.0
 
 _LOST = (
     "sweeps_lost_in_transport",
@@ -73,6 +77,7 @@ class InputSubscription:
         self._on_cloud = on_cloud
         self._report = report
         self._missed = MissedClouds()
+        self._start_s = time.monotonic()
         self._is_reliable = reliability == "reliable"
         self._subscription = self._subscribe()
 
@@ -93,6 +98,8 @@ class InputSubscription:
 
     def refresh(self) -> bool:
         """Subscribes anew if the publishers offer another reliability; True if it did."""
+        if time.monotonic() - self._start_s > _DISCOVERY_S and self.num_publishers == 0:
+            self._missed.expect_a_new_publisher()
         if self._wanted != "auto":
             return False
         offered = self._node.get_publishers_info_by_topic(self.topic)

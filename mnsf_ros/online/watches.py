@@ -145,6 +145,10 @@ class MissedClouds:
         self._last_publishers = 0
         self._intervals_ns: deque[int] = deque(maxlen=_NUM_INTERVALS)
 
+    def expect_a_new_publisher(self) -> None:
+        """Nobody publishes: what the next one sends before its first cloud arrives is missed."""
+        self._last_number, self._last_publishers = 0, 0
+
     def before(self, number: int | None, stamp_ns: int, num_publishers: int) -> int:
         """Returns how many clouds are missing between the last one and this one.
 
@@ -153,15 +157,17 @@ class MissedClouds:
             stamp_ns: Of the cloud.
             num_publishers: Those of the topic, as of now.
         """
-        is_one = num_publishers == self._last_publishers == 1
-        if number is None:
-            missed = self._by_stamps(stamp_ns)
-        else:
-            # A publisher that starts anew begins at 1.
-            missed = max(0, number - self._last_number - 1) if self._last_number else 0
+        is_one = max(num_publishers, self._last_publishers) <= 1
+        missed = self._by_stamps(stamp_ns) if number is None else self._by_numbers(number)
         self._last_number, self._last_stamp_ns = number, stamp_ns
         self._last_publishers = num_publishers
         return missed if is_one else 0
+
+    def _by_numbers(self, number: int) -> int:
+        if self._last_number is None:
+            return 0
+        # A publisher that starts anew begins at 1.
+        return number - 1 - (self._last_number if number > self._last_number else 0)
 
     def _by_stamps(self, stamp_ns: int) -> int:
         interval_ns = stamp_ns - self._last_stamp_ns

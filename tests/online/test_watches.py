@@ -170,8 +170,22 @@ def test_gaps_are_counted_where_they_are(way, gap):
     assert sum(found) == 2 * gap
 
 
-def test_a_publisher_that_starts_anew_has_no_gap(way):
-    assert sum(missed(way, [*range(500, 540), *range(1, 30)])) == 0
+@pytest.mark.parametrize(("first", "num_missed"), [(1, 0), (32, 31)])
+def test_a_publisher_that_starts_anew_begins_at_one(first, num_missed):
+    found = missed(ByNumber, [*range(500, 540), *range(first, first + 30)])
+    assert found == [*40 * [0], num_missed, *29 * [0]]
+
+
+@pytest.mark.parametrize("is_expected", [True, False])
+def test_the_first_clouds_of_a_publisher_are_missed_if_it_has_just_appeared(is_expected):
+    counter = MissedClouds()
+    if is_expected:
+        counter.expect_a_new_publisher()
+    assert [counter.before(number, 0, 1) for number in (32, 33, 35)] == [31 * is_expected, 0, 1]
+
+
+def test_stamps_that_start_anew_tell_nothing():
+    assert sum(missed(ByStamp, [*range(500, 540), *range(1, 30)])) == 0
 
 
 def test_with_two_publishers_there_is_no_telling(way):
