@@ -56,6 +56,8 @@ def compiled(*signatures: str) -> Callable[[Function], Function]:
 def _dispatcher(function: Callable[..., object]) -> Any:  # noqa: ANN401 - a class of Numba
     """Numba's object of a function, which looks for machine code on disk."""
     decorate = functools.partial(numba.njit, nogil=True, error_model="numpy")
+    if not Path(inspect.getfile(function)).is_file():  # it was typed in
+        return decorate()(function)
     try:
         dispatcher = decorate(cache=True)(function)
     except RuntimeError:  # neither the folder of the source nor that of the user can be written
