@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps with their truth: recorded drives of the shared data, and simulated streets."""
+"""Sweeps with their truth: recorded drives of the shared data, simulated streets, random worlds."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
-from mnsf_ros.simulation.scenarios import Stage
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.simulation.sweeps import simulate_sweeps
+from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator, simulate_sweeps
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 # Recordings whose sweeps are motion compensated: their points have no times of their own.
@@ -91,30 +90,46 @@ def _classes(path: Path, tracks: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     return class_id
 
 
-def simulated_sweeps(
-    seed: int, number: int, stage: Stage | None = None, **settings: float
-) -> list[TrueSweep]:
+def simulated_sweeps(seed: int, number: int, **settings: float) -> list[TrueSweep]:
     """Returns sweeps of a simulated street; `settings` are those of `SimulationSettings`."""
-    return list(simulated_drive(seed, number, stage, **settings))
+    return list(simulated_drive(seed, number, **settings))
 
 
-def simulated_drive(
-    seed: int, number: int, stage: Stage | None = None, **settings: float
-) -> Iterator[TrueSweep]:
+def simulated_drive(seed: int, number: int, **settings: float) -> Iterator[TrueSweep]:
     """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
     simulation = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
-    for item in simulate_sweeps(simulation, stage):
-        yield TrueSweep(
-            Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
-            item.world_from_sensor,
-            item.flow,
-            item.dynamic,
-            item.valid & ~item.ground,
-            item.ground,
-            item.body,
-            item.class_id,
-        )
+    yield from map(_simulated, simulate_sweeps(simulation))
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A random world: its seed, kind of lidar, what was drawn in a line, and its sweeps."""
+
+    seed: int
+    lidar: str
+    text: str
+    sweeps: list[TrueSweep]
+
+
+def random_world(seed: int, num_sweeps: int) -> World:
+    """Returns a random world; fewer sweeps are the first ones of more."""
+    simulator = SweepSimulator(SimulationSettings(seed=seed, scenario="random"))
+    sweeps = [_simulated(simulator.sweep(index)) for index in range(num_sweeps)]
+    return World(seed, simulator.scene.sensor.kind, simulator.scene.text, sweeps)
+
+
+def _simulated(item: SimulatedSweep) -> TrueSweep:
+    return TrueSweep(
+        Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
+        item.world_from_sensor,
+        item.flow,
+        item.dynamic,
+        item.valid & ~item.ground,
+        item.ground,
+        item.body,
+        item.class_id,
+    )
 
 
 def triplet_at(sweeps: Sequence[TrueSweep], index: int) -> SweepTriplet:

@@ -22,9 +22,8 @@ from unittest.mock import patch
 import numpy as np
 from drives import TrueSweep
 from frame import make_parser
-from movers import KITTI, recordings
+from movers import KITTI, WORLDS, recordings
 from numpy.typing import NDArray
-from scenarios import SCENARIOS
 from scipy.optimize import minimize
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -91,8 +90,8 @@ Sample = tuple[str, Samples]
 def main() -> None:
     """Prints the weights."""
     parser = make_parser(__doc__, has_document=False)
-    parser.add_argument("--sweeps", type=int, default=18, help="of each simulated street")
-    parser.add_argument("--groups", nargs="+", default=[KITTI, *SCENARIOS], help="only these")
+    parser.add_argument("--sweeps", type=int, default=18, help="of each random world")
+    parser.add_argument("--groups", nargs="+", default=[KITTI, WORLDS], help="only these")
     options = parser.parse_args()
     for name, samples in _joined(options.sweeps, options.groups).items():
         weights = _fitted(samples)

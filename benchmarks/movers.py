@@ -5,7 +5,7 @@
         [--document FILE]
 
 Runs over consecutive sweeps of KITTI 0005, if the shared data is there (see drives.py), and of
-every simulated scenario, and scores them as `mnsf evaluate` does. Constants were tuned on the first
+of random worlds, and scores them as `mnsf evaluate` does. Constants were tuned on the first
 half of KITTI and on some seeds; the other half is reported.
 """
 
@@ -18,9 +18,8 @@ from typing import Final
 
 import numpy as np
 import pandas as pd
-from drives import TrueSweep, real_sweeps, simulated_sweeps
+from drives import TrueSweep, random_world, real_sweeps
 from frame import Table, Target, make_parser, publish
-from scenarios import SCENARIOS
 
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
@@ -35,10 +34,8 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 
 KITTI: Final = "KITTI 0005"
 PAIRS: Final = "KITTI 0005, two sweeps"
-_STREETS: Final = "simulated streets"
-_SEEDS: Final = {"tuned": 0, "reported": 3}
-# In this one the traffic stops later than the usual number of sweeps.
-_MIN_SWEEPS: Final = {"stop_and_go": 45}
+WORLDS: Final = "random worlds"
+_SEEDS: Final = {"tuned": range(10), "reported": range(500, 510)}
 # The first sweeps have no past and are not scored.
 _NUM_FIRST: Final = 3
 # A band of confidence with fewer points is not judged.
@@ -58,8 +55,8 @@ def main() -> None:
     """Measures the halves asked for, prints their tables, and writes them into a document."""
     parser = make_parser(__doc__)
     parser.add_argument("--half", nargs="+", choices=_SEEDS, default=["reported"])
-    parser.add_argument("--sweeps", type=int, default=24, help="of each simulated street")
-    parser.add_argument("--groups", nargs="+", help="only these scenarios, or names of data")
+    parser.add_argument("--sweeps", type=int, default=24, help="of each random world")
+    parser.add_argument("--groups", nargs="+", help="only these")
     options = parser.parse_args()
 
     def measured() -> Iterator[Table]:
@@ -78,11 +75,9 @@ def recordings(half: str, num_sweeps: int, groups: list[str] | None) -> Iterator
     for group in (KITTI, PAIRS):
         if kitti and (groups is None or group in groups):
             yield group, group, kitti, counted
-    for group, stage in SCENARIOS.items():
-        if groups is None or group in groups:
-            number = max(num_sweeps, _MIN_SWEEPS.get(group, 0))
-            sweeps = simulated_sweeps(_SEEDS[half], number, stage)
-            yield group, f"{group} {_SEEDS[half]}", sweeps, range(_NUM_FIRST, len(sweeps) - 1)
+    for seed in _SEEDS[half] if groups is None or WORLDS in groups else ():
+        world = random_world(seed, num_sweeps)
+        yield world.lidar, f"world {seed}", world.sweeps, range(_NUM_FIRST, num_sweeps - 1)
 
 
 def scored(group: str, name: str, sweeps: list[TrueSweep], counted: range) -> Iterator[ResultRow]:
@@ -118,13 +113,13 @@ def _example(name: str, index: int, sweeps: list[TrueSweep], triplet: SweepTripl
 
 
 def tables(half: str, rows: list[ResultRow]) -> Iterator[Table]:
-    """Figures of the real drive and of all streets together; figures and targets of each group."""
+    """Figures of the real drive and of all worlds together; figures and targets of each group."""
     groups = summarize(rows)
     judged = {name: list(targets(group)) for name, group in groups.iterrows()}
     known = [each for found in judged.values() for each in found if each.verdict]
     num_met = sum(each.verdict == "met" for each in known)
-    streets = [_renamed(row) for row in rows if row.method not in (KITTI, PAIRS)]
-    main = pd.concat([groups[groups.index.isin([KITTI, PAIRS])], summarize(streets)])
+    worlds = [_renamed(row) for row in rows if row.method not in (KITTI, PAIRS)]
+    main = pd.concat([groups[groups.index.isin([KITTI, PAIRS])], summarize(worlds)])
     title = f"Movers, {half} half: {num_met} of {len(known)} targets met"
     yield Table(title, _HEADER, [_cells(group) for _, group in main.iterrows()])
     details = [_cells(group) for _, group in groups.iterrows()]
@@ -139,7 +134,7 @@ def tables(half: str, rows: list[ResultRow]) -> Iterator[Table]:
 
 
 def _renamed(row: ResultRow) -> ResultRow:
-    return replace(row, method=_STREETS)
+    return replace(row, method=WORLDS)
 
 
 _HEADER: Final = (

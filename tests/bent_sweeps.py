@@ -50,7 +50,7 @@ class Turning:
         self._simulator = simulator
         self._degrees = degrees
         self._first_s = first_s
-        self._interval_s = simulator.settings.interval_s
+        self._interval_s = simulator.interval_s
 
     def sweep(self, index: int) -> BentSweep:
         """The sweep of a number."""

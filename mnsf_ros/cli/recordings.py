@@ -41,9 +41,10 @@ def _simulate(options: argparse.Namespace) -> None:
         **{setting.name: getattr(options, setting.name) for setting in simulation_settings()}
     )
     console = Console()
-    simulate_with_progress(settings, options.out, console, overwrite=options.force)
+    simulator = simulate_with_progress(settings, options.out, console, overwrite=options.force)
+    console.say(simulator.scene.text, soft_wrap=True)
     console.say(
-        f"{options.out}: {settings.num_sweeps} sweeps of the scenario {settings.scenario} with "
+        f"{options.out}: {simulator.num_sweeps} sweeps of the scenario {settings.scenario} with "
         f"true flow, seed {settings.seed}",
         soft_wrap=True,
     )

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from mnsf_ros.recording.bag_writer import check_target
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.sweeps import SweepSimulator
 
 
 def counting_progress(console: Console, *, transient: bool = False) -> Progress:
@@ -21,17 +22,17 @@ def counting_progress(console: Console, *, transient: bool = False) -> Progress:
 
 def simulate_with_progress(
     settings: SimulationSettings, path: Path, console: Console, *, overwrite: bool = False
-) -> None:
-    """Simulates a recording and shows how far it is.
+) -> SweepSimulator:
+    """Simulates a recording, shows how far it is, and returns its simulator.
 
     Raises:
         RecordingError: If it cannot be written.
     """
     check_target(path, overwrite=overwrite)
     with counting_progress(console) as progress:
-        task = progress.add_task("simulating a street", total=settings.num_sweeps)
+        task = progress.add_task("simulating a street", total=None)
 
-        def show(num_done: int, _: int) -> None:
-            progress.update(task, completed=num_done)
+        def show(num_done: int, num_sweeps: int) -> None:
+            progress.update(task, completed=num_done, total=num_sweeps)
 
-        write_recording(settings, path, show, overwrite=overwrite)
+        return write_recording(settings, path, show, overwrite=overwrite)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A spinning lidar: its rays, and the first hit of each."""
+"""Rays of a lidar, and the first hit of each."""
 
 from __future__ import annotations
 
@@ -16,52 +16,43 @@ if TYPE_CHECKING:
 
     from mnsf_ros.geometry.transforms import FloatArray
 
-_TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
 MIN_RANGE_M = 0.9
 # Glass returns rays within 15 degrees of its normal.
 _GLASS_COSINE = 0.966
+# Of angles, radians: more than their rounding errors.
+_TINY = 1e-9
 
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of a revolution or a part of one in the lidar frame: C azimuth columns of B beams.
+    """Rays in the lidar frame: C azimuth columns of B beams, angles in radians.
 
-    Columns run from `start` (radians) to the left, so many `per_turn`. Elevations (B,) are in
-    radians, increasing: beam 0 points lowest.
+    Attributes:
+        azimuth: (C,) increasing; it may go beyond pi.
+        cos_azimuth, sin_azimuth: (C,) of it.
+        elevations: (1, B) increasing, the same in all columns, or (C, 1).
     """
 
+    azimuth: FloatArray
     cos_azimuth: FloatArray
     sin_azimuth: FloatArray
     elevations: FloatArray
-    start: float
-    per_turn: int
 
     @classmethod
-    def sector(
-        cls, start: float, num_columns: int, per_turn: int, num_beams: int, phase: float
-    ) -> Rays:
-        """Returns evenly spaced columns, the first `phase` (0 to 1) of a step behind the start.
+    def grid(cls, azimuth: FloatArray, elevations: FloatArray) -> Rays:
+        """Returns the rays of azimuths (C,) and elevations (1, B) or (C, 1)."""
+        return cls(azimuth, np.cos(azimuth), np.sin(azimuth), elevations)
 
-        As in a common 64-beam sensor the upper half of the beams is packed more densely.
-        """
-        half = num_beams // 2
-        step = (_KNEE_DEG - _BOTTOM_DEG) / half
-        lower = np.linspace(_BOTTOM_DEG, _KNEE_DEG - step, half)
-        upper = np.linspace(_KNEE_DEG, _TOP_DEG, num_beams - half)
-        azimuth = start + (np.arange(num_columns) + phase) * (2 * math.pi / per_turn)
-        elevations = np.radians(np.concatenate([lower, upper]))
-        return cls(np.cos(azimuth), np.sin(azimuth), elevations, start, per_turn)
-
-    @classmethod
-    def revolution(cls, num_columns: int, num_beams: int, phase: float) -> Rays:
-        """Returns the columns of a whole turn that begins at -pi."""
-        return cls.sector(-math.pi, num_columns, num_columns, num_beams, phase)
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of columns and of beams."""
+        return len(self.azimuth), self.elevations.shape[1]
 
     def directions(self, frame_from_lidar: FloatArray, window: Window) -> Directions:
         """Returns x, y and z of the directions of a window's rays, rotated (3, 3) to a frame."""
         columns, beams = window
         cos_azimuth, sin_azimuth = self.cos_azimuth[columns, None], self.sin_azimuth[columns, None]
-        elevations = self.elevations[beams]
+        elevations = self.elevations[columns if len(self.elevations) > 1 else slice(1), beams]
         cos_elevation, sin_elevation = np.cos(elevations), np.sin(elevations)
         x, y, z = (
             (row[0] * cos_azimuth + row[1] * sin_azimuth) * cos_elevation + row[2] * sin_elevation
@@ -93,9 +84,8 @@ class ShapeTable:
         They are `inf` metres and -1 where nothing is met. Shapes entirely beyond `max_range_m` are
         skipped. `lidar_from_body` is (bodies, 4, 4).
         """
-        num_columns, num_beams = len(rays.cos_azimuth), len(rays.elevations)
-        ranges = np.full((num_columns, num_beams), np.inf)
-        bodies = np.full((num_columns, num_beams), -1, dtype=np.int32)
+        ranges = np.full(rays.shape, np.inf)
+        bodies = np.full(rays.shape, -1, dtype=np.int32)
         poses = lidar_from_body[self.body_of_shape] @ self._poses
         nearest = self._nearest(poses)
         order = np.argsort(nearest, kind="stable")
@@ -121,13 +111,13 @@ class ShapeTable:
 
     def _may_be_in(self, rays: Rays, poses: FloatArray) -> NDArray[np.bool_]:
         """Returns a (K,) mask of the shapes whose bounding sphere some column can meet."""
-        half = math.pi * len(rays.cos_azimuth) / rays.per_turn
+        first, last = rays.azimuth[[0, -1]]
         x, y = poses[:, 0, 3], poses[:, 1, 3]
-        apart = np.arctan2(y, x) - (rays.start + half)
+        apart = np.arctan2(y, x) - (first + last) / 2
         apart = np.abs((apart + math.pi) % (2 * math.pi) - math.pi)
         reach = np.arcsin(np.minimum(self._radii / np.maximum(np.hypot(x, y), 1e-9), 1.0))
         is_around = np.hypot(x, y) <= self._radii
-        return np.asarray(is_around | (apart <= half + reach + 2 * math.pi * 2 / rays.per_turn))
+        return np.asarray(is_around | (apart <= (last - first) / 2 + reach + _TINY))
 
     def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
         """Returns the ranges at which the window's rays enter shape k, metres; `inf`: misses."""
@@ -151,21 +141,21 @@ def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -
     azimuth = np.arctan2(corners[:, 1], corners[:, 0]) - center
     azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
     low, high = float(azimuth.min()), float(azimuth.max())
-    num_columns = len(rays.cos_azimuth)
-    per_radian = rays.per_turn / (2 * math.pi)
-    first = math.floor((center + low - rays.start) * per_radian) - 1
-    last = math.ceil((center + high - rays.start) * per_radian) + 1
     # From above or inside a box its corners surround the lidar: no interval covers it.
-    if high - low >= math.pi - 0.1 or last - first >= rays.per_turn:
-        return [(slice(0, num_columns), beams)]
-    turns = first // rays.per_turn * rays.per_turn
-    parts = [(first - turns, last - turns), (0, last - turns - rays.per_turn)]
-    columns = [slice(begin, min(end, num_columns)) for begin, end in parts]
+    if high - low >= math.pi - 0.1:
+        return [(slice(0, len(rays.azimuth)), beams)]
+    turns = math.ceil((float(rays.azimuth[0]) - center - high) / (2 * math.pi) - _TINY)
+    edges = center + 2 * math.pi * (turns + np.array([0, 0, 1, 1])) + [low, high, low, high]
+    edges += np.array([-_TINY, _TINY, -_TINY, _TINY])
+    begin, end, again, last = np.searchsorted(rays.azimuth, edges).tolist()
+    columns = [slice(begin, end), slice(max(again, end), last)]
     return [(part, beams) for part in columns if part.start < part.stop]
 
 
 def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:
     """Returns the beams between the lowest and the highest possible sight of a bounding box."""
+    if len(rays.elevations) > 1:
+        return slice(0, rays.elevations.shape[1])
     bottom, top = float(corners[:, 2].min()), float(corners[:, 2].max())
     farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
     # The nearest point may lie below or above: its horizontal distance can be shorter still.
@@ -173,5 +163,5 @@ def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:
     near_top = math.sqrt(max(nearest_m**2 - top**2, 1e-4))
     lowest = math.atan2(bottom, near_bottom if bottom < 0 else farthest)
     highest = math.atan2(top, near_top if top > 0 else farthest)
-    first = int(np.searchsorted(rays.elevations, lowest - 1e-9))
-    return slice(first, int(np.searchsorted(rays.elevations, highest + 1e-9)))
+    first, end = np.searchsorted(rays.elevations[0], [lowest - _TINY, highest + _TINY]).tolist()
+    return slice(first, end)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mnsf_ros.geometry.transforms import tilt
 from mnsf_ros.recording.flow_truth import SurfaceClass
 from mnsf_ros.simulation.bodies import Model, Shape, box, cylinder, sphere
 
@@ -41,15 +42,37 @@ def van(rng: np.random.Generator) -> Model:
 
 def pedestrian(rng: np.random.Generator) -> Model:
     """Returns a person: legs, trunk and head, in one rigid pose."""
-    height = rng.uniform(1.58, 1.86)
+    return _person(rng, rng.uniform(1.58, 1.86), 1.0)
+
+
+def child(rng: np.random.Generator) -> Model:
+    """Returns a child."""
+    height = rng.uniform(1.0, 1.45)
+    return _person(rng, height, height / 1.7)
+
+
+def _person(rng: np.random.Generator, height: float, share: float) -> Model:
+    """Returns a person of a height in metres; `share` scales the thickness."""
     hips, shoulders = 0.48 * height, 0.84 * height
     shapes = (
-        cylinder(0.10, 0.09, 0.085, (0.0, hips)),
-        cylinder(-0.10, -0.09, 0.085, (0.0, hips)),
-        cylinder(0.0, 0.0, 0.21, (hips, shoulders)),
+        cylinder(0.10 * share, 0.09 * share, 0.085 * share, (0.0, hips)),
+        cylinder(-0.10 * share, -0.09 * share, 0.085 * share, (0.0, hips)),
+        cylinder(0.0, 0.0, 0.21 * share, (hips, shoulders)),
         sphere(0.0, 0.0, height - 0.12, 0.12),
     )
     return Model(SurfaceClass.PEDESTRIAN, shapes, 0.5, 0.5, rng.uniform(30.0, 70.0))
+
+
+def dog(rng: np.random.Generator) -> Model:
+    """Returns a large dog."""
+    half, height = rng.uniform(0.35, 0.5), rng.uniform(0.55, 0.75)
+    shapes = (
+        box((-half, half), (-0.13, 0.13), (height - 0.3, height)),
+        box((0.05 - half, 0.15 - half), (-0.1, 0.1), (0.0, height - 0.3)),
+        box((half - 0.15, half - 0.05), (-0.1, 0.1), (0.0, height - 0.3)),
+        sphere(half + 0.1, 0.0, height + 0.08, 0.12),
+    )
+    return Model(SurfaceClass.ANIMAL, shapes, 2 * half + 0.4, 0.3, rng.uniform(20.0, 90.0))
 
 
 def cyclist(rng: np.random.Generator) -> Model:
@@ -89,6 +112,28 @@ def lorry(rng: np.random.Generator) -> Model:
     return Model(SurfaceClass.LARGE_VEHICLE, shapes, length, 2.5, rng.uniform(60.0, 120.0))
 
 
+def coach(rng: np.random.Generator) -> Model:
+    """Returns a coach: one smooth box."""
+    return _bus(rng, rng.uniform(5.0, 8.5))
+
+
+def bus_part(rng: np.random.Generator) -> Model:
+    """Returns half of an articulated bus; the other one follows 9 m behind."""
+    return _bus(rng, 4.4)
+
+
+def _bus(rng: np.random.Generator, half: float) -> Model:
+    shapes = (box((-half, half), (-1.25, 1.25), (0.3, rng.uniform(2.9, 3.6))),)
+    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 2 * half, 2.5, rng.uniform(60.0, 120.0))
+
+
+def trailer(rng: np.random.Generator) -> Model:
+    """Returns a low trailer."""
+    half, top = rng.uniform(1.2, 2.2), rng.uniform(0.8, 2.0)
+    shapes = (box((-half, half), (-0.85, 0.85), (0.4, top)),)
+    return Model(SurfaceClass.LARGE_VEHICLE, shapes, 2 * half, 1.8, rng.uniform(30.0, 90.0))
+
+
 def tree(rng: np.random.Generator) -> Model:
     """Returns a street tree whose crown leaves headroom for walking."""
     radius = rng.uniform(0.12, 0.24)
@@ -110,6 +155,26 @@ def hedge(rng: np.random.Generator) -> Model:
         y, z, size = rng.uniform(-0.2, 0.2), rng.uniform(0.3, height), rng.uniform(0.2, 0.35)
         shapes.append(sphere(x + rng.uniform(-0.1, 0.1), y, z, size))
     return Model(SurfaceClass.VEGETATION, tuple(shapes), 4.0, 1.2, rng.uniform(20.0, 45.0))
+
+
+def fence(rng: np.random.Generator) -> Model:
+    """Returns 4 m of a fence along x: pickets on two rails, seen through between them."""
+    height, gap = rng.uniform(0.9, 1.8), rng.uniform(0.25, 0.6)
+    shapes = [box((-2.0, 2.0), (-0.03, 0.03), (z, z + 0.1)) for z in (0.25, height - 0.25)]
+    shapes += [
+        box((x - 0.05, x + 0.05), (-0.05, -0.03), (0.0, height))
+        for x in np.arange(-2.0, 2.0, gap).tolist()
+    ]
+    return Model(SurfaceClass.STREET_FURNITURE, tuple(shapes), 4.0, 0.1, rng.uniform(30.0, 120.0))
+
+
+def bank(rng: np.random.Generator) -> Model:
+    """Returns 10 m of a grass bank along x that rises from the origin toward +y."""
+    rise, half = rng.uniform(0.1, 0.5), rng.uniform(2.0, 6.0)
+    slab = box((-5.0, 5.0), (0.0, 2 * half), (-1.0, 0.0))
+    pose = tilt(0.0, rise) @ slab.body_from_shape
+    shapes = (replace(slab, body_from_shape=pose),)
+    return Model(SurfaceClass.SIDEWALK, shapes, 10.0, 4 * half, rng.uniform(30.0, 50.0))
 
 
 def bollard(rng: np.random.Generator) -> Model:

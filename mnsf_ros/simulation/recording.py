@@ -10,7 +10,7 @@ import numpy as np
 from mnsf_ros.recording.bag_topics import LIDAR_FRAME
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.recording.flow_truth import FlowTruth
-from mnsf_ros.simulation.sweeps import simulate_sweeps
+from mnsf_ros.simulation.sweeps import SweepSimulator
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,21 +28,23 @@ def write_recording(
     *,
     overwrite: bool = False,
     compress: bool = False,
-) -> None:
-    """Simulates a recording and writes it with a BagWriter.
+) -> SweepSimulator:
+    """Simulates a recording, writes it with a BagWriter and returns its simulator.
 
     After every sweep `progress` is called with the number of sweeps done and to do.
 
     Raises:
         RecordingError: The recording cannot be written.
     """
+    simulator = SweepSimulator(settings)
     with BagWriter(path, overwrite=overwrite, compress=compress) as writer:
-        for index, sweep in enumerate(simulate_sweeps(settings)):
+        for index in range(simulator.num_sweeps):
+            sweep = simulator.sweep(index)
             columns: dict[str, NDArray[Any]] = {"intensity": sweep.intensity, "ring": sweep.ring}
             if sweep.times_ns is not None:
                 columns["t"] = sweep.times_ns
             # The last sweep has no next sweep in which its points could be found.
-            valid = sweep.valid & (index + 1 < settings.num_sweeps)
+            valid = sweep.valid & (index + 1 < simulator.num_sweeps)
             truth = FlowTruth(
                 sweep.stamp_ns,
                 sweep.flow,
@@ -55,4 +57,5 @@ def write_recording(
             )
             writer.write_sweep(sweep.xyz, columns, truth, sweep.world_from_sensor, LIDAR_FRAME)
             if progress is not None:
-                progress(index + 1, settings.num_sweeps)
+                progress(index + 1, simulator.num_sweeps)
+    return simulator

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +17,40 @@ EGO_WIDTH_M = 1.8
 BRAKING_M_S2 = 3.0
 ACCELERATION_M_S2 = 2.5
 _WATCH_STEP_S = 0.1
+# A slope begins over so many metres.
+_VERTEX_M = 8.0
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Ground that is level up to `start_x` and climbs by `grade` from there on along +x."""
+
+    start_x: float = math.inf
+    grade: float = 0.0
+
+    @property
+    def world_from_climb(self) -> FloatArray:
+        """(4, 4) frame of the climbing ground: z = 0 is the ground, x > 0 the climb."""
+        pose = planar_pose(self.start_x, 0.0, 0.0) @ tilt(-math.atan(self.grade), 0.0)
+        return pose @ planar_pose(-self.start_x, 0.0, 0.0)
+
+    def lifted(self, pose: FloatArray) -> FloatArray:
+        """Returns a pose (4, 4) on level ground as it is on this ground; it turns gradually."""
+        share = (float(pose[0, 3]) - self.start_x) / _VERTEX_M + 0.5
+        if share <= 0.0:
+            return pose
+        climbed_m = _VERTEX_M * (min(share, 1.0) ** 2 / 2 + max(share - 1.0, 0.0))
+        lifted = tilt(-math.atan(self.grade) * min(share, 1.0), 0.0) @ pose
+        lifted[:3, 3] = pose[:3, 3] + (0.0, 0.0, self.grade * climbed_m)
+        return lifted
+
+
+LEVEL = Slope()
 
 
 @dataclass(frozen=True)
 class Route:
-    """A curve in the plane: closely spaced points (M, 2) in world metres, M at least 2.
+    """A curve over the ground: closely spaced points (M, 2) in world metres, M at least 2.
 
     `arc_m` (M,) is the distance along the curve from the first point, `yaw` (M,) the direction of
     travel in radians, without jumps.
@@ -29,14 +59,16 @@ class Route:
     points: FloatArray
     arc_m: FloatArray
     yaw: FloatArray
+    slope: Slope = LEVEL
 
     @classmethod
-    def through(cls, points: FloatArray) -> Route:
+    def through(cls, points: FloatArray, slope: Slope = LEVEL) -> Route:
         """Returns the route that visits the (M, 2) points, given in metres, in order."""
         steps = np.hypot(*np.diff(points, axis=0).T)
         arc_m = np.concatenate([[0.0], np.cumsum(steps)])
         tangent = np.gradient(points, arc_m, axis=0)
-        return cls(points, arc_m, np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])))
+        yaw = np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0]))
+        return cls(points, arc_m, yaw, slope)
 
     @property
     def length_m(self) -> float:
@@ -46,6 +78,11 @@ class Route:
     def arc_nearest(self, x: float, y: float) -> float:
         """Returns the arc length in metres of the route point nearest to (x, y)."""
         return float(self.arc_m[np.argmin(np.hypot(*(self.points - (x, y)).T))])
+
+    def beside(self, left_m: float) -> Route:
+        """Returns the route so many metres to the left."""
+        left = np.stack([-np.sin(self.yaw), np.cos(self.yaw)], axis=1)
+        return Route.through(self.points + left_m * left, self.slope)
 
     def poses(self, arc_m: FloatArray) -> FloatArray:
         """Returns (T, 3) x, y and yaw at (T,) arc lengths; routes end in straight lines."""
@@ -97,6 +134,11 @@ class Trip:
     start_arc_m: float
     delay_s: float = 0.0
 
+    @classmethod
+    def starting_at(cls, route: Route, profile: SpeedProfile, arc_m: float) -> Trip:
+        """Returns the trip that is at an arc length at time 0."""
+        return cls(route, profile, arc_m - float(profile.distances(np.zeros(1))[0]))
+
     def planar(self, times_s: FloatArray) -> FloatArray:
         """Returns (T, 3) world x, y (metres) and yaw (radians) at (T,) times in seconds."""
         traveled = self.profile.distances(times_s - self.delay_s)
@@ -105,7 +147,7 @@ class Trip:
     def pose(self, time_s: float) -> FloatArray:
         """Returns the (4, 4) pose `world_from_body` at a time in seconds."""
         x, y, yaw = self.planar(np.array([time_s]))[0]
-        return planar_pose(x, y, yaw)
+        return self.route.slope.lifted(planar_pose(x, y, yaw))
 
 
 @dataclass(frozen=True)
@@ -118,20 +160,24 @@ class Stop:
 
 @dataclass(frozen=True)
 class EgoMotion:
-    """The planar trip of the sensor with the sway of the vehicle's suspension.
+    """The trip of the sensor, with its mounting and the sway of the vehicle.
 
     The rows of `sway` (3, 3) are pitch (rad), roll (rad), heave (m); columns amplitude, Hz, phase.
+    `mounting` is (pitch, roll, height) at rest.
     """
 
     trip: Trip
     sway: FloatArray
+    mounting: tuple[float, float, float] = (0.0, 0.0, SENSOR_HEIGHT_M)
 
     def world_from_sensor(self, time_s: float) -> FloatArray:
         """Returns the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
         amplitude, frequency, phase = self.sway.T
-        pitch, roll, heave = amplitude * np.sin(2 * math.pi * frequency * time_s + phase)
-        x, y, yaw = self.trip.planar(np.array([time_s]))[0]
-        return planar_pose(x, y, yaw, SENSOR_HEIGHT_M + heave) @ tilt(pitch, roll)
+        sway = amplitude * np.sin(2 * math.pi * frequency * time_s + phase)
+        pitch, roll, height_m = self.mounting + sway
+        pose = self.trip.pose(time_s) @ tilt(pitch, roll)
+        pose[2, 3] += height_m
+        return pose
 
 
 def draw_sway(rng: np.random.Generator) -> FloatArray:
@@ -191,10 +237,14 @@ class Clearance:
 
     def accept(self, trip: Trip, length_m: float, width_m: float) -> bool:
         """Adds the trip of a rectangle and returns True, or False if it meets an accepted one."""
-        track = self._track(trip, length_m, width_m)
-        if any(_meet(track, other) for other in self._tracks):
+        return self.accept_together([(trip, length_m, width_m)])
+
+    def accept_together(self, rectangles: Iterable[tuple[Trip, float, float]]) -> bool:
+        """As `accept`, for things that may touch each other: all or none of them."""
+        tracks = [self._track(*rectangle) for rectangle in rectangles]
+        if any(_meet(track, other) for track in tracks for other in self._tracks):
             return False
-        self._tracks.append(track)
+        self._tracks += tracks
         return True
 
     def _track(self, trip: Trip, length_m: float, width_m: float) -> _Track:

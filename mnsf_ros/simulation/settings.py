@@ -8,18 +8,21 @@ from functools import cache
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import Setting, declared, settings_of
-from mnsf_ros.simulation.scenarios import STAGES
 
 BEAM_CHOICES = (16, 32, 64, 128)
-SCENARIOS = ("street", *STAGES)
+SCENARIOS = ("street", "random", "standing")
+_OF_ALL_SCENARIOS = ("seed", "duration_s", "scenario")
 
 
 @dataclass(frozen=True)
 class SimulationSettings:
     """Settings of a simulation. Equal settings give equal recordings, byte for byte.
 
+    The scenarios `random` and `standing` draw all but `seed` and `duration_s`.
+
     Raises:
-        SettingsError: If a value is of the wrong type or out of its range.
+        SettingsError: If a value is of the wrong type or out of its range, or is set although the
+            scenario draws it.
     """
 
     seed: int = declared(0, "chooses street, traffic and noise", 0, 2**63 - 1)
@@ -32,7 +35,9 @@ class SimulationSettings:
     ego_speed_m_s: float = declared(8.0, "speed of the vehicle with the lidar", 0, 20)
     max_range_m: float = declared(120.0, "maximum range of the lidar", 5, 300)
     scenario: str = declared(
-        "street", f"street and traffic: {', '.join(SCENARIOS)}", choices=SCENARIOS
+        "street",
+        "street; random: a drawn lidar, place and traffic; standing: random, nothing moves",
+        choices=SCENARIOS,
     )
 
     def __post_init__(self) -> None:
@@ -42,16 +47,13 @@ class SimulationSettings:
             raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
         if self.dropout == 1.0:
             raise SettingsError("dropout: must be below 1, or no point is left")
-
-    @property
-    def num_sweeps(self) -> int:
-        """Number of sweeps in the recording, at least one."""
-        return max(1, round(self.duration_s * self.rate_hz))
-
-    @property
-    def interval_s(self) -> float:
-        """Seconds from one sweep to the next."""
-        return 1.0 / self.rate_hz
+        if self.scenario != "street":
+            for setting in simulation_settings():
+                value = getattr(self, setting.name)
+                if setting.name not in _OF_ALL_SCENARIOS and value != setting.default:
+                    raise SettingsError(
+                        f"{setting.name}: got {value}, but the scenario {self.scenario} draws it"
+                    )
 
 
 @cache

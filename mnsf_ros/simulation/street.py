@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mnsf_ros.geometry.transforms import FloatArray, planar_pose
+from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose
 from mnsf_ros.recording.flow_truth import SurfaceClass
-from mnsf_ros.simulation.routes import Route
+from mnsf_ros.simulation.routes import LEVEL, Route, Slope
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,22 +95,24 @@ class Street:
     end_x: float
     crossings: tuple[Crossing, ...]
     half_width_m: float = ROAD_HALF_WIDTH_M
+    slope: Slope = LEVEL
 
     def lane(self, lateral: float, *, forward: bool) -> Route:
         """Returns the route at a lateral offset, toward +x if `forward`, otherwise toward -x."""
         x = np.arange(self.start_x, self.end_x + _ROUTE_STEP_M, _ROUTE_STEP_M)
         points = self.centerline.place(x, lateral)
-        return Route.through(points if forward else points[::-1])
+        return Route.through(points if forward else points[::-1], self.slope)
 
     def route(self, x: FloatArray, lateral: FloatArray) -> Route:
         """Returns the route through (T,) world x at (T,) laterals, both in metres."""
-        return Route.through(self.centerline.place(x, lateral))
+        return Route.through(self.centerline.place(x, lateral), self.slope)
 
     def pose(self, x: float, lateral: float, turn: float = 0.0) -> FloatArray:
         """Returns the (4, 4) pose at x and lateral (metres), turned by `turn` from the street."""
         at = np.array([x])
         place = self.centerline.place(at, lateral)[0]
-        return planar_pose(place[0], place[1], float(self.centerline.heading(at)[0]) + turn)
+        heading = float(self.centerline.heading(at)[0])
+        return self.slope.lifted(planar_pose(place[0], place[1], heading + turn))
 
     def is_raised(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """Mask of the (x, y) of any shape that are on the sidewalk, not on asphalt."""
@@ -132,9 +134,31 @@ def ground_hits(
     The rays start at (3,) world metres, above the sidewalks, in (N, 3) unit directions; those
     longer than `max_range_m` are misses.
     """
+    ranges, classes = _plane_hits(street, origin, directions, max_range_m, is_climb=False)
+    if street.slope.grade:
+        climb_from_world = invert(street.slope.world_from_climb)
+        start, rays = apply(climb_from_world, origin), directions @ climb_from_world[:3, :3].T
+        climb, its_classes = _plane_hits(street, start, rays, max_range_m, is_climb=True)
+        nearer = climb < ranges
+        ranges[nearer], classes[nearer] = climb[nearer], its_classes[nearer]
+    return ranges, classes
+
+
+def _plane_hits(
+    street: Street,
+    origin: FloatArray,
+    directions: FloatArray,
+    max_range_m: float,
+    *,
+    is_climb: bool,
+) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """Returns the hits of one of the two planes of the ground, as `ground_hits`, in its frame."""
     ranges = np.full(len(directions), np.inf)
     classes = np.zeros(len(directions), dtype=np.uint8)
-    down = np.flatnonzero(directions[:, 2] < -(origin[2] - CURB_HEIGHT_M) / max_range_m)
+    above_m = origin[2] - CURB_HEIGHT_M
+    if above_m <= 0.0:
+        return ranges, classes
+    down = np.flatnonzero(directions[:, 2] < -above_m / max_range_m)
     rays = directions[down]
     top = (CURB_HEIGHT_M - origin[2]) / rays[:, 2]
     bottom = -origin[2] / rays[:, 2]
@@ -145,7 +169,9 @@ def ground_hits(
     found[curb] = _curb_ranges(street, origin, rays[curb], top[curb], bottom[curb])
     sidewalk = on_top.copy()
     sidewalk[curb] = True
-    ranges[down] = np.where(found <= max_range_m, found, np.inf)
+    is_beyond = origin[0] + found * rays[:, 0] >= street.slope.start_x
+    met = (found <= max_range_m) & (is_beyond == is_climb)
+    ranges[down] = np.where(met, found, np.inf)
     classes[down] = np.where(sidewalk, SurfaceClass.SIDEWALK, SurfaceClass.ROAD)
     classes[~np.isfinite(ranges)] = 0
     return ranges, classes

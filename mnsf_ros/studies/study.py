@@ -147,7 +147,7 @@ def _simulated_street(options: StudyOptions, num_sweeps: int) -> Path:
         # An example lies between the sweeps before it and the one after.
         total = (options.max_examples or _SIMULATED_EXAMPLES) + num_sweeps - 1
         settings = SimulationSettings(options.seed, num_beams=_BEAMS, num_columns=_COLUMNS)
-        write_recording(replace(settings, duration_s=total * settings.interval_s), path)
+        write_recording(replace(settings, duration_s=total / settings.rate_hz), path)
     return path
 
 

@@ -24,7 +24,7 @@ def test_real_drive_and_streets_have_a_row_each(load, rows):
     movers = load("movers")
     kitti = [replace(row, method=movers.KITTI, recording="drive") for row in rows]
     main, groups, missed = movers.tables("reported", [*kitti, *rows])
-    assert [row[0] for row in main.rows] == [movers.KITTI, "simulated streets"]
+    assert [row[0] for row in main.rows] == [movers.KITTI, movers.WORLDS]
     assert [row[0] for row in groups.rows] == [movers.KITTI, "street"]
     assert main.rows[0][1:] == groups.rows[0][1:]
     num_judged = int(main.title.split(" of ")[1].split()[0])

@@ -10,6 +10,7 @@ from slow_geometry import signed_distance
 from mnsf_ros.geometry.transforms import invert, planar_pose, tilt
 from mnsf_ros.simulation.bodies import Shape, ShapeKind, box, entry_ranges
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays, ShapeTable
+from mnsf_ros.simulation.sensor import Sensor, knee_elevations_deg
 
 FULL = (slice(None), slice(None))
 HALF = {
@@ -38,6 +39,12 @@ def test_entry_is_the_first_point_on_the_surface(kind):
         assert signed_distance(kind, HALF[kind], origin + reach * rays[~hit]).min() > -0.01
 
 
+def revolution(num_columns, num_beams, phase):
+    """Rays of a whole turn of a usual lidar."""
+    sensor = Sensor("", knee_elevations_deg(num_beams), num_columns, 10.0, 0.0, 0.0, 120.0)
+    return next(sensor.rays(0, phase))[0]
+
+
 def random_shape(rng):
     kind = ShapeKind(int(rng.integers(3)))
     half = rng.uniform(0.2, 3.0, 3)
@@ -52,8 +59,15 @@ def random_shape(rng):
     return Shape(kind, tuple(half), pose)
 
 
+def scattered(rng):
+    """Rays as a rosette sends them, each with an elevation of its own."""
+    azimuth = np.sort(rng.uniform(-1.2, 1.2, 4000))
+    return Rays.grid(azimuth, rng.uniform(-0.4, 0.2, (4000, 1)))
+
+
+@pytest.mark.parametrize("kind", ["turn", "sector", "scattered"])
 @pytest.mark.parametrize("seed", range(3))
-def test_culling_changes_nothing(seed):
+def test_culling_changes_nothing(seed, kind):
     rng = np.random.default_rng(seed)
     # The last shapes stand around, above and below the lidar and behind it, across azimuth pi.
     shapes = [random_shape(rng) for _ in range(40)]
@@ -63,7 +77,12 @@ def test_culling_changes_nothing(seed):
         box((-30, 30), (-30, 30), (4, 5)),
         box((-12, -10), (-3, 3), (-2, 2)),
     ]
-    rays = Rays.revolution(180, 32, rng.uniform())
+    rays = {
+        "turn": revolution(180, 32, rng.uniform()),
+        # Across the azimuth pi.
+        "sector": Rays.grid(np.linspace(2.5, 4.1, 90), np.linspace(-0.4, 0.1, 24)[None]),
+        "scattered": scattered(rng),
+    }[kind]
     ranges, bodies = ShapeTable(shapes, list(range(len(shapes)))).cast(
         rays, np.broadcast_to(np.eye(4), (len(shapes), 4, 4)), 100.0
     )
@@ -84,7 +103,7 @@ def test_culling_changes_nothing(seed):
 def test_box_seen_from_a_known_place():
     # A wall 10 m ahead: every ray that meets it travels 10 m along x.
     wall = box((10.0, 11.0), (-3.0, 3.0), (-2.0, 2.0))
-    rays = Rays.revolution(720, 64, 0.5)
+    rays = revolution(720, 64, 0.5)
     ranges, _ = ShapeTable([wall], [0]).cast(rays, np.eye(4)[None], 120.0)
     x, y, z = rays.directions(np.eye(3), FULL)
     hit = np.isfinite(ranges)
@@ -96,7 +115,7 @@ def test_box_seen_from_a_known_place():
 
 def test_shapes_beyond_the_range_are_not_seen():
     far = box((60.0, 61.0), (-3.0, 3.0), (-5.0, 5.0))
-    rays = Rays.revolution(360, 16, 0.0)
+    rays = revolution(360, 16, 0.0)
     ranges, bodies = ShapeTable([far], [0]).cast(rays, np.eye(4)[None], 50.0)
     assert not np.isfinite(ranges).any()
     assert (bodies == -1).all()

@@ -1,0 +1,122 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""A lidar: its beams, the pattern and the times of its rays, and its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.transforms import FloatArray
+from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays
+
+_TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
+# The points of a rolling sweep are measured in so many moments, of a whole turn every 7 degrees.
+_NUM_MOMENTS: Final = 50
+# Each moment of a rosette sees the whole view, which takes longer to cast.
+_ROSETTE_MOMENTS: Final = 10
+_TURN_DEG: Final = 360.0
+# Turns of a rosette in a sweep, and petals; no whole numbers, so that no sweep repeats another.
+_ROSETTE_TURNS, _ROSETTE_PETALS = 37.618, 161.803
+_FARTHEST_DROP_M = 8.0
+# Share of the rays that a drop returns, for each share of light that is lost per metre.
+_DROPS_PER_LOSS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """Properties of a lidar.
+
+    Attributes:
+        kind: Its name: number of beams, or `solid state`.
+        elevations_deg: (B,) of its beams, increasing; of a rosette its lower and upper limit.
+        num_columns: Azimuth steps of 360 degrees; of a rosette the points of a sweep.
+        rate_hz: Sweeps per second.
+        range_noise_m: Standard deviation of the range.
+        dropout: Share of returns that are dropped.
+        max_range_m: Maximum range.
+        degrees: Azimuth of a sweep. Above 360 it is cut by time, and a part is measured twice;
+            below, the lidar does not turn and looks ahead.
+        is_rolling: Whether each point has its own time; else a sweep is taken in an instant.
+        is_rosette: Whether one beam draws a rosette, another one in each sweep.
+        rain_per_m: Share of the light lost to rain per metre; drops near the lidar give points.
+    """
+
+    kind: str
+    elevations_deg: FloatArray
+    num_columns: int
+    rate_hz: float
+    range_noise_m: float
+    dropout: float
+    max_range_m: float
+    degrees: float = _TURN_DEG
+    is_rolling: bool = False
+    is_rosette: bool = False
+    rain_per_m: float = 0.0
+
+    def rays(self, index: int, phase: float) -> Iterator[tuple[Rays, float]]:
+        """Yields the rays sent at one time, and the seconds from the stamp until then.
+
+        Real lidars do not start each turn at the same angle: the columns of sweep `index` begin
+        `phase` (0 to 1) of a step behind the start.
+        """
+        num_columns = round(self.num_columns * (1.0 if self.is_rosette else self.degrees / 360))
+        num_moments = _NUM_MOMENTS if self.is_rolling else 1
+        if self.is_rosette:
+            num_moments = min(num_moments, _ROSETTE_MOMENTS)
+        edges = np.linspace(0, num_columns, num_moments + 1).round().astype(int).tolist()
+        for begin, end in pairwise(edges):
+            rays = (
+                self._rosette(index + np.arange(begin, end) / num_columns)
+                if self.is_rosette
+                else self._sector(self._start(index, num_columns, end), end - begin, phase)
+            )
+            share = (begin + end) / 2 / num_columns if self.is_rolling else 0.0
+            yield rays, share / self.rate_hz
+
+    def _start(self, index: int, num_columns: int, end: int) -> float:
+        """Azimuth, radians, of the leftmost column before column `end` of a sweep."""
+        if not self.is_rolling:
+            return -math.radians(min(self.degrees, _TURN_DEG) / 2)
+        # The lidar turns to the right, so the last column of a part is the leftmost of it.
+        first = index * num_columns if self.degrees >= _TURN_DEG else -num_columns // 2
+        return -(first + end) % self.num_columns * 2 * math.pi / self.num_columns
+
+    def _sector(self, start: float, num_columns: int, phase: float) -> Rays:
+        step = 2 * math.pi / self.num_columns
+        azimuth = start + (np.arange(num_columns) + phase) * step
+        return Rays.grid(azimuth, np.radians(self.elevations_deg)[None])
+
+    def _rosette(self, turns: NDArray[np.float64]) -> Rays:
+        """The rays of a beam at some times (C,), counted in sweeps."""
+        low, high = np.radians(self.elevations_deg[[0, -1]])
+        radius = np.sin(2 * math.pi * _ROSETTE_PETALS * turns)
+        angle = 2 * math.pi * _ROSETTE_TURNS * turns
+        azimuth = math.radians(self.degrees / 2) * radius * np.cos(angle)
+        elevation = (low + high) / 2 + (high - low) / 2 * radius * np.sin(angle)
+        order = np.argsort(azimuth)
+        return Rays.grid(azimuth[order], elevation[order, None])
+
+    def add_rain(self, ranges: FloatArray, rng: np.random.Generator) -> NDArray[np.bool_]:
+        """Removes returns and adds drops near the lidar, in place; returns the mask of surfaces."""
+        # There and back again.
+        is_lost = rng.uniform(size=len(ranges)) < 1.0 - np.exp(-2.0 * self.rain_per_m * ranges)
+        ranges[is_lost] = np.inf
+        drops_m = rng.uniform(MIN_RANGE_M, _FARTHEST_DROP_M, len(ranges))
+        is_drop = rng.uniform(size=len(ranges)) < _DROPS_PER_LOSS * self.rain_per_m
+        is_drop &= drops_m < ranges
+        ranges[is_drop] = drops_m[is_drop]
+        return ~is_drop
+
+
+def knee_elevations_deg(num_beams: int) -> FloatArray:
+    """Returns (B,) elevations; as in a common 64-beam sensor the upper half is packed densely."""
+    half = num_beams // 2
+    step = (_KNEE_DEG - _BOTTOM_DEG) / half
+    lower = np.linspace(_BOTTOM_DEG, _KNEE_DEG - step, half)
+    return np.concatenate([lower, np.linspace(_KNEE_DEG, _TOP_DEG, num_beams - half)])
