@@ -352,7 +352,7 @@ class _World:
 def _profile(speed_m_s: float, rng: np.random.Generator) -> SpeedProfile:
     """Returns a speed that stays, falls to a stop, rises from one, or changes."""
     behaviour = _drawn(_BEHAVIOURS, rng)
-    begin_s, change_m_s2 = rng.uniform(0.0, 1.5), rng.uniform(1.5, 5.0)
+    moment_s, change_m_s2 = rng.uniform(0.5, 2.5), rng.uniform(1.5, 5.0)
     first, last = {
         "steady": (speed_m_s, speed_m_s),
         "brakes": (speed_m_s, 0.0),
@@ -361,8 +361,10 @@ def _profile(speed_m_s: float, rng: np.random.Generator) -> SpeedProfile:
     }[behaviour]
     if first == last:
         return SpeedProfile.steady(speed_m_s)
-    end_s = begin_s + abs(last - first) / change_m_s2
-    return SpeedProfile(np.array([begin_s, end_s]), np.array([first, last]))
+    lasts_s = abs(last - first) / change_m_s2
+    # Both a start and a stop happen early in a recording.
+    begin_s = moment_s if behaviour == "starts" else moment_s - lasts_s
+    return SpeedProfile(np.array([begin_s, begin_s + lasts_s]), np.array([first, last]))
 
 
 def _one_of(makers: Sequence[Maker], rng: np.random.Generator) -> Model:
