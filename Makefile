@@ -12,11 +12,11 @@ ADDED := networks,datasets,tune,test,lint
 
 ifdef ROS_DISTRO
 VENV_OPTIONS := --system-site-packages
-EXTRAS := evaluation,view
+EXTRAS := evaluation
 # ROS is built with NumPy 1 and the libraries of the distribution.
 SYSTEM_PINS := -e 's/^numpy==.*/numpy<2/' -e '/^scipy==/d' -e '/^matplotlib==/d'
 else
-EXTRAS := wheels,evaluation,view
+EXTRAS := wheels,evaluation
 endif
 
 # PyTorch's own index has torch without CUDA; that of the default index takes gigabytes.
@@ -56,9 +56,9 @@ $(COMPLETE): $(READY)
 demo: $(READY)
 	$(BIN)/mnsf demo $(if $(BAG),--bag '$(BAG)') $(if $(POINTS),--points '$(POINTS)') $(DEMO_OPTIONS)
 
-# The demo's street, or BAG, live in a browser.
+# The demo's street, or BAG, on a page for a browser.
 view: $(READY) $(if $(BAG),,$(STREET))
-	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') --loop $(VIEW_OPTIONS)
+	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') $(VIEW_OPTIONS)
 
 $(STREET) $(STREET_OF_README): | $(READY)
 	$(BIN)/mnsf simulate --duration-s 6 --seed $(patsubst demo/street_seed%_6s,%,$@) $@
@@ -101,7 +101,7 @@ pins: $(COMPLETE)
 	done
 	$(BIN)/uv pip compile --quiet --no-annotate --custom-compile-command 'make pins' \
 		--universal --python-version 3.10 --constraint constraints.txt --generate-hashes \
-		$(patsubst %,--extra %,wheels evaluation view datasets tune) --output-file locked.txt setup.py
+		$(patsubst %,--extra %,wheels evaluation datasets tune) --output-file locked.txt setup.py
 
 # Licences of all that is installed, and known vulnerabilities of what locked.txt installs, by
 # PyPI's database.

@@ -79,7 +79,7 @@ setup(
     cmdclass={"install": InstallAndCompile},
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
     package_data={
-        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*", "view/*.json"],
+        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*", "view/page/*"],
         "msg_utils": ["py.typed"],
     },
     data_files=[
@@ -101,6 +101,7 @@ setup(
         "ruamel.yaml>=0.17",
         'backports.zstd>=1; python_version < "3.14"',
         "rich>=13",
+        "websockets>=13",
     ],
     extras_require={
         "wheels": ROS_WHEELS,
@@ -110,8 +111,7 @@ setup(
         "datasets": ["pyarrow>=14", "h5py>=3.10", "protobuf>=4.22", "pypcd4>=1.4,<2"],
         "ray": [*EVALUATION, "ray>=2.40"],
         "tune": [*EVALUATION, "optuna>=5,<6"],
-        "view": ["foxglove-sdk>=0.20,<0.40", "matplotlib>=3.6"],
-        "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "websockets>=12", "hypothesis>=6.100"],
+        "test": ["pytest>=7.4,<9", "pytest-xdist>=3.5", "hypothesis>=6.100"],
         "lint": ["ruff", "mypy", "import-linter>=2"],
         # What `make benchmark-online` compares the cost with.
         "benchmark": ["kiss-icp>=1.2,<2"],

@@ -99,7 +99,7 @@ _RGB_TEXT: Final = (
 _CONFIDENCE_TEXT: Final = "probability that the flow is less than 0.1 m off, 0 to 1"
 
 # Colours are full from this speed on.
-FULL_COLOR_M_S: Final = 15.0
+FULL_COLOR_M_S: Final = 5.0
 
 # The order is that of the fields in the cloud. The documents have the same table; a test compares.
 FLOW_COLUMNS: Final = (

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import chain
@@ -41,12 +42,14 @@ class StorageFile(Protocol):
     Attributes:
         topics: Topic to its summary, CDR messages only.
         first_ns: Receive time of the first message; infinite if there is none.
+        last_ns: Receive time of the last message; 0 if there is none.
         has_checksums: Whether flipped bits in the file are noticed.
         damages: Damage known before messages are read.
     """
 
     topics: dict[str, TopicSummary]
     first_ns: float
+    last_ns: float
     has_checksums: bool
     damages: list[Damage]
 
@@ -78,6 +81,7 @@ class BagReader:
         self.damages: tuple[Damage, ...] = ()
         self.has_checksums = False
         self._watch = watch
+        self._start_ns: int | None = None
         self._files: list[StorageFile] = []
         self._stack = ExitStack()
 
@@ -113,6 +117,18 @@ class BagReader:
         """Closes the recording."""
         self._files = []
         self._stack.close()
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Receive times of the first and of the last message in nanoseconds."""
+        files = [one for one in self._files if one.last_ns > 0]
+        return int(min(one.first_ns for one in files)), int(max(one.last_ns for one in files))
+
+    def since(self, start_ns: int) -> BagReader:
+        """Returns the open recording without messages that were received before a time."""
+        later = copy.copy(self)
+        later._start_ns = start_ns
+        return later
 
     def find_topic(self, name: str | None, msgtype: str) -> str:
         """Returns `name` if it has messages of this type, or if None the only topic that has.
@@ -153,7 +169,7 @@ class BagReader:
         Raises:
             RecordingError: The topic is unknown.
         """
-        return self._converted(topic, None, None, self._decoder(topic))
+        return self._converted(topic, self._start_ns, None, self._decoder(topic))
 
     def _decoder(self, topic: str) -> Callable[[bytes], Any]:
         msgtype = known_topic(self.path, self.topics, topic).msgtype

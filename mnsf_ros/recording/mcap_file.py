@@ -60,7 +60,7 @@ class McapFile:
             Exception: One of `UNREADABLE`: it is no mcap file.
         """
         self.topics: dict[str, TopicSummary] = {}
-        self.first_ns = float("inf")
+        self.first_ns, self.last_ns = float("inf"), 0.0
         self.has_checksums = False
         self.damages: list[Damage] = []
         self._path = path
@@ -114,6 +114,7 @@ class McapFile:
                 return None
         self._chunks, self._channels, self._schemas = chunks, summary.channels, summary.schemas
         self.first_ns = min((one.message_start_time for one in chunks), default=self.first_ns)
+        self.last_ns = max((one.message_end_time for one in chunks), default=self.last_ns)
         return Counter(summary.statistics.channel_message_counts)
 
     def _read_all(self, watch: Callable[[int], None] | None) -> Counter[int]:
@@ -126,6 +127,7 @@ class McapFile:
             else:
                 counts[item.channel] += 1
                 self.first_ns = min(self.first_ns, item.received_ns)
+                self.last_ns = max(self.last_ns, item.received_ns)
         # They tell more than that the index, which would be behind them, is missing.
         self.damages = found or self.damages
         return counts

@@ -62,8 +62,21 @@ def explain(
         MnsfError: The recording cannot be read, or the estimate fails.
     """
     example, estimate = _estimated(recording, options, stamp_ns, method)
+    stamp_s = example.triplet.current.stamp_ns / NANOSECONDS
+    heading = f"{recording.name}, sweep {example.number}, stamp {stamp_s:.3f} s"
+    return [heading, *decision_at(example, estimate, place_m)]
+
+
+def decision_at(
+    example: Example, estimate: FlowEstimate, place_m: tuple[float, float]
+) -> list[str]:
+    """Returns the decision of an estimate at a place (x, y) metres in the sensor frame, as lines.
+
+    Raises:
+        EvaluationError: There is no point near the place, or the method gives no reasons.
+    """
     if estimate.reason_of is None or estimate.over_ground is None:
-        raise EvaluationError(f"method {method!r} gives no reasons; online does")
+        raise EvaluationError("this method gives no reasons; online does")
     rows = _rows_at(example, estimate, place_m)
     reason = estimate.reason_of(rows)
     xyz = example.triplet.current.xyz[rows]
@@ -74,9 +87,7 @@ def explain(
     if num_called and reason.verdict is not Verdict.DYNAMIC:
         verdict += ", but it joined a mover beside it"
     lines = [
-        f"{recording.name}, sweep {example.number}, stamp "
-        f"{example.triplet.current.stamp_ns / NANOSECONDS:.3f} s: {len(rows)} points around "
-        f"({middle}) m",
+        f"Place: {len(rows)} points around ({middle}) m",
         f"Called dynamic: {num_called} of {len(rows)} points",
         f"Reason: {verdict}{f' ({hint})' if hint else ''}",
         f"Decided by the step: {_STEPS[reason.verdict]}",

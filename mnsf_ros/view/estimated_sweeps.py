@@ -1,57 +1,106 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Sweeps of a recording with their flow, in stamp order."""
+"""Sweeps of a recording with their flow and, where it is known, their true flow."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import count
+from typing import Final
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.errors import MnsfError
-from mnsf_ros.evaluation.tracks import in_stamp_order
+from mnsf_ros.errors import MnsfError, RecordingError
+from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.tracks import (
+    CloudRows,
+    TruthCloud,
+    in_stamp_order,
+    recorded_sweeps,
+    truth_clouds,
+)
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
-from mnsf_ros.settings import Settings, TimeSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
-from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
-from msg_utils.errors import MessageError
+from mnsf_ros.recording.bag_topics import UsedTopics
+from mnsf_ros.recording.flow_truth import FlowTruth
+from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
 
-_LOG = logging.getLogger(__name__)
+# Above the rounding of stamps as floating point numbers, below the interval of any lidar.
+_SAME_STAMP_NS: Final = 500_000
 
 
 @dataclass(frozen=True, eq=False)
 class EstimatedSweep:
-    """A triplet, the source of whose current sweep is its cloud, with its estimate."""
+    """A triplet with the estimate of its current sweep; its truth is decoded when it is asked for.
 
+    Attributes:
+        number: Index of the current sweep in what was read, counted from 0.
+    """
+
+    recording: str
+    number: int
     triplet: SweepTriplet
     estimate: FlowEstimate
+    truth_cloud: TruthCloud | None
+
+    @cached_property
+    def example(self) -> Example:
+        """The triplet with its truth, without if that is unknown or does not fit."""
+        return Example(self.recording, self.number, self.triplet, self._truth())
+
+    def _truth(self) -> FlowTruth | None:
+        source: CloudRows = self.triplet.current.source
+        if self.truth_cloud is None:
+            return None
+        with suppress(RecordingError):
+            truth = FlowTruth.decode(self.truth_cloud.message)
+            if len(truth) == source.num_points:
+                return truth.of_points(source.rows)
+        return None
 
 
-def estimated_sweeps(reader: BagReader, topic: str, settings: Settings) -> Iterator[EstimatedSweep]:
-    """Estimates the flow of the clouds of a topic; failures are logged and left out.
+def estimated_sweeps(
+    reader: BagReader, topics: UsedTopics, stream: Stream, warn: Callable[[str], None]
+) -> Iterator[EstimatedSweep]:
+    """Yields the sweeps of a topic in stamp order.
+
+    Sweeps without flow are left out and damage is read around; `warn` gets a line for each.
 
     Raises:
-        SettingsError: The method cannot be made with the settings.
-        RecordingError: Damage is met in the recording.
+        RecordingError: Damage leaves nothing with a flow.
     """
-    stream = Stream(settings)
-    for sweep in filter(None, in_stamp_order(_sweeps(reader, topic, settings.time))):
+    findings, name = Findings(), str(reader.path)
+    clouds: Iterator[TruthCloud] = iter(())
+    if topics.truth is not None:
+        found = in_stamp_order(truth_clouds(reader, topics.truth, findings))
+        clouds = (cloud for cloud in found if cloud is not None)
+    sweeps = recorded_sweeps(reader, topics.points, name, stream.settings.time, findings)
+    numbers, head = count(-1), next(clouds, None)
+    num_warned = num_estimates = 0
+    for sweep in in_stamp_order(sweeps):
+        for damage in [*findings.damages][num_warned:]:
+            warn(str(damage))
+            num_warned += 1
+        if sweep is None:
+            stream.reset()
+        if sweep is None or len(sweep) == 0:
+            continue
+        number = next(numbers)
         try:
             estimate = stream.push(sweep)
         except MnsfError as error:
-            _LOG.warning("no flow at %.3f s: %s", sweep.stamp_ns / NANOSECONDS, error)
+            warn(f"no flow at {sweep.stamp_ns / NANOSECONDS:.3f} s: {error}")
             continue
-        if estimate is not None and stream.triplet is not None:
-            yield EstimatedSweep(stream.triplet, estimate)
-
-
-def _sweeps(reader: BagReader, topic: str, settings: TimeSettings) -> Iterator[Sweep]:
-    for received_ns, message in reader.received_messages(topic):
-        try:
-            sweep = sweep_from_message(message, settings, received_ns)
-        except MessageError as error:
-            _LOG.warning("no flow at %.3f s: %s", received_ns / NANOSECONDS, error)
+        triplet = stream.triplet
+        if estimate is None or triplet is None:
             continue
-        if len(sweep) > 0:
-            yield sweep
+        stamp_ns = triplet.current.stamp_ns
+        while head is not None and head.stamp_ns < stamp_ns - _SAME_STAMP_NS:
+            head = next(clouds, None)
+        is_known = head is not None and head.stamp_ns <= stamp_ns + _SAME_STAMP_NS
+        num_estimates += 1
+        yield EstimatedSweep(name, number, triplet, estimate, head if is_known else None)
+    if findings.damages and num_estimates == 0:
+        raise next(iter(findings.damages)).error()

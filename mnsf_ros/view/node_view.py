@@ -1,55 +1,244 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Topics of a running node, forwarded to viewers while they subscribe."""
+"""A running node on the page: its flow, its status, its parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Final
+import json
+import logging
+from collections.abc import Callable
+from queue import Empty
+from typing import Any, Final, TypeVar
 
+import numpy as np
+
+from mnsf_ros.core.flow_columns import COLOR_NAME
+from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.errors import SettingsError
+from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.node.raw_topics import RawTopics
-from mnsf_ros.view.view_server import ViewServer
+from mnsf_ros.node.remote_parameters import RemoteParameters
+from mnsf_ros.recording.ros1_file import jazzy
+from mnsf_ros.settings import Settings, declared_setting, declared_settings
+from mnsf_ros.view.knobs import knobs_message
+from mnsf_ros.view.page_server import PageServer
+from mnsf_ros.view.scene_message import Paths, Scene, motion_colors, scene_message
+from msg_utils.errors import MessageError
+from msg_utils.point_cloud2 import decode_points, decode_xyz
+from msg_utils.stamps import decode_stamp
 
+_LOG = logging.getLogger(__name__)
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
-_TIMES: Final = ("processing_time", "pipeline_latency", "cyclic_time")
-# Of the topics below the name of the node.
-_TYPES: Final = {
+# Below the name of the node; together they are a scene.
+_PARTS: Final = {
     "/flow": _CLOUD,
-    "/flow/moving": _CLOUD,
-    "/flow/standing": _CLOUD,
-    "/objects/markers": "visualization_msgs/msg/MarkerArray",
+    "/objects": _CLOUD,
     "/ego_motion": "nav_msgs/msg/Odometry",
-    **{f"/debug/{name}_ms": "std_msgs/msg/Float64" for name in _TIMES},
 }
+_LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
 _DIAGNOSTICS: Final = ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
-_REFRESH_S: Final = 0.5
+_LEVELS: Final = {1: "warning", 2: "error", 3: "stale"}
+# Key of a diagnostic status to its name on the page.
+_VALUES: Final = {
+    "latency median [ms]": "latency, median (ms)",
+    "latency p95 [ms]": "latency, 95th percentile (ms)",
+    "rate [Hz]": "flows a second",
+    "flows_out": "flows out",
+    "triplets_dropped": "dropped",
+    "source": "ego motion",
+}
+_ROUND_S: Final = 0.05
+_MAX_WAITING: Final = 5
+
+Self = TypeVar("Self", bound="NodeView")
 
 
 class NodeView:
-    """Hands the messages of a node on to viewers."""
+    """Subscribes to a node while there are viewers; use it as a context manager."""
 
-    def __init__(self, server: ViewServer, ros: RawTopics, node: str) -> None:
-        """Advertises the topics of a node, by its full name such as `/scene_flow`."""
-        self._ros = ros
-        self._types = {f"{node}{end}": msgtype for end, msgtype in _TYPES.items()}
-        self._types[_DIAGNOSTICS[0]] = _DIAGNOSTICS[1]
-        self._channels = {
-            topic: server.channel(topic, msgtype) for topic, msgtype in self._types.items()
-        }
-        self._subscriptions: dict[str, Any] = {}
+    def __init__(self, server: PageServer, node: str) -> None:
+        """Joins the ROS graph; `node` is a full name such as `/scene_flow`."""
+        self._server, self._name = server, f"/{node.strip('/')}"
+        self._ros = RawTopics("mnsf_view")
+        self._settings = Settings()
+        self._parameters: RemoteParameters | None = None
+        self._subscriptions: list[Any] = []
+        self._forget()
+        server.publish("title", json.dumps({"kind": "title", "text": self._name}))
 
-    def run(self) -> Iterator[int]:
-        """Forwards messages; yields the number of topics with viewers."""
+    def __enter__(self: Self) -> Self:
+        """Returns itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leaves the ROS graph."""
+        self._ros.__exit__(*error)
+
+    def run(self) -> None:
+        """Follows the node and the viewers for ever."""
         while True:
-            self._refresh()
-            self._ros.spin_for(_REFRESH_S)
-            yield len(self._subscriptions)
+            self.work()
 
-    def _refresh(self) -> None:
-        for topic, channel in self._channels.items():
-            is_watched = channel.has_sinks()
-            if is_watched and topic not in self._subscriptions:
-                self._subscriptions[topic] = self._ros.subscribe(
-                    topic, self._types[topic], channel.log
-                )
-            elif not is_watched and topic in self._subscriptions:
-                self._ros.unsubscribe(self._subscriptions.pop(topic))
+    def work(self) -> None:
+        """Shows what arrives for a moment; waits while there are no viewers."""
+        is_watched = self._server.num_viewers > 0
+        if is_watched != bool(self._subscriptions):
+            (self._subscribe if is_watched else self._unsubscribe)()
+        try:
+            command = self._server.commands.get(block=not is_watched)
+        except Empty:
+            if self._parameters is not None:
+                self._parameters.ask()
+            self._ros.spin_for(_ROUND_S)
+        else:
+            self._follow(command)
+
+    def _follow(self, command: dict[str, Any]) -> None:
+        match command:
+            case {"do": "set", "name": str(name), "value": value}:
+                self._set({name: value})
+            case {"do": "reset"}:
+                changeable = (one for one in declared_settings() if not one.fixed)
+                values = {one.name: one.default for one in changeable}
+                self._set({k: v for k, v in values.items() if self._settings.value_of(k) != v})
+
+    def _set(self, values: dict[str, Any]) -> None:
+        try:
+            checked = {name: declared_setting(name).checked(v) for name, v in values.items()}
+        except SettingsError as error:
+            self._refuse(str(error))
+            return
+        if self._parameters is not None:
+            self._parameters.set(checked)
+
+    def _refuse(self, reason: str) -> None:
+        self._server.publish("refused", json.dumps({"kind": "refused", "text": reason}))
+        self._publish_knobs()
+
+    def _receive_settings(self, values: dict[str, Any]) -> None:
+        try:
+            self._settings = self._settings.changed(values)
+        except SettingsError as error:
+            _LOG.warning("%s: a parameter of another version: %s", self._name, error)
+        self._publish_knobs()
+
+    def _publish_knobs(self) -> None:
+        self._server.publish("knobs", knobs_message(self._settings, of_node=True))
+
+    def _forget(self) -> None:
+        self._waiting: dict[int, dict[str, Any]] = {}
+        self._paths = Paths()
+        self._latency_ms: float | None = None
+
+    def _subscribe(self) -> None:
+        self._forget()
+        self._parameters = RemoteParameters(
+            self._ros.node, self._name, self._receive_settings, self._refuse
+        )
+        for part, msgtype in _PARTS.items():
+            self._add(f"{self._name}{part}", msgtype, self._receiver(part))
+        self._add(f"{self._name}{_LATENCY[0]}", _LATENCY[1], self._receive_latency)
+        self._add(*_DIAGNOSTICS, self._receive_diagnostics)
+
+    def _add(self, topic: str, msgtype: str, receive: Callable[[Any], None]) -> None:
+        def decode(raw: bytes) -> None:
+            receive(jazzy().deserialize_cdr(raw, msgtype))
+
+        self._subscriptions.append(self._ros.subscribe(topic, msgtype, decode))
+
+    def _unsubscribe(self) -> None:
+        for subscription in self._subscriptions:
+            self._ros.unsubscribe(subscription)
+        self._subscriptions.clear()
+        if self._parameters is not None:
+            self._parameters.close()
+        self._parameters = None
+
+    def _receiver(self, part: str) -> Callable[[Any], None]:
+        def receive(message: Any) -> None:  # noqa: ANN401 - of several types
+            stamp_ns = decode_stamp(message.header.stamp)
+            self._waiting.setdefault(stamp_ns, {})[part] = message
+            self._show_complete()
+
+        return receive
+
+    def _show_complete(self) -> None:
+        """Shows the newest scene with all its parts, or what there is of one that was passed by."""
+        stamps = sorted(self._waiting)
+        complete = [one for one in stamps if len(self._waiting[one]) == len(_PARTS)]
+        passed_by = [one for one in stamps[:-1] if "/flow" in self._waiting[one]]
+        chosen = (complete or passed_by)[-1:]
+        for stamp_ns in chosen:
+            self._show(stamp_ns, self._waiting[stamp_ns])
+        for stamp_ns in stamps:
+            if stamp_ns <= max(chosen, default=stamps[0] - 1) or len(stamps) > _MAX_WAITING:
+                del self._waiting[stamp_ns]
+
+    def _show(self, stamp_ns: int, parts: dict[str, Any]) -> None:
+        try:
+            scene = _scene(stamp_ns, parts)
+        except MessageError as error:
+            _LOG.warning("%s: a cloud that cannot be shown: %s", self._name, error)
+            return
+        trails = self._paths.after(stamp_ns, scene.world_from_sensor, scene.objects)
+        self._server.publish("scene", scene_message(scene, trails))
+
+    def _receive_latency(self, message: Any) -> None:  # noqa: ANN401
+        self._latency_ms = float(message.data)
+
+    def _receive_diagnostics(self, message: Any) -> None:  # noqa: ANN401
+        own = [one for one in message.status if one.name.startswith(f"{self._name[1:]}: ")]
+        if not own:
+            return
+        known = {
+            item.key: item.value
+            for one in own
+            for item in one.values
+            if one.name.endswith(": flow") or item.key == "source"
+        }
+        warnings = [
+            {"level": _LEVELS[one.level], "text": f"{one.name.rpartition(': ')[2]}: {one.message}"}
+            for one in own
+            if one.level in _LEVELS
+        ]
+        status = {
+            "kind": "status",
+            "latency": self._latency_ms,
+            "values": {text: known[key] for key, text in _VALUES.items() if key in known},
+            "warnings": warnings,
+        }
+        self._server.publish("status", json.dumps(status))
+
+
+def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
+    """Returns the scene of the messages of one stamp.
+
+    Raises:
+        MessageError: One of them cannot be decoded.
+    """
+    xyz, finite = decode_xyz(parts["/flow"])
+    points = decode_points(parts["/flow"]).ravel()[finite]
+    dynamic = points["dynamic"] != 0
+    colors = motion_colors(np.zeros_like(xyz), dynamic)
+    if COLOR_NAME in (points.dtype.names or ()):
+        packed = np.ascontiguousarray(points[COLOR_NAME]).view(np.uint32)
+        colors = packed & np.uint32(0xFFFFFF) | colors & np.uint32(0xFF000000)
+    ego, objects = parts.get("/ego_motion"), parts.get("/objects")
+    pose = np.eye(4) if ego is None else pose_matrix(ego.pose.pose)
+    rows: Any = () if objects is None else decode_points(objects).ravel()
+    return Scene(stamp_ns, xyz, colors, pose, [_object(row) for row in rows])
+
+
+def _object(row: Any) -> TrackedObject:  # noqa: ANN401 - of a structured array
+    def vector(*names: str) -> Any:  # noqa: ANN401
+        return np.array([row[name] for name in names], np.float64)
+
+    return TrackedObject(
+        track_id=int(row["id"]),
+        center=vector("x", "y", "z"),
+        size=vector("length", "width", "height"),
+        yaw=float(row["yaw"]),
+        velocity=vector("vx", "vy", "vz"),
+        covariance=np.zeros((6, 6)),
+        age_s=float(row["age"]),
+        num_points=int(row["num_points"]),
+    )

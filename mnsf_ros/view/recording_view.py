@@ -1,152 +1,329 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A recording is played, estimated and shown, with the names of topics that the node has."""
+"""A recording is played, estimated and shown, under the control of the page."""
 
 from __future__ import annotations
 
+import json
 import math
-import struct
-from collections.abc import Callable, Iterable
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from queue import Empty
 from typing import Any, Final
 
-from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
-from mnsf_ros.demo.pace import in_time
-from mnsf_ros.drawing.color_wheel import object_color
-from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.settings import OutputSettings
-from mnsf_ros.sweeps.sweep import Sweep
-from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
-from mnsf_ros.view.estimated_sweeps import EstimatedSweep
-from mnsf_ros.view.view_server import ViewServer
+import numpy as np
+from numpy.typing import NDArray
 
-_ODOM_FRAME: Final = "scene_flow_odom"
-_OPACITY: Final = 0.4
-_LABEL_M: Final = 0.7
-_CDR: Final = b"\x00\x01\x00\x00"
+from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.errors import EvaluationError, SettingsError
+from mnsf_ros.evaluation.scoring import true_motion
+from mnsf_ros.online.stream import Stream
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.bag_topics import UsedTopics
+from mnsf_ros.report.explanation import decision_at
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
+from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
+from mnsf_ros.view.knobs import knobs_message
+from mnsf_ros.view.page_server import PageServer
+from mnsf_ros.view.scene_message import (
+    Colors,
+    Paths,
+    Scene,
+    Trails,
+    error_colors,
+    motion_colors,
+    scene_message,
+)
+
+# Memory of the method `online`: earlier sweeps have no effect.
+_PAST_S: Final = 3.0
+# Sweeps that can be stepped back to at once.
+_KEPT: Final = 20
+_MAX_WARNINGS: Final = 20
+_SAME_S: Final = 0.001
+_SLOWEST: Final = 0.01
+_FASTEST: Final = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A sweep that was shown."""
+
+    position_s: float
+    sweep: EstimatedSweep
+    trails: Trails
 
 
 class RecordingView:
-    """The channels of a server for the flow of a recording."""
+    """Plays a recording for the viewers of a server; rests while there are none.
 
-    def __init__(self, server: ViewServer) -> None:
-        """Advertises them."""
-        self._flow = server.channel("/scene_flow/flow", "sensor_msgs/msg/PointCloud2")
-        self._time = server.channel("/scene_flow/debug/processing_time_ms", "std_msgs/msg/Float64")
-        self._objects = server.typed_channel("/scene_flow/objects/scene", "SceneUpdate")
-        self._transform = server.typed_channel("/tf", "FrameTransform")
+    Positions are seconds since the first sweep.
+    """
 
-    def play(
+    def __init__(
         self,
-        sweeps: Iterable[EstimatedSweep],
-        rate: float,
-        wait: Callable[[float], None],
-        on_shown: Callable[[int], None],
+        server: PageServer,
+        reader: BagReader,
+        topics: UsedTopics,
+        settings: Settings,
+        speed: float = 1.0,
     ) -> None:
-        """Shows sweeps, each when it is due, or as fast as they are estimated.
+        """Starts to play at the beginning.
 
-        Args:
-            sweeps: In the order of time.
-            rate: Speed over that of the recording, above 0.
-            wait: Called with the seconds to wait.
-            on_shown: Called with the number of sweeps shown so far.
+        Raises:
+            SettingsError: The method cannot be made with the settings.
+            RecordingError: Damage is met in the recording.
         """
-        timed = ((sweep.triplet.current.stamp_ns, sweep) for sweep in sweeps)
-        for number, (_, sweep) in enumerate(in_time(timed, wait, rate), start=1):
-            self._show(sweep)
-            on_shown(number)
+        self._server, self._reader, self._topics = server, reader, topics
+        self._settings, self._first_settings = settings, settings
+        self._speed, self._is_playing = speed, True
+        self._layers = tuple(_COLORS) if topics.truth is not None else ("estimate",)
+        self._layer = "estimate"
+        first_ns, last_ns = reader.span_ns
+        self._first_ns, self._duration_s = first_ns, (last_ns - first_ns) / NANOSECONDS
+        self._first_stamp_ns: int | None = None
+        self._warnings: deque[str] = deque(maxlen=_MAX_WARNINGS)
+        self._asked: dict[str, Any] | None = None
+        self._kept: deque[_Shown] = deque(maxlen=_KEPT)
+        self._place = -1  # of the shown sweep among the kept ones
+        self._due_s = 0.0
+        self._target_s: float | None = None
+        self._start_at(0.0)
+        self._publish_knobs()
+        server.publish("title", json.dumps({"kind": "title", "text": str(reader.path.name)}))
 
-    def _show(self, shown: EstimatedSweep) -> None:
-        triplet, estimate = shown.triplet, shown.estimate
-        sweep, known = triplet.current, estimate.over_ground
-        stamp_ns = sweep.stamp_ns
-        if known is not None:
-            self._transform.log(_transform(sweep, known), log_time=stamp_ns)
-            self._objects.log(_scene(sweep, known.objects), log_time=stamp_ns)
-        self._time.log(_CDR + struct.pack("<d", estimate.time_ms), log_time=stamp_ns)
-        cloud = flow_cloud(sweep, estimate, triplet.interval_s, OutputSettings())
-        self._flow.log(cloud, log_time=stamp_ns)
+    def run(self) -> None:
+        """Plays for ever, from the beginning again at the end."""
+        while True:
+            self.work()
+
+    def work(self) -> None:
+        """Follows the next command, or shows the next sweep when it is due."""
+        try:
+            command = self._server.commands.get(timeout=self._idle_s())
+        except Empty:
+            self._advance()
+        else:
+            self._follow(command)
+
+    def _idle_s(self) -> float | None:
+        """Seconds without work; None until the next command."""
+        if self._server.num_viewers == 0:
+            return None
+        if self._target_s is not None:
+            return 1e-6
+        return max(1e-6, self._due_s - time.monotonic()) if self._is_playing else None
+
+    def _follow(self, command: dict[str, Any]) -> None:
+        match command:
+            case {"do": "play"}:
+                self._is_playing, self._due_s = True, time.monotonic()
+            case {"do": "pause"}:
+                self._is_playing = False
+            case {"do": "step", "by": 1 | -1 as by}:
+                self._is_playing = False
+                self._step(by)
+            case {"do": "seek", "to": int() | float() as to} if math.isfinite(to):
+                self._start_at(min(max(0.0, to), self._duration_s))
+            case {"do": "speed", "to": int() | float() as to} if _SLOWEST <= to <= _FASTEST:
+                self._speed = to
+            case {"do": "layer", "name": str(name)} if name in self._layers:
+                self._layer = name
+                self._publish_scene()
+            case {"do": "set", "name": str(name), "value": value}:
+                self._change(name, value)
+            case {"do": "reset"}:
+                self._use(self._first_settings)
+            case {"do": "explain", "at": [int() | float() as x, int() | float() as y], **more}:
+                self._asked = {"at": (x, y), "track": more.get("track", 0)}
+                self._explain()
+            case {"do": "forget"}:
+                self._asked = None
+                self._explain()
+        self._publish_player()
+
+    def _change(self, name: str, value: object) -> None:
+        try:
+            self._use(self._settings.changed({name: value}))
+        except SettingsError as error:
+            self._server.publish("refused", json.dumps({"kind": "refused", "text": str(error)}))
+            self._publish_knobs()
+
+    def _use(self, settings: Settings) -> None:
+        """Lets settings hold from the next sweep on; while paused, for the shown one at once."""
+        self._stream.change_settings(settings)
+        self._settings = settings
+        self._publish_knobs()
+        if not self._is_playing and self._kept:
+            self._start_at(self._kept[self._place].position_s)
+
+    def _start_at(self, position_s: float) -> None:
+        """Estimates from a while before a position on; shows the first sweep from there on."""
+        start_ns = self._first_ns + round((position_s - _PAST_S) * NANOSECONDS)
+        self._stream = Stream(self._settings)
+        self._sweeps: Iterator[EstimatedSweep] = estimated_sweeps(
+            self._reader.since(start_ns), self._topics, self._stream, self._warnings.append
+        )
+        self._paths = Paths()
+        self._target_s = position_s
+        self._kept.clear()
+        self._place = -1
+
+    def _step(self, by: int) -> None:
+        place = self._place + by
+        if 0 <= place < len(self._kept):
+            self._place = place
+            self._show()
+        elif by > 0:
+            self._advance()
+        elif self._kept:
+            position_s = self._kept[0].position_s
+            interval_s = self._kept[0].sweep.triplet.interval_s or USUAL_INTERVAL_S
+            self._start_at(max(0.0, position_s - 1.2 * interval_s))
+
+    def _advance(self) -> None:
+        """Shows the next sweep, or estimates one before the target."""
+        if self._place + 1 < len(self._kept):
+            self._place += 1
+            self._show()
+            return
+        sweep = next(self._sweeps, None)
+        if sweep is None:
+            self._end()
+            return
+        stamp_ns = sweep.triplet.current.stamp_ns
+        if self._first_stamp_ns is None:
+            self._first_stamp_ns = stamp_ns
+        position_s = (stamp_ns - self._first_stamp_ns) / NANOSECONDS
+        known = sweep.estimate.over_ground
+        pose, objects = (
+            (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
+        )
+        trails = self._paths.after(stamp_ns, pose, objects)
+        if self._target_s is not None and position_s < self._target_s - _SAME_S:
+            self._publish_player(position_s)
+            return
+        self._target_s = None
+        self._kept.append(_Shown(position_s, sweep, trails))
+        self._place = len(self._kept) - 1
+        self._show()
+
+    def _end(self) -> None:
+        if self._first_stamp_ns is None:
+            raise EvaluationError("no sweep of the recording has a flow")
+        is_at_start = self._target_s == 0.0
+        self._is_playing = self._is_playing and not is_at_start
+        self._start_at(0.0)
+
+    def _show(self) -> None:
+        shown = self._kept[self._place]
+        self._publish_scene()
+        self._publish_status(shown.sweep)
+        self._publish_player()
+        self._explain()
+        now_s = time.monotonic()
+        interval_s = (shown.sweep.triplet.interval_s or USUAL_INTERVAL_S) / self._speed
+        # Late sweeps are not caught up.
+        self._due_s = max(now_s, self._due_s + interval_s)
+
+    def _publish_scene(self) -> None:
+        if self._kept:
+            shown = self._kept[self._place]
+            scene = _scene(shown.sweep, self._layer)
+            self._server.publish("scene", scene_message(scene, shown.trails))
+
+    def _explain(self) -> None:
+        lines: list[str] = []
+        if self._asked is not None and self._kept:
+            shown = self._kept[self._place].sweep
+            known = shown.estimate.over_ground
+            for item in () if known is None else known.objects:
+                if item.track_id == self._asked["track"]:
+                    self._asked["at"] = tuple(item.center[:2].tolist())
+            try:
+                lines = decision_at(shown.example, shown.estimate, self._asked["at"])
+            except EvaluationError as error:
+                lines = [str(error)]
+        self._server.publish("reasons", json.dumps({"kind": "reasons", "lines": lines}))
+
+    def _publish_knobs(self) -> None:
+        self._server.publish("knobs", knobs_message(self._settings, of_node=False))
+
+    def _publish_player(self, estimated_s: float = 0.0) -> None:
+        """Tells the state of the player; before the target, the position of the last estimate."""
+        is_busy = self._target_s is not None
+        position_s = self._kept[self._place].position_s if self._kept else self._target_s
+        state = {
+            "kind": "player",
+            "playing": self._is_playing,
+            "layers": self._layers,
+            "layer": self._layer,
+            "speed": self._speed,
+            "position": position_s,
+            "duration": self._duration_s,
+            "busy": estimated_s if is_busy else None,
+        }
+        self._server.publish("player", json.dumps(state))
+
+    def _publish_status(self, sweep: EstimatedSweep) -> None:
+        estimate, known = sweep.estimate, sweep.estimate.over_ground
+        values = {
+            "points": f"{len(sweep.triplet.current):,}",
+            "dynamic objects": "unknown" if known is None else str(len(known.objects)),
+            "estimate": f"{estimate.time_ms:.0f} ms",
+        }
+        status = {
+            "kind": "status",
+            "latency": estimate.time_ms,
+            "values": values,
+            "warnings": list(self._warnings),
+        }
+        self._server.publish("status", json.dumps(status))
 
 
-def _transform(sweep: Sweep, known: OverGround) -> Any:  # noqa: ANN401 - of a library without types
-    from foxglove.messages import FrameTransform, Quaternion, Vector3
-
-    x, y, z = known.world_from_sensor[:3, 3].tolist()
-    return FrameTransform(
-        timestamp=_timestamp(sweep),
-        parent_frame_id=_ODOM_FRAME,
-        child_frame_id=sweep.frame_id,
-        translation=Vector3(x=x, y=y, z=z),
-        rotation=Quaternion(
-            **dict(zip("xyzw", pose_quaternion(known.world_from_sensor), strict=True))
-        ),
-    )
+def _scene(sweep: EstimatedSweep, layer: str) -> Scene:
+    current = sweep.triplet.current
+    return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *_pose_and_objects(sweep))
 
 
-def _scene(sweep: Sweep, objects: Iterable[TrackedObject]) -> Any:  # noqa: ANN401
-    """Replaces the objects of the sweep before."""
-    from foxglove.messages import SceneEntityDeletion, SceneEntityDeletionType, SceneUpdate
-
-    everything = SceneEntityDeletion(
-        timestamp=_timestamp(sweep), type=SceneEntityDeletionType.All, id=""
-    )
-    return SceneUpdate(deletions=[everything], entities=[_entity(sweep, item) for item in objects])
+def _pose_and_objects(
+    sweep: EstimatedSweep,
+) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
+    known = sweep.estimate.over_ground
+    return (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
 
 
-def _entity(sweep: Sweep, item: TrackedObject) -> Any:  # noqa: ANN401
-    from foxglove.messages import (
-        ArrowPrimitive,
-        Color,
-        CubePrimitive,
-        Pose,
-        Quaternion,
-        SceneEntity,
-        TextPrimitive,
-        Vector3,
-    )
-
-    def pose(yaw: float, above_m: float = 0.0) -> Pose:
-        x, y, z = item.center.tolist()
-        turn = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-        return Pose(position=Vector3(x=x, y=y, z=z + above_m), orientation=turn)
-
-    red, green, blue = object_color(item.track_id)
-    length, width, height = item.size.tolist()
-    vx, vy, _ = item.velocity.tolist()
-    speed = math.hypot(vx, vy)
-    solid = Color(r=red, g=green, b=blue, a=1.0)
-    return SceneEntity(
-        timestamp=_timestamp(sweep),
-        frame_id=sweep.frame_id,
-        id=str(item.track_id),
-        cubes=[
-            CubePrimitive(
-                pose=pose(item.yaw),
-                size=Vector3(x=length, y=width, z=height),
-                color=Color(r=red, g=green, b=blue, a=_OPACITY),
-            )
-        ],
-        arrows=[
-            ArrowPrimitive(
-                pose=pose(math.atan2(vy, vx)),
-                shaft_length=speed,
-                shaft_diameter=0.2,
-                head_length=0.4,
-                head_diameter=0.5,
-                color=solid,
-            )
-        ],
-        texts=[
-            TextPrimitive(
-                pose=pose(0.0, height / 2 + _LABEL_M),
-                billboard=True,
-                font_size=_LABEL_M,
-                color=solid,
-                text=f"{item.track_id}: {speed:.1f} m/s",
-            )
-        ],
-    )
+def _estimate_colors(sweep: EstimatedSweep) -> Colors:
+    estimate, known = sweep.estimate, sweep.estimate.over_ground
+    motion = estimate.flow if known is None else known.motion
+    dynamic = np.zeros(len(motion), np.bool_) if known is None else known.dynamic
+    return motion_colors(motion / np.float32(sweep.triplet.interval_s or USUAL_INTERVAL_S), dynamic)
 
 
-def _timestamp(sweep: Sweep) -> Any:  # noqa: ANN401
-    from foxglove.messages import Timestamp
+def _truth_colors(sweep: EstimatedSweep) -> Colors:
+    example = sweep.example
+    velocity = np.zeros_like(sweep.estimate.flow)
+    moves: NDArray[np.bool_] = np.zeros(len(velocity), np.bool_)
+    if (truth := example.truth) is not None and truth.valid.any():
+        moves = truth.dynamic & truth.valid
+        rows = np.flatnonzero(truth.valid)
+        motion, _ = true_motion(example, truth, rows)
+        velocity[rows] = motion.velocity
+        velocity[~moves] = 0.0
+    return motion_colors(velocity, moves)
 
-    return Timestamp(*divmod(sweep.stamp_ns, 10**9))
+
+def _colors_of_errors(sweep: EstimatedSweep) -> Colors:
+    truth, flow = sweep.example.truth, sweep.estimate.flow
+    if truth is None:
+        return error_colors(flow[:, 0], np.zeros(len(flow), np.bool_))
+    return error_colors(np.linalg.norm(flow - truth.flow, axis=1), truth.valid)
+
+
+_COLORS: Final = {
+    "estimate": _estimate_colors,
+    "truth": _truth_colors,
+    "error": _colors_of_errors,
+}

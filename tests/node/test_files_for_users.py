@@ -1,10 +1,8 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The files for RViz, Foxglove and SROS 2 name the topics and services of the node."""
+"""The files for RViz and SROS 2 name the topics and services of the node."""
 
 from __future__ import annotations
 
-import json
-import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -58,22 +56,6 @@ def test_displays_of_rviz(types_of):
     }
     for topic, display in shown.items():
         assert types_of[topic] == [RVIZ_DISPLAYS[display["Class"]]]
-
-
-def test_panels_of_foxglove(types_of):
-    layout = json.loads((ROOT / "mnsf_ros" / "view" / "foxglove_layout.json").read_text())
-    panels = layout["configById"]
-    used = re.findall(r'"((?:3D|Plot|Diagnostic)[^"]*)"', json.dumps(layout["layout"]))
-    assert set(used) == set(panels)
-    topics = panels["3D!scene_flow"]["topics"]
-    clouds = [name for name in topics if "/flow/" in f"{name}/"]
-    assert {str(types_of[name]) for name in clouds} == {"['sensor_msgs/msg/PointCloud2']"}
-    for name in clouds:
-        assert (topics[name]["colorMode"], topics[name]["colorField"]) == ("rgb", "rgb")
-    for path in panels["Plot!latency"]["paths"]:
-        assert types_of[re.sub(r"\.data$", "", path["value"])] == ["std_msgs/msg/Float64"]
-    status = panels["DiagnosticSummary!status"]["topicToRender"]
-    assert types_of[status] == ["diagnostic_msgs/msg/DiagnosticArray"]
 
 
 def allowed(rule):

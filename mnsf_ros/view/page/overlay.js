@@ -1,0 +1,243 @@
+// Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+// All over the points: boxes, labels, paths, the sensor, and the legend.
+
+import { moved, yawOf } from "./camera.js";
+
+const INK = "#e1e4e8", FAINT = "#8c939c", GROUND = "#0d0f14";
+const RINGS_M = [10, 20, 40, 80];
+const EDGES = [[0, 1], [1, 3], [3, 2], [2, 0], [4, 5], [5, 7], [7, 6], [6, 4],
+  [0, 4], [1, 5], [2, 6], [3, 7]];
+const NEAREST = 0.3;
+const WHEEL_PX = 76;
+const LABEL_PX = 20;
+
+export class Overlay {
+  constructor(canvas, fullSpeed) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.wheel = wheelImage(2 * WHEEL_PX);
+    this.fullSpeed = fullSpeed;
+  }
+
+  // A drawing of one scene: `clipFromFrame` of the camera, `frameFromSensor`, `frameFromWorld`.
+  draw(scene, view) {
+    const context = this.context;
+    Object.assign(this, view);
+    context.setTransform(view.scale, 0, 0, view.scale, 0, 0);
+    context.clearRect(0, 0, view.width, view.height);
+    if (scene) {
+      this.drawRings(scene);
+      this.drawPath(scene.ego.map((at) => [at[0], at[1], at[2] + scene.groundZ]), INK, 1.5, 0.5);
+      this.drawSensor(scene.groundZ);
+      for (const item of scene.objects) this.drawPath(item.path, item.color, 2, 0.9);
+      for (const item of scene.objects) this.drawBox(item, item.id === view.selected.track);
+      if (view.selected.at && !view.selected.track) this.drawMark(view.selected.at, scene.groundZ);
+      this.drawLabels(scene.objects, view.selected.track);
+    }
+    this.drawLegend(view.layer);
+  }
+
+  clip(point) {
+    const m = this.clipFromFrame, [x, y, z] = point;
+    return [0, 4, 12].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3]);
+  }
+
+  pixel([x, y, w]) {
+    return [(1 + x / w) * this.width / 2, (1 - y / w) * this.height / 2];
+  }
+
+  // The pixels of a place in the frame of the sensor; null behind the camera.
+  pixelOf(place) {
+    const at = this.clip(moved(this.frameFromSensor, place));
+    return at[2] > NEAREST ? this.pixel(at) : null;
+  }
+
+  // Adds a line between two places of the frame, cut where it passes the camera.
+  line(from, to) {
+    let [a, b] = [this.clip(from), this.clip(to)];
+    if (a[2] < NEAREST && b[2] < NEAREST) return;
+    const cut = (out, inside) => {
+      const share = (NEAREST - out[2]) / (inside[2] - out[2]);
+      return out.map((value, axis) => value + share * (inside[axis] - value));
+    };
+    if (a[2] < NEAREST) a = cut(a, b);
+    if (b[2] < NEAREST) b = cut(b, a);
+    this.context.moveTo(...this.pixel(a));
+    this.context.lineTo(...this.pixel(b));
+  }
+
+  stroke(color, width, alpha, addLines) {
+    const context = this.context;
+    Object.assign(context, { strokeStyle: color, lineWidth: width, globalAlpha: alpha });
+    context.lineCap = "round";
+    context.beginPath();
+    addLines();
+    context.stroke();
+    context.globalAlpha = 1;
+  }
+
+  drawRings({ groundZ }) {
+    const around = (radius, turn) => moved(this.frameFromSensor,
+      [radius * Math.cos(turn), radius * Math.sin(turn), groundZ]);
+    for (const radius of RINGS_M) {
+      this.stroke("#5b6472", 1, 0.45, () => {
+        for (let k = 0; k < 72; k++)
+          this.line(around(radius, k * Math.PI / 36), around(radius, (k + 1) * Math.PI / 36));
+      });
+      const at = this.pixelOf([0, -radius, groundZ]);
+      if (at) this.text(`${radius} m`, at[0] + 4, at[1] - 4, FAINT, "left", 11);
+    }
+  }
+
+  drawPath(places, color, width, alpha) {
+    const moved_ = places.map((place) => moved(this.frameFromWorld, place));
+    for (let k = 1; k < moved_.length; k++)
+      this.stroke(color, width, alpha * (0.15 + 0.85 * k / moved_.length),
+        () => this.line(moved_[k - 1], moved_[k]));
+  }
+
+  drawSensor(groundZ) {
+    const arrow = [[2.2, 0], [-1.6, 1.1], [-0.7, 0], [-1.6, -1.1]]
+      .map(([x, y]) => this.pixelOf([x, y, groundZ]));
+    if (arrow.some((at) => at === null)) return;
+    const context = this.context;
+    context.beginPath();
+    for (const at of arrow) context.lineTo(...at);
+    context.closePath();
+    context.fillStyle = INK;
+    context.fill();
+  }
+
+  drawMark([x, y], groundZ) {
+    this.stroke(INK, 2, 1, () => {
+      for (const [dx, dy] of [[1, 0], [0, 1]])
+        this.line(moved(this.frameFromSensor, [x - dx, y - dy, groundZ]),
+          moved(this.frameFromSensor, [x + dx, y + dy, groundZ]));
+    });
+  }
+
+  corners({ center, size, yaw }) {
+    const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+    const result = [];
+    for (const z of [-0.5, 0.5]) for (const x of [0.5, -0.5]) for (const y of [0.5, -0.5]) {
+      const [along, across] = [x * size[0], y * size[1]];
+      result.push([center[0] + cos * along - sin * across, center[1] + sin * along + cos * across,
+        center[2] + z * size[2]]);
+    }
+    return result;
+  }
+
+  drawBox(item, isSelected) {
+    const corners = this.corners(item).map((corner) => moved(this.frameFromSensor, corner));
+    const context = this.context;
+    context.setLineDash(item.points ? [] : [5, 5]);
+    this.stroke(item.color, isSelected ? 3 : 1.6, isSelected ? 1 : 0.85, () => {
+      for (const [first, second] of EDGES) this.line(corners[first], corners[second]);
+    });
+    context.setLineDash([]);
+    // Where it is in a second.
+    const ahead = [item.center[0] + Math.cos(item.course) * item.speed,
+      item.center[1] + Math.sin(item.course) * item.speed, item.center[2] - item.size[2] / 2];
+    const base = [item.center[0], item.center[1], ahead[2]];
+    this.stroke(item.color, 2.5, 0.9, () =>
+      this.line(moved(this.frameFromSensor, base), moved(this.frameFromSensor, ahead)));
+  }
+
+  // Labels of near objects come first; where one has no place, it is left out.
+  drawLabels(objects, selected) {
+    const context = this.context, placed = [];
+    const near = [...objects].sort((a, b) => (b.id === selected) - (a.id === selected)
+      || Math.hypot(...a.center) - Math.hypot(...b.center));
+    context.font = "12px system-ui, 'DejaVu Sans', sans-serif";
+    for (const item of near) {
+      const at = this.pixelOf([item.center[0], item.center[1], item.center[2] + item.size[2] / 2]);
+      if (!at || at[0] < -20 || at[0] > this.width + 20 || at[1] < 0 || at[1] > this.height) continue;
+      const text = `${item.speed.toFixed(1)} m/s  ${item.age.toFixed(1)} s`;
+      const width = context.measureText(text).width + 16;
+      const box = this.freePlace(at, width, placed);
+      if (!box) continue;
+      placed.push(box);
+      this.drawLabel(text, at, box, item.color);
+    }
+  }
+
+  freePlace([x, y], width, placed) {
+    for (const lift of [8, 32, 56, 80])
+      for (const shift of [0, 0.6, -0.6]) {
+        const left = Math.min(Math.max(4, x - width / 2 + shift * width), this.width - width - 4);
+        const box = [left, y - lift - LABEL_PX, left + width, y - lift];
+        const isFree = placed.every((other) => box[2] < other[0] - 3 || other[2] < box[0] - 3
+          || box[3] < other[1] - 3 || other[3] < box[1] - 3);
+        if (isFree && box[1] > 4) return box;
+      }
+    return null;
+  }
+
+  drawLabel(text, [x, y], [left, top, right, bottom], color) {
+    const context = this.context;
+    this.stroke(color, 1, 0.8, () => {
+      context.moveTo(Math.min(Math.max(x, left + 4), right - 4), bottom);
+      context.lineTo(x, y);
+    });
+    context.fillStyle = "#11141ae0";
+    context.beginPath();
+    context.roundRect(left, top, right - left, LABEL_PX, 5);
+    context.fill();
+    context.fillStyle = color;
+    context.fillRect(left, top + 4, 3, LABEL_PX - 8);
+    this.text(text, left + 9, top + 14, INK, "left", 12);
+  }
+
+  drawLegend(layer) {
+    const context = this.context, half = WHEEL_PX / 2;
+    const [x, y] = [this.width - half - 30, this.height - half - 92];
+    if (layer === "error") {
+      const ramp = context.createLinearGradient(x - 60, 0, x + half, 0);
+      ["#343a48", "#e2b02c", "#ff3a28"].forEach((color, k) => ramp.addColorStop(k / 2, color));
+      context.fillStyle = ramp;
+      context.fillRect(x - 60, y + 30, half + 60, 8);
+      this.text("error of the flow, 0 to 0.3 m", x + half, y + 56, FAINT, "right", 11);
+      return;
+    }
+    const turn = this.azimuth - yawOf(this.frameFromSensor);
+    context.save();
+    context.translate(x, y);
+    context.rotate(turn - Math.PI / 2);
+    context.drawImage(this.wheel, -half, -half, WHEEL_PX, WHEEL_PX);
+    context.restore();
+    const away = half + 11;
+    this.text("ahead", x + Math.sin(turn) * away, y - Math.cos(turn) * away + 4, FAINT, "center", 11);
+    this.text(`full colour ${this.fullSpeed} m/s`, x + half, y + half + 28, FAINT, "right", 11);
+  }
+
+  text(text, x, y, color, align, size) {
+    const context = this.context;
+    context.font = `${size}px system-ui, "DejaVu Sans", sans-serif`;
+    Object.assign(context, { textAlign: align, lineWidth: 3, strokeStyle: GROUND });
+    context.lineJoin = "round";
+    context.strokeText(text, x, y);
+    context.fillStyle = color;
+    context.fillText(text, x, y);
+  }
+}
+
+// Ahead, x, is to the right and left, y, is up; as in drawing/color_wheel.py.
+function wheelImage(size) {
+  const canvas = new OffscreenCanvas(size, size), context = canvas.getContext("2d");
+  const image = context.createImageData(size, size);
+  for (let row = 0; row < size; row++)
+    for (let column = 0; column < size; column++) {
+      const [x, y] = [(column + 0.5) / size * 2 - 1, 1 - (row + 0.5) / size * 2];
+      const radius = Math.hypot(x, y), strength = Math.sqrt(Math.min(1, radius));
+      const sixths = Math.atan2(y, x) * 3 / Math.PI;
+      const rgb = [0, 2, 4].map((peak, channel) => {
+        const off = Math.abs(((sixths - peak + 3) % 6 + 6) % 6 - 3);
+        const neutral = [0.36, 0.38, 0.42][channel];
+        return 255 * (neutral + strength * (Math.min(1, Math.max(0, 2 - off)) - neutral));
+      });
+      const alpha = 255 * Math.min(1, Math.max(0, (1 - radius) * size / 2));
+      image.data.set([...rgb, alpha], 4 * (row * size + column));
+    }
+  context.putImageData(image, 0, 0);
+  return canvas;
+}

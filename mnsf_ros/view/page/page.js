@@ -1,0 +1,249 @@
+// Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+// The page of `mnsf view`: scenes come through a WebSocket, commands go back.
+
+import { Camera, IDENTITY, inverse, moved, product } from "./camera.js";
+import { Overlay } from "./overlay.js";
+import { element, Knobs, Player, showSelection, Status } from "./panel.js";
+import { Points } from "./points.js";
+
+const FULL_SPEED_M_S = 5;
+const RETRY_MS = 1000;
+const PICK_PX = 12;
+const CLICK_PX = 4;
+
+const find = (selector) => document.querySelector(selector);
+const canvas = find("#overlay");
+const camera = new Camera();
+const points = new Points(find("#points"));
+const overlay = new Overlay(canvas, FULL_SPEED_M_S);
+
+let socket = null;
+let scene = null;
+let layer = "estimate";
+let follows = true;
+let selected = { track: 0, at: null, lines: [] };
+let isDrawn = true;
+
+const send = (command) => {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(command));
+};
+const player = new Player(send), knobs = new Knobs(send), status = new Status();
+
+// --- messages
+
+const HANDLERS = {
+  title({ text }) {
+    find("#title").textContent = document.title = text;
+  },
+  player(message) {
+    player.show(message);
+    layer = message.layer;
+    showLayers(message.layers);
+  },
+  knobs: (message) => knobs.show(message),
+  status: (message) => status.show(message),
+  refused: ({ text }) => notice(text, 6000),
+  reasons({ lines }) {
+    selected.lines = lines;
+    describeSelection();
+  },
+};
+
+function connect() {
+  const opened = new WebSocket(`ws://${location.host}/socket${location.search}`);
+  socket = opened;
+  opened.binaryType = "arraybuffer";
+  opened.onopen = () => notice("");
+  opened.onmessage = ({ data }) => {
+    if (typeof data !== "string") return showScene(data);
+    const message = JSON.parse(data);
+    HANDLERS[message.kind]?.(message);
+  };
+  opened.onclose = ({ reason }) => {
+    if (socket !== opened) return;
+    socket = null;
+    notice(`no connection${reason ? `: ${reason}` : ""}`);
+    setTimeout(() => { if (!socket && !document.hidden) connect(); }, RETRY_MS);
+  };
+}
+
+// Nothing is sent to a page that nobody sees.
+document.onvisibilitychange = () => {
+  if (!document.hidden && !socket) connect();
+  if (document.hidden && socket) {
+    const closed = socket;
+    socket = null;
+    closed.close();
+  }
+};
+
+function showScene(data) {
+  const length = new DataView(data).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const start = 4 + length, count = head.numPoints;
+  const xyz = new Float32Array(data, start, 3 * count);
+  scene = { ...head, xyz, groundZ: groundOf(xyz, scene?.groundZ) };
+  points.show(xyz, new Uint32Array(data, start + 12 * count, count));
+  find("#stamp").textContent = `${head.stamp} s`;
+  const item = scene.objects.find(({ id }) => id === selected.track);
+  if (item) selected.at = item.center.slice(0, 2);
+  describeSelection();
+  draw();
+}
+
+// The height of the ground around the sensor, below most points.
+function groundOf(xyz, before) {
+  const heights = [];
+  for (let k = 0; k < xyz.length; k += 3 * 23)
+    if (Math.hypot(xyz[k], xyz[k + 1]) < 15) heights.push(xyz[k + 2]);
+  if (heights.length < 20) return before ?? -1.7;
+  heights.sort((a, b) => a - b);
+  const now = heights[Math.floor(heights.length * 0.1)];
+  return before === undefined ? now : 0.9 * before + 0.1 * now;
+}
+
+// --- drawing
+
+function draw() {
+  if (!isDrawn) return;
+  isDrawn = false;
+  requestAnimationFrame(() => {
+    isDrawn = true;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    const scale = devicePixelRatio;
+    for (const one of [canvas, find("#points")])
+      if (one.width !== Math.round(width * scale) || one.height !== Math.round(height * scale))
+        Object.assign(one, { width: Math.round(width * scale), height: Math.round(height * scale) });
+    const frameFromSensor = follows ? IDENTITY : scene?.pose ?? IDENTITY;
+    const frameFromWorld = follows ? inverse(scene?.pose ?? IDENTITY) : IDENTITY;
+    const clipFromFrame = camera.clipFromFrame(width / height);
+    points.draw(product(clipFromFrame, frameFromSensor), camera.distance);
+    overlay.draw(scene, { clipFromFrame, frameFromSensor, frameFromWorld, width, height, scale,
+      selected, layer, azimuth: camera.azimuth });
+    document.body.dataset.stamp = scene?.stamp ?? "";
+  });
+}
+
+function notice(text, durationMs = 0) {
+  const box = find("#notice");
+  Object.assign(box, { textContent: text, hidden: !text });
+  if (durationMs) setTimeout(() => { if (box.textContent === text) notice(""); }, durationMs);
+}
+
+function showLayers(names) {
+  const box = find("#layers");
+  if (box.childElementCount !== names.length)
+    box.replaceChildren(...names.map((name) => element("button",
+      { textContent: name, onclick: () => send({ do: "layer", name }) })));
+  box.hidden = names.length < 2;
+  for (const button of box.children) button.classList.toggle("on", button.textContent === layer);
+}
+
+function setFollowing(isOn) {
+  if (scene && isOn !== follows) camera.changeFrame(isOn ? inverse(scene.pose) : scene.pose);
+  follows = isOn;
+  find("#follow").classList.toggle("on", follows);
+  draw();
+}
+
+function look(from) {
+  camera[from]();
+  const place = follows ? [8, 0, 0] : moved(scene?.pose ?? IDENTITY, [8, 0, 0]);
+  camera.target = place;
+  draw();
+}
+
+// --- selection
+
+function describeSelection() {
+  const item = scene?.objects.find(({ id }) => id === selected.track);
+  const at = selected.at?.map((value) => value.toFixed(1)).join(", ");
+  const values = item && {
+    "speed": `${item.speed.toFixed(2)} m/s`,
+    "seen moving for": `${item.age.toFixed(1)} s`,
+    "length, width, height": `${item.size.map((value) => value.toFixed(1)).join(" × ")} m`,
+    "points": item.points || "hidden: predicted",
+  };
+  const title = selected.track ? `Object ${selected.track}` : "Place";
+  showSelection(selected.at ? `${title} at (${at}) m` : "", values ?? {}, selected.lines);
+}
+
+function select(track, at) {
+  selected = { track, at, lines: [] };
+  send(at ? { do: "explain", at, track } : { do: "forget" });
+  describeSelection();
+  draw();
+}
+
+function pick(x, y) {
+  if (!scene) return;
+  let best = { distance: PICK_PX, track: 0, at: null };
+  const consider = (place, track, slack) => {
+    const pixel = overlay.pixelOf(place);
+    if (!pixel) return;
+    const distance = Math.hypot(pixel[0] - x, pixel[1] - y) - slack;
+    if (distance < best.distance) best = { distance, track, at: [place[0], place[1]] };
+  };
+  for (const item of scene.objects) consider(item.center, item.id, 10);
+  for (const item of scene.objects)
+    for (const corner of overlay.corners(item)) consider(corner, item.id, 0);
+  if (!best.track)
+    for (let k = 0; k < scene.xyz.length; k += 3)
+      consider([scene.xyz[k], scene.xyz[k + 1], scene.xyz[k + 2]], 0, 0);
+  const item = scene.objects.find(({ id }) => id === best.track);
+  select(best.track, item ? item.center.slice(0, 2) : best.at);
+}
+
+// --- mouse and keys
+
+let drag = null;
+canvas.onpointerdown = (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  drag = { x: event.clientX, y: event.clientY, travel: 0,
+    pans: event.button !== 0 || event.shiftKey };
+};
+canvas.onpointermove = (event) => {
+  if (!drag) return;
+  const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
+  drag.travel += Math.hypot(dx, dy);
+  Object.assign(drag, { x: event.clientX, y: event.clientY });
+  if (drag.pans) camera.pan(dx, dy, canvas.clientHeight);
+  else camera.orbit(dx, dy);
+  draw();
+};
+canvas.onpointerup = (event) => {
+  if (drag && drag.travel < CLICK_PX && !drag.pans) pick(event.offsetX, event.offsetY);
+  drag = null;
+};
+canvas.oncontextmenu = (event) => event.preventDefault();
+canvas.onwheel = (event) => {
+  event.preventDefault();
+  camera.zoom(Math.sign(event.deltaY) * 0.12);
+  draw();
+};
+
+const KEYS = {
+  " ": () => player.toggle(),
+  "ArrowLeft": () => send({ do: "step", by: -1 }),
+  "ArrowRight": () => send({ do: "step", by: 1 }),
+  "f": () => setFollowing(!follows),
+  "o": () => look("lookFromBehind"),
+  "t": () => look("lookFromAbove"),
+  "1": () => send({ do: "layer", name: "estimate" }),
+  "2": () => send({ do: "layer", name: "truth" }),
+  "3": () => send({ do: "layer", name: "error" }),
+  "Escape": () => select(0, null),
+};
+document.onkeydown = (event) => {
+  if (event.target.closest("input, select, button, summary") || !KEYS[event.key]) return;
+  event.preventDefault();
+  KEYS[event.key]();
+};
+
+find("#orbit").onclick = KEYS.o;
+find("#top").onclick = KEYS.t;
+find("#follow").onclick = KEYS.f;
+find("#forget").onclick = KEYS.Escape;
+new ResizeObserver(draw).observe(canvas);
+connect();
+draw();

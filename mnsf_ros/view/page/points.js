@@ -1,0 +1,79 @@
+// Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+// The points of a sweep, drawn by WebGL.
+
+const VERTEX = `#version 300 es
+layout(location = 0) in vec3 position;
+layout(location = 1) in uint packed_color;
+uniform mat4 clip_from_sensor;
+uniform float pixels_per_metre;  // of something 1 m away
+uniform float distance;
+out vec3 color;
+flat out float is_large;
+void main() {
+  gl_Position = clip_from_sensor * vec4(position, 1.0);
+  float depth = max(gl_Position.w, 0.3);
+  is_large = float(packed_color >> 24u);
+  float size_px = pixels_per_metre / depth * (is_large > 0.5 ? 0.16 : 0.06);
+  gl_PointSize = clamp(size_px, is_large > 0.5 ? 3.2 : 1.4, is_large > 0.5 ? 14.0 : 6.0);
+  color = vec3(packed_color >> 16u & 255u, packed_color >> 8u & 255u, packed_color & 255u) / 255.0;
+  if (is_large < 0.5)  // static points fade into the distance, and are lighter above the ground
+    color *= clamp(1.0 + 0.16 * position.z, 0.5, 1.45) * clamp(1.3 - 0.35 * depth / distance, 0.4, 1.1);
+}`;
+const FRAGMENT = `#version 300 es
+precision mediump float;
+in vec3 color;
+flat in float is_large;
+out vec4 pixel;
+void main() {
+  if (is_large > 0.5 && length(gl_PointCoord - 0.5) > 0.5) discard;
+  pixel = vec4(color, 1.0);
+}`;
+
+export class Points {
+  constructor(canvas) {
+    this.gl = canvas.getContext("webgl2", { antialias: false });
+    if (!this.gl) throw new Error("this browser has no WebGL 2");
+    const gl = this.gl;
+    this.program = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(this.program, shader);
+    }
+    gl.linkProgram(this.program);
+    if (!gl.getProgramParameter(this.program, gl.LINK_STATUS))
+      throw new Error(gl.getProgramInfoLog(this.program) || "WebGL cannot link its program");
+    [this.positions, this.colors] = [gl.createBuffer(), gl.createBuffer()];
+    this.count = 0;
+    gl.enable(gl.DEPTH_TEST);
+    gl.clearColor(13 / 255, 15 / 255, 20 / 255, 1);
+  }
+
+  show(xyz, colors) {
+    const gl = this.gl;
+    this.count = colors.length;
+    for (const [buffer, data] of [[this.positions, xyz], [this.colors, colors]]) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+    }
+  }
+
+  draw(clipFromSensor, distance) {
+    const gl = this.gl, { width, height } = gl.canvas;
+    gl.viewport(0, 0, width, height);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(this.program);
+    const place = (name) => gl.getUniformLocation(this.program, name);
+    gl.uniformMatrix4fv(place("clip_from_sensor"), true, clipFromSensor);
+    gl.uniform1f(place("pixels_per_metre"), height);
+    gl.uniform1f(place("distance"), distance);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.positions);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.colors);
+    gl.enableVertexAttribArray(1);
+    gl.vertexAttribIPointer(1, 1, gl.UNSIGNED_INT, 0, 0);
+    gl.drawArrays(gl.POINTS, 0, this.count);
+  }
+}
