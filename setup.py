@@ -79,7 +79,7 @@ setup(
     cmdclass={"install": InstallAndCompile},
     packages=find_packages(include=[f"{PACKAGE}*", "msg_utils*"]),
     package_data={
-        PACKAGE: ["py.typed", "node/fastdds.xml", "report/templates/*", "view/page/*"],
+        PACKAGE: ["py.typed", "node/*.xml", "report/templates/*", "view/page/*"],
         "msg_utils": ["py.typed"],
     },
     data_files=[

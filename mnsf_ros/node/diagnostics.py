@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -22,10 +23,13 @@ from mnsf_ros.online.watches import (
     CLOUDS_EMPTY,
     CLOUDS_MISSED,
     CLOUDS_UNDECODABLE,
+    SWEEPS_LOST,
     BusyWatch,
     FlowWatch,
 )
 from mnsf_ros.settings import Settings
+
+_LOST_SHARE: Final = 0.2  # of clouds lost to sweeps received; above it is an error
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,15 @@ class Diagnostics:
     ) -> DiagnosticStatus:
         arrivals_s = snapshot.arrivals_s
         silence_s = now_s - arrivals_s[-1] if arrivals_s else float("inf")
-        if self._new(snapshot, CLOUDS_UNDECODABLE):
+        num_lost, num_received = (
+            self._new(snapshot, SWEEPS_LOST),
+            self._new(snapshot, SWEEPS_RECEIVED),
+        )
+        if num_lost:
+            is_usual = num_lost > _LOST_SHARE * num_received
+            level = DiagnosticStatus.ERROR if is_usual else DiagnosticStatus.WARN
+            message = f"clouds are lost in transport (see {SWEEPS_LOST})"
+        elif self._new(snapshot, CLOUDS_UNDECODABLE):
             level, message = DiagnosticStatus.WARN, "clouds that cannot be decoded"
         elif self._new(snapshot, CLOUDS_EMPTY):
             level, message = DiagnosticStatus.WARN, "clouds without a finite point"
@@ -159,8 +171,8 @@ class Diagnostics:
         waiting = "for the third sweep" if self._new(snapshot, SWEEPS_RECEIVED) else "for sweeps"
         return f"waiting {waiting}"
 
-    def _new(self, snapshot: StatisticsSnapshot, event: str) -> bool:
-        return snapshot.counts.get(event, 0) > self._last_counts.get(event, 0)
+    def _new(self, snapshot: StatisticsSnapshot, event: str) -> int:
+        return snapshot.counts.get(event, 0) - self._last_counts.get(event, 0)
 
     def _status(
         self, part: str, level: bytes, message: str, values: Mapping[str, object]

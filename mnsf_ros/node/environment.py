@@ -7,6 +7,7 @@ import ctypes
 import faulthandler
 import importlib.util
 import os
+import socket
 import sys
 from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
@@ -15,7 +16,11 @@ from typing import Final
 
 from mnsf_ros.errors import MnsfError
 
+# Of a lidar driver, and of the node where sockets cannot hold a cloud.
 TRANSPORT_PROFILE: Final = Path(__file__).with_name("fastdds.xml")
+UDP_PROFILE: Final = TRANSPORT_PROFILE.with_name("fastdds_udp.xml")
+# As in both profiles; Linux allows 0.2 MB unless it is told otherwise.
+_SOCKET_BYTES: Final = 4 * 2**20
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 # Makes the ROS layer read the profiles of readers and writers, too.
 _READS_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"
@@ -60,11 +65,29 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
     The Fast DDS profile lets clouds of several megabytes through and gives their memory back; the
     OpenMP policy keeps torch's threads from burning the core that the ROS executor needs.
     """
-    if not any(environment.get(variable) for variable in _PROFILE_VARIABLES):
-        environment[_PROFILE_VARIABLES[0]] = str(TRANSPORT_PROFILE)
-    if str(TRANSPORT_PROFILE) in map(environment.get, _PROFILE_VARIABLES):
-        environment.setdefault(_READS_PROFILE, "1")
+    given = [name for name in _PROFILE_VARIABLES if environment.get(name)]
+    for name in given or _PROFILE_VARIABLES[:1]:
+        # The user may have set that of the driver for all programs.
+        if environment.get(name) in (None, "", str(TRANSPORT_PROFILE)):
+            profile = UDP_PROFILE if sockets_hold_clouds() else TRANSPORT_PROFILE
+            environment[name] = str(profile)
+            environment.setdefault(_READS_PROFILE, "1")
     environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+def sockets_hold_clouds() -> bool:
+    """Whether the system allows receive buffers of megabytes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SOCKET_BYTES)
+        return probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= _SOCKET_BYTES
+
+
+def advice_on_lost_clouds() -> str:
+    """What to do where best-effort clouds are lost between programs; the end of a message."""
+    sysctl = f"sudo sysctl -w net.core.rmem_max={_SOCKET_BYTES} and start this node again"
+    profile = f"start its driver with {_PROFILE_VARIABLES[0]}={TRANSPORT_PROFILE}"
+    ways = ["publish it reliable", profile]
+    return f"{' or '.join(ways if sockets_hold_clouds() else [sysctl, *ways])}"
 
 
 def keep_memory(environment: Mapping[str, str] = os.environ) -> None:

@@ -18,8 +18,15 @@ from sensor_msgs.msg import PointCloud2
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
 from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import Transforms
-from mnsf_ros.online.watches import CLOUDS_EMPTY, CLOUDS_MISSED, CLOUDS_UNDECODABLE, MissedClouds
+from mnsf_ros.online.watches import (
+    CLOUDS_EMPTY,
+    CLOUDS_MISSED,
+    CLOUDS_UNDECODABLE,
+    SWEEPS_LOST,
+    MissedClouds,
+)
 from mnsf_ros.settings import EgoMotionSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
@@ -35,11 +42,6 @@ _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
 # Publishers that were there before are known by then.
 _DISCOVERY_S = 3.0
 
-_LOST = (
-    "sweeps_lost_in_transport",
-    "sweeps are lost in transport: publish them reliable, or start the publisher with the Fast DDS "
-    "profile of this package (see docs/ros_interface.md)",
-)
 _MISSED = (
     CLOUDS_MISSED,
     "clouds were published that this node has not seen: lost in transport, or overwritten in its "
@@ -122,10 +124,14 @@ class InputSubscription:
             self._receive,
             QoSProfile(depth=_DEPTH, reliability=policy),
             event_callbacks=SubscriptionEventCallbacks(
-                message_lost=lambda event: self._report(*_LOST, int(event.total_count_change))
+                message_lost=lambda event: self._report_lost(int(event.total_count_change))
             ),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
         )
+
+    def _report_lost(self, how_many: int) -> None:
+        text = f"clouds of {self.topic} are lost in transport: {advice_on_lost_clouds()}"
+        self._report(SWEEPS_LOST, text, how_many)
 
     def _receive(self, message: PointCloud2, info: dict[str, Any]) -> None:
         stamp = message.header.stamp

@@ -254,8 +254,8 @@ class LidarMerging(LidarGroups):
         for index, topic in enumerate(self._topics):
             clouds, name = f"clouds_of_lidar_{index + 1}", topic
             if index in group.clocks_ahead_s:
-                name += f" (its clock is {_apart(group.clocks_ahead_s[index])})"
-                self._report(f"{clouds}_with_another_clock", f"merged without {name}")
+                name += f" (its stamps are {_apart(group.clocks_ahead_s[index])})"
+                self._report(f"{clouds}_of_another_time", f"merged without {name}")
             elif index not in group.sweeps:
                 text = (
                     f"no cloud of {topic} is near in time: merged without it (see "

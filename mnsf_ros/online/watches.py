@@ -22,6 +22,7 @@ from mnsf_ros.online.online_statistics import StatisticsSnapshot
 CLOUDS_UNDECODABLE: Final = "clouds_undecodable"
 CLOUDS_EMPTY: Final = "clouds_empty"
 CLOUDS_MISSED: Final = "clouds_missed"
+SWEEPS_LOST: Final = "sweeps_lost_in_transport"
 
 _ARRIVALS: Final = (SWEEPS_RECEIVED, CLOUDS_UNDECODABLE, CLOUDS_EMPTY)
 # Signs that the node does what it should.

@@ -57,7 +57,7 @@ ENDLESS = QUICK | {
 LONG_CALLS = ENDLESS | {"distance.kind": "grid", "distance.cell_size_m": 0.06}
 
 # What the process of the tests has set for itself, and the node has to set on its own.
-_PREPARED = (
+PREPARED = (
     *("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"),
     *("RMW_FASTRTPS_USE_QOS_FROM_XML", "OMP_WAIT_POLICY"),
 )
@@ -80,7 +80,7 @@ class SceneFlowProcess:
                 stdout=log,
                 stderr=log,
                 cwd=_CHECKOUT,
-                env={name: value for name, value in os.environ.items() if name not in _PREPARED}
+                env={name: value for name, value in os.environ.items() if name not in PREPARED}
                 | {"PYTHONFAULTHANDLER": "1"},
             )
         self.send_signal = self._process.send_signal

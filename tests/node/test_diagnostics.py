@@ -114,6 +114,16 @@ class TestLevels:
         assert story.says()[0] == (WARN, message)
         assert story.says()[0] == (OK, "receiving")
 
+    @pytest.mark.parametrize(("num_received", "level"), [(1, ERROR), (8, WARN)])
+    def test_of_clouds_that_are_lost_in_transport(self, story, num_received, level):
+        for _ in range(num_received - 1):
+            story.receive()
+        story.receive("sweeps_lost_in_transport")
+        lost = "clouds are lost in transport (see sweeps_lost_in_transport)"
+        assert story.says()[0] == (level, lost)
+        story.receive()
+        assert story.says()[0] == (OK, "receiving")
+
     def test_when_triplets_are_dropped_or_not_wanted(self, story):
         story.receive("triplets_dropped")
         level, message = story.says(load=2)[1]

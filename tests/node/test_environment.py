@@ -3,18 +3,25 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from node_harness import PREPARED, Spinner
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
 
-from mnsf_ros.node.environment import TRANSPORT_PROFILE, prepare_environment
+from mnsf_ros.node import environment
+from mnsf_ros.node.environment import TRANSPORT_PROFILE, UDP_PROFILE
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _NEWER_PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
+_DDS = "{http://www.eprosima.com}"
 # A cloud that has not come by then is lost.
 _LOST_S = 5.0
 _NEEDS_PROC = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc")
@@ -25,16 +32,79 @@ _NEEDS_PROC = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="n
     [
         ({}, True),
         ({_PROFILE: "", _NEWER_PROFILE: ""}, True),
+        ({_PROFILE: str(TRANSPORT_PROFILE)}, True),
         ({_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
         ({_NEWER_PROFILE: "/my/profile.xml", "OMP_WAIT_POLICY": "ACTIVE"}, False),
     ],
 )
-def test_variables_are_set_unless_the_user_has_set_them(given, is_set):
-    environment = dict(given)
-    prepare_environment(environment)
-    own = {_PROFILE: str(TRANSPORT_PROFILE), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
+@pytest.mark.parametrize("holds_clouds", [True, False])
+def test_variables_are_set_unless_the_user_has_set_them(monkeypatch, given, is_set, holds_clouds):
+    monkeypatch.setattr(environment, "sockets_hold_clouds", lambda: holds_clouds)
+    found = dict(given)
+    environment.prepare_environment(found)
+    profile = UDP_PROFILE if holds_clouds else TRANSPORT_PROFILE
+    own = {_PROFILE: str(profile), "RMW_FASTRTPS_USE_QOS_FROM_XML": "1"}
     own["OMP_WAIT_POLICY"] = "PASSIVE"
-    assert environment == (given | own if is_set else given)
+    assert found == (given | own if is_set else given)
+
+
+def test_advice_on_lost_clouds_names_what_this_machine_lacks(monkeypatch):
+    for holds_clouds in (True, False):
+        monkeypatch.setattr(environment, "sockets_hold_clouds", lambda holds=holds_clouds: holds)
+        advice = environment.advice_on_lost_clouds()
+        assert f"{_PROFILE}={TRANSPORT_PROFILE}" in advice
+        assert ("net.core.rmem_max" in advice) is not holds_clouds
+
+
+def test_profiles_differ_only_in_the_place_of_reception():
+    driver, node = (ElementTree.parse(path).getroot() for path in (TRANSPORT_PROFILE, UDP_PROFILE))
+    (rtps,) = node.iter(f"{_DDS}rtps")
+    rtps.remove(rtps.find(f"{_DDS}defaultUnicastLocatorList"))
+    texts = [
+        [(item.tag, (item.text or "").strip()) for item in root.iter()] for root in (driver, node)
+    ]
+    assert texts[0] == texts[1]
+
+
+# A lidar driver that knows nothing of this package.
+_DRIVER = """
+import time
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
+
+rclpy.init()
+node = rclpy.create_node("driver")
+publisher = node.create_publisher(PointCloud2, "driver/points", qos_profile_sensor_data)
+while not publisher.get_subscription_count():
+    time.sleep(0.01)
+cloud = serialize_message(PointCloud2(data=bytes(2_000_000)))
+while True:
+    time.sleep(0.05)
+    publisher.publish(cloud)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not environment.sockets_hold_clouds(), reason="net.core.rmem_max is too small")
+def test_large_clouds_of_a_driver_with_the_default_transport_arrive(ros):
+    listener, numbers = Spinner("listener"), []
+    listener.node.create_subscription(
+        PointCloud2,
+        "driver/points",
+        lambda _cloud, info: numbers.append(info["publication_sequence_number"]),
+        qos_profile_sensor_data,
+    )
+    usual = {name: value for name, value in os.environ.items() if name not in PREPARED}
+    driver = subprocess.Popen([sys.executable, "-c", _DRIVER], env=usual)
+    try:
+        listener.spin_until(lambda: numbers[-1:] > [30], "thirty clouds")
+    finally:
+        listener.close()
+        driver.terminate()
+        driver.wait()
+    assert len(numbers) > 0.8 * (numbers[-1] - numbers[0] + 1)
 
 
 def large_sweep(index, drive):

@@ -117,5 +117,5 @@ def test_lidar_with_another_clock_is_named(two):
     drive_on(two, range(3), drive=2)
     drive_on(two, range(3, 6), drive=2, rear_clock_s=3600)
     message = two.status("input").message
-    assert re.fullmatch(r"merged without /two/points_2 \(its clock is \d+\.\d s ahead\)", message)
-    assert two.count("clouds_of_lidar_2_with_another_clock") > 0
+    assert re.fullmatch(r"merged without /two/points_2 \(its stamps are \d+\.\d s ahead\)", message)
+    assert two.count("clouds_of_lidar_2_of_another_time") > 0
