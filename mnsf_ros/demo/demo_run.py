@@ -217,4 +217,4 @@ def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:
         true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
         error_m = end_point_errors(flow, true_flow)
     painter = ExamplePainter(current.xyz, [flow], true_flow)
-    path.write_bytes(painter.method(f"{current.stamp_ns / NANOSECONDS:.1f} s", flow, error_m))
+    path.write_bytes(painter.picture(f"{current.stamp_ns / NANOSECONDS:.1f} s", flow, error_m))

@@ -34,7 +34,7 @@ _HEIGHT_PX: Final = 484
 _SIDE_PX: Final = 400
 _BOTTOM_PX: Final = 26
 _LEFTS_PX: Final = (36, 484, 932)
-_FLOW_WIDTH_PX, _WHOLE_WIDTH_PX = 900, 1384
+_WIDTH_PX: Final = 1384
 _MOST_LETTERS: Final = 22
 # Reach of a picture of one place to each side.
 _SMALLEST_VIEW_M, _LARGEST_VIEW_M = 10.0, 60.0
@@ -77,39 +77,41 @@ class ExamplePainter:
         """Name of the errors: of the flow, or without truth of the moved points."""
         return "distance to next sweep" if self._truth is None else "end point error"
 
-    def truth(self) -> bytes | None:
-        """Returns the picture of the true flow; None without truth."""
-        if self._truth is None:
-            return None
-        figure = pixel_figure(_FLOW_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
-        self._draw_flow(figure, "truth", self._truth)
-        return png_bytes(figure)
+    def picture(self, name: str, flow: NDArray[Any], error_m: NDArray[np.floating[Any]]) -> bytes:
+        """Returns what moves in truth and by a method side by side, and the error of its flow.
 
-    def method(self, name: str, flow: NDArray[Any], error_m: NDArray[np.floating[Any]]) -> bytes:
-        """Returns the picture of the flow of a method and of its error.
-
-        `error_m` (N,) is the `error_name` in metres; NaN where unknown.
+        Without truth, the whole flow is in the first place. `error_m` (N,) is the `error_name` in
+        metres; NaN where unknown.
         """
-        figure = pixel_figure(_WHOLE_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
-        self._draw_flow(figure, name, flow)
-        axes = pixel_axes(figure, _LEFTS_PX[2], _BOTTOM_PX, _SIDE_PX)
+        figure = pixel_figure(_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
+        axes = [pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX) for left in _LEFTS_PX]
+        name = shortened(name, _MOST_LETTERS)
+        whole, own = self._parts(flow)
+        if self._truth is None:
+            self._draw_flow(axes[0], f"{name}: flow", whole, self._speeds_m[0], 4.0, 10.0)
+        else:
+            _, true = self._parts(self._truth)
+            self._draw_flow(axes[0], "truth: what moves", true, self._speeds_m[1])
+        self._draw_flow(axes[1], f"{name}: what moves", own, self._speeds_m[1])
         errors_m = error_m[self._finite].astype(np.float64)
-        _draw_floor(axes, self.error_name, self._view_m, _error_note(errors_m))
-        _draw_errors(axes, self._xy, errors_m)
+        _draw_floor(axes[2], self.error_name, self._view_m, _error_note(errors_m))
+        _draw_errors(axes[2], self._xy, errors_m)
         _draw_error_scale(figure)
         return png_bytes(figure)
 
-    def _draw_flow(self, figure: Figure, name: str, flow: NDArray[Any]) -> None:
-        """Draws the flow as it is, and without ego motion."""
-        name = shortened(name, _MOST_LETTERS)
-        looks = (("flow", 4.0, 10.0), ("what moves", 9.0, 3.0))
-        both = zip(_LEFTS_PX, looks, self._parts(flow), self._speeds_m, strict=False)
-        for left, (what, fast_area, cell_m), motion, speed_m in both:
-            axes = pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX)
-            _draw_floor(axes, f"{name}: {what}", self._view_m)
-            _draw_points(axes, self._xy, motion, speed_m, self._view_m, fast_area)
-            _draw_arrows(axes, self._xy, motion, cell_m, self._view_m)
-            _draw_wheel(pixel_axes(figure, left + _SIDE_PX - 70, _BOTTOM_PX + 40, 58), speed_m)
+    def _draw_flow(
+        self,
+        axes: Axes,
+        title: str,
+        flow: NDArray[np.float64],
+        full_speed_m: float,
+        fast_area: float = 9.0,
+        cell_m: float = 3.0,
+    ) -> None:
+        _draw_floor(axes, title, self._view_m)
+        _draw_points(axes, self._xy, flow, full_speed_m, self._view_m, fast_area)
+        _draw_arrows(axes, self._xy, flow, cell_m, self._view_m)
+        _draw_wheel(axes, full_speed_m)
 
     def _parts(self, flow: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Returns the flow (N, 2) as it is, and without ego motion."""
@@ -213,8 +215,9 @@ def _draw_arrows(
     axes.quiver(x, y, to_x, to_y, **scale, color=_INK, width=0.0024, alpha=0.9)
 
 
-def _draw_wheel(axes: Axes, full_speed_m: float) -> None:
-    """Draws the wheel of colours as a legend, with the speed of its rim below."""
+def _draw_wheel(panel: Axes, full_speed_m: float) -> None:
+    """Draws the wheel of colours in a corner, with the speed of its rim below."""
+    axes = panel.inset_axes((1 - 70 / _SIDE_PX, 40 / _SIDE_PX, 58 / _SIDE_PX, 58 / _SIDE_PX))
     axes.set_axis_off()
     axes.imshow(wheel_image(), extent=(-1, 1, -1, 1), interpolation="bilinear")
     axes.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal")
@@ -233,7 +236,7 @@ def _draw_errors(axes: Axes, xy: NDArray[np.float64], errors_m: NDArray[np.float
 
 
 def _draw_error_scale(figure: Figure) -> None:
-    left = (_LEFTS_PX[2] + _SIDE_PX + 8) / _WHOLE_WIDTH_PX
+    left = (_LEFTS_PX[2] + _SIDE_PX + 8) / _WIDTH_PX
     axes = figure.add_axes((left, _BOTTOM_PX / _HEIGHT_PX, 0.008, 0.5))
     bar = figure.colorbar(ScalarMappable(Normalize(0.0, _FULL_ERROR_M), _ERROR_COLORS), cax=axes)
     bar.set_ticks([0.0, 0.05, 0.1, 0.2, 0.3], labels=["0", "0.05", "0.1", "0.2", "0.3+"])

@@ -32,6 +32,7 @@ from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, Evaluatio
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
+from mnsf_ros.evaluation.shown_frames import ShownFrame
 from mnsf_ros.evaluation.task import TaskEvent
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.setting import SettingValue
@@ -115,7 +116,7 @@ class RunFolder:
         if isinstance(event, ResultRow):
             _append_line(self._rows, event)
             self._num_rows[task.key] += 1
-        elif isinstance(event, ShownFlow):
+        elif isinstance(event, ShownFlow | ShownFrame):
             with _writing(self.path / PICTURES_FOLDER):
                 self.flows.add(event, self._num_pictured)
         elif isinstance(event, Findings):

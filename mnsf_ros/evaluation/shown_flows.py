@@ -7,7 +7,7 @@ import heapq
 import io
 import math
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.flow_recording import folder_name
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import TaskKey
 from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.shown_frames import NUM_FRAMES, ShownFrame, shown_frame
 from mnsf_ros.sweeps_io.files import UNREADABLE, open_npz
 
 # Parts of the folder of a run: flows for pictures, and recordings of all flow.
@@ -57,27 +59,27 @@ class ShownFlow:
 
 
 class ShownFlowChooser:
-    """Chooses the worst sweeps of one task so far."""
+    """Chooses the worst sweeps of one task so far, and frames of its first ones."""
 
-    def __init__(self, number: int) -> None:
-        """Chooses so many sweeps."""
+    def __init__(self, number: int, *, has_frames: bool = True) -> None:
+        """Chooses so many of the worst sweeps; if any, also frames."""
         self._number = number
+        self._num_frames = NUM_FRAMES if number and has_frames else 0
         self._largest_m: list[float] = []
-        self._new: list[ShownFlow] = []
 
-    def look(self, row: ResultRow, example: Example, flow: NDArray[np.float32]) -> None:
-        """Considers the flow (M, 3) of all points of an example, and its score."""
+    def chosen(
+        self, row: ResultRow, example: Example, estimate: FlowEstimate
+    ) -> Iterator[ShownFlow | ShownFrame]:
+        """Yields a frame of an example, and its flow if it is among the worst by now."""
+        if self._num_frames:
+            self._num_frames -= 1
+            yield shown_frame(example, row.method, estimate)
         if self._number == 0 or math.isnan(row.badness_m):
             return
         heapq.heappush(self._largest_m, row.badness_m)
         is_full = len(self._largest_m) > self._number
         if not is_full or heapq.heappop(self._largest_m) < row.badness_m:
-            self._new.append(_shown(row, example, flow))
-
-    def new(self) -> list[ShownFlow]:
-        """Returns the sweeps since the last call that were among the worst when they came."""
-        found, self._new = self._new, []
-        return found
+            yield _shown(row, example, estimate.flow)
 
 
 def _shown(row: ResultRow, example: Example, flow: NDArray[np.float32]) -> ShownFlow:
@@ -120,20 +122,27 @@ class ShownFlows:
         """Returns the flow of a row; None if it was not kept, or is damaged."""
         return _read(self._folder / folder_name(row.recording, row.method) / f"{row.number}.npz")
 
-    def add(self, flow: ShownFlow, number: int) -> None:
-        """Keeps a flow, and of each task so many of the worst sweeps.
+    def frames(self, recording: str, method: str) -> dict[int, bytes]:
+        """Returns number of the sweep to frame of an animation, in the order of the sweeps."""
+        files = (self._folder / folder_name(recording, method)).glob("*.png")
+        numbered = {int(file.stem): file for file in files}
+        return {number: numbered[number].read_bytes() for number in sorted(numbered)}
+
+    def add(self, shown: ShownFlow | ShownFrame, number: int) -> None:
+        """Keeps frames and flows, of each task so many flows of the worst sweeps.
 
         Raises:
             OSError: It cannot be written.
         """
-        folder = self._folder / folder_name(flow.recording, flow.method)
+        folder = self._folder / folder_name(shown.recording, shown.method)
         folder.mkdir(parents=True, exist_ok=True)
-        values = {one.name: getattr(flow, one.name) for one in fields(flow)}
+        if isinstance(shown, ShownFrame):
+            _write(folder / f"{shown.number}.png", shown.image)
+            return
+        values = {one.name: getattr(shown, one.name) for one in fields(shown)}
         content = io.BytesIO()
         np.savez(content, **{name: x for name, x in values.items() if x is not None})
-        draft = folder / ".new"
-        draft.write_bytes(content.getbuffer())
-        draft.replace(folder / f"{flow.number}.npz")
+        _write(folder / f"{shown.number}.npz", content.getvalue())
         flows = ((path, _read(path)) for path in folder.glob("*.npz"))
         ranks = {path: one.badness_m for path, one in flows if one is not None}
         for path in sorted(ranks, key=lambda path: -ranks[path])[number:]:
@@ -143,6 +152,12 @@ class ShownFlows:
         """Removes the flows of some tasks."""
         for key in keys:
             shutil.rmtree(self._folder / folder_name(*key), ignore_errors=True)
+
+
+def _write(path: Path, content: bytes) -> None:
+    draft = path.with_name(".new")
+    draft.write_bytes(content)
+    draft.replace(path)
 
 
 def _read(path: Path) -> ShownFlow | None:

@@ -27,6 +27,7 @@ from mnsf_ros.evaluation.scoring import (
     scored_row,
 )
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlowChooser
+from mnsf_ros.evaluation.shown_frames import ShownFrame
 from mnsf_ros.methods import make_method
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
@@ -40,7 +41,7 @@ class TaskFailed:
     reason: str
 
 
-TaskEvent = ResultRow | ShownFlow | Findings | TaskFailed
+TaskEvent = ResultRow | ShownFlow | ShownFrame | Findings | TaskFailed
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
@@ -51,14 +52,12 @@ def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[Ta
         yield TaskFailed(str(error))
 
 
-def run_task(
-    task: EvaluationTask, options: EvaluationOptions
-) -> Iterator[ResultRow | ShownFlow | Findings]:
+def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, before it its flow if a report would show that by
-        now, and at the very end what was noticed.
+        A row for each example as it gets ready, before it what a report would show of it by now,
+        and at the very end what was noticed.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
@@ -76,9 +75,7 @@ def run_task(
             for place, example in enumerate(examples)
             if example.number not in task.skipped
         )
-        for row in scorer.rows(wanted, recorder):
-            yield from scorer.shown.new()
-            yield row
+        yield from scorer.events(wanted, recorder)
     yield findings
 
 
@@ -95,14 +92,20 @@ class _Scorer:
         # Predictions that were read from files, whose time says nothing, have no way back.
         self._has_way_back = options.check_cycle and self._traits.is_timed
         self._backward: SceneFlowEstimator | None = None
-        self.shown = ShownFlowChooser(options.num_pictured)
+        has_frames = not self._traits.is_reference
+        self._chooser = ShownFlowChooser(options.num_pictured, has_frames=has_frames)
 
-    def rows(
+    def events(
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
-    ) -> Iterator[ResultRow]:
-        """Yields a row for each example that is marked to be scored."""
+    ) -> Iterator[ResultRow | ShownFlow | ShownFrame]:
+        """Yields a row, and before it what a report shows, for each example to be scored."""
         for outcome in self._outcomes(examples):
-            yield self._row(outcome, recorder)
+            example, estimate = outcome.example, outcome.result
+            row = self._row(outcome)
+            if isinstance(estimate, FlowEstimate) and row.failure is None:
+                recorder.write(example, estimate.flow)
+                yield from self._chooser.chosen(row, example, estimate)
+            yield row
 
     def _outcomes(self, examples: Iterator[tuple[Example, bool]]) -> Iterator[Outcome]:
         rate = self._options.realtime_rate
@@ -115,7 +118,7 @@ class _Scorer:
                 if is_scored:
                     yield outcome
 
-    def _row(self, outcome: Outcome, recorder: FlowRecorder) -> ResultRow:
+    def _row(self, outcome: Outcome) -> ResultRow:
         example, result = outcome.example, outcome.result
         if isinstance(result, Failure | str):
             return failed_row(example, self._method, result)
@@ -124,8 +127,6 @@ class _Scorer:
         )
         if isinstance(row, str):
             return failed_row(example, self._method, row)
-        recorder.write(example, result.flow)
-        self.shown.look(row, example, result.flow)
         row = replace(row, latency_ms=outcome.latency_ms)
         return self._with_cycle(row, example, result)
 

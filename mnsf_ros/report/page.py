@@ -17,6 +17,7 @@ from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
+from mnsf_ros.evaluation.shown_frames import webp
 from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
@@ -50,6 +51,7 @@ def write_report(
         WritingError: Writing fails.
     """
     cards, why_not = _cards(results, folder.flows, num_pictured)
+    animation = _animation(results, folder.flows) if num_pictured else None
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -58,6 +60,7 @@ def write_report(
         tables=tables,
         tiles=tiles_of(results),
         charts=charts_of(results),
+        animation=animation,
         cards=cards,
         why_not=why_not,
         settings=_settings_used(results),
@@ -85,7 +88,6 @@ class Picture(NamedTuple):
     uri: str
     alt: str
     caption: str
-    is_truth: bool = False
 
 
 class Card(NamedTuple):
@@ -109,7 +111,7 @@ def _cards(results: RunResults, flows: ShownFlows, number: int) -> tuple[list[Ca
 
 
 def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
-    """A sweep with its truth and all kept flows; None if the flow of the row was not kept."""
+    """A sweep with all kept flows beside the truth; None if the flow of the row was not kept."""
     own = flows.find(row)
     if own is None:
         return None
@@ -118,13 +120,10 @@ def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card 
     painter = _painter([flow for _, flow in found])
     where = f"sweep {row.number} of {row.recording}"
     pictures = []
-    if true_picture := painter.truth():
-        alt = f"True flow of {where} in top view, and its part without ego motion."
-        pictures.append(Picture(_uri(true_picture), alt, "Truth", is_truth=True))
     for one, item in found:
         if one is row or np.nan_to_num(item.flow).any():
             caption = f"{one.method}: {_figures(one)}"
-            picture = painter.method(one.method, item.flow, item.error_m)
+            picture = painter.picture(one.method, item.flow, item.error_m)
             alt = f"Flow of {where} by {one.method} and its {painter.error_name}, top view. "
             pictures.append(Picture(_uri(picture), f"{alt}{caption}.", caption))
     subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {len(own.xyz):,} points"
@@ -146,5 +145,20 @@ def _figures(row: ResultRow) -> str:
     return text
 
 
-def _uri(png: bytes) -> str:
-    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+def _animation(results: RunResults, flows: ShownFlows) -> Picture | None:
+    """The first sweeps of a recording by the method under test, of the first that has frames."""
+    own = results.table[results.table["method"] == results.focus]
+    for recording in results.record.recordings:
+        frames = flows.frames(recording.name, results.focus)
+        rows = own[(own["recording"] == recording.name) & own["number"].isin(frames)]
+        if len(rows) > 1:
+            interval_s = float(rows["stamp_ns"].diff().median()) / NANOSECONDS
+            places = f"Left: truth. Right: {results.focus}." if recording.truth else results.focus
+            caption = f"{recording.name}, the first {len(frames)} scored sweeps. {places}"
+            alt = f"Animation of what moves in {caption}"
+            return Picture(_uri(webp(list(frames.values()), interval_s), "webp"), alt, caption)
+    return None
+
+
+def _uri(picture: bytes, kind: str = "png") -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode('ascii')}"

@@ -21,7 +21,7 @@ def picture_of(xyz, flow, truth=None, error_m=None, motion=None):
     xyz, flow = (np.asarray(rows, np.float32) for rows in (xyz, flow))
     error_m = np.full(len(xyz), np.nan) if error_m is None else error_m
     painter = ExamplePainter(xyz, [flow], truth, motion)
-    return imread(io.BytesIO(painter.method("$ mnsf \\frac_{", flow, error_m)))
+    return imread(io.BytesIO(painter.picture("$ mnsf \\frac_{", flow, error_m)))
 
 
 def color_at(picture, x, y, panel=0):
@@ -57,6 +57,14 @@ def test_panels_show_flow_own_motion_and_error(street):
     np.testing.assert_allclose(color_at(picture, 30, 30), SLOW, atol=0.02)
     found = [color_at(picture, 30, y, panel=2) for y in (30, -30)]
     np.testing.assert_allclose(found, error_colors(np.array([0.0, 1.0])), atol=0.02)
+
+
+def test_truth_is_beside_the_estimate(street):
+    xyz, flow = street
+    picture = picture_of(xyz, np.full_like(flow, [-1.0, 0, 0]), flow.astype(np.float32))
+    moving = flow_colors(np.array([[0.0, 1]]), 1.0, neutral=SLOW)[0]
+    np.testing.assert_allclose(color_at(picture, -30, 30, panel=0), moving, atol=0.02)
+    np.testing.assert_allclose(color_at(picture, -30, 30, panel=1), SLOW, atol=0.02)
 
 
 def test_given_motion_and_scale_of_the_truth_are_used(street):
@@ -101,10 +109,11 @@ def test_pictures_are_the_same_each_time():
     xyz = random.uniform(-20, 20, (300, 3)).astype(np.float32)
     truth = np.tile(np.float32([-0.8, 0, 0]), (300, 1))
     flow = truth + np.float32(0.1)
-    picture = ExamplePainter(xyz, [flow], truth).truth()
-    assert picture.startswith(b"\x89PNG")
-    assert ExamplePainter(xyz, [flow], truth).truth() == picture
-    assert ExamplePainter(xyz, [flow], None).truth() is None
+    pictures = [
+        ExamplePainter(xyz, [flow], truth).picture("mnsf", flow, flow[:, 0]) for _ in range(2)
+    ]
+    assert pictures[0].startswith(b"\x89PNG")
+    assert pictures[0] == pictures[1]
 
 
 def test_error_colors_get_lighter_up_to_the_full_error():

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from mnsf_ros.cli.main import run
 from mnsf_ros.errors import MnsfError
@@ -75,8 +78,9 @@ def test_flow_of_the_worst_sweeps_of_each_method_is_kept_and_drawn(street, tmp_p
         if flow is not None:
             assert np.nanmean(flow.error_m) == pytest.approx(row.badness_m, abs=1e-6)
     text = report_of(folder, 2)
-    assert text.count("<figcaption>ego: EPE") == text.count("<figcaption>Truth") == 2
-    assert text.count("data:image/png") == 2 * (1 + 1)  # truth and ego; zero flow is no picture
+    assert text.count("<figcaption>ego: EPE") == 2
+    assert text.count("data:image/png") == 2  # zero flow is no picture
+    assert "data:image/webp" not in text  # of references
     assert "have no picture" not in text
     assert "1 of 3 sweeps have no picture" in report_of(folder, 3)
     assert run(["report", str(folder.path), "--pictures=1", "--method=zero"]) == 0
@@ -93,6 +97,20 @@ def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
     resumed = evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, resume=True)
     assert files(resumed) == files(whole)
     assert len(list(resumed.rows)) == len(list(whole.rows))
+
+
+def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path):
+    folder = evaluate(street, tmp_path / "run", methods=["ego", "online"], num_pictured=1)
+    frames = folder.flows.frames("street", "online")
+    assert list(frames) == [1, 2, 3]
+    left, right = np.hsplit(np.asarray(Image.open(io.BytesIO(frames[1])))[:, 2:-2], 2)
+    assert left.any()
+    assert right.any()
+    text = report_of(folder)
+    assert text.count("data:image/webp") == 1
+    assert text.index("data:image/webp") < text.index('id="results"')
+    assert "street, the first 3 scored sweeps. Left: truth. Right: online." in text
+    assert "data:image/webp" not in report_of(folder, 0)
 
 
 def shown(method, number, badness_m, recording="street"):

@@ -102,7 +102,7 @@ def test_nothing_is_loaded_and_every_picture_says_what_it_shows(tmp_path):
     assert policies[0].startswith("default-src 'none'")
     assert "url(" not in page.source
     images = page.all("img")
-    assert len(images) == 2 * 3  # truth and two methods
+    assert len(images) == 2 * 2
     assert all(len(image["alt"]) > 20 for image in images)
     drawings = [svg for svg in page.all("svg") if svg.get("aria-hidden") != "true"]
     assert drawings
@@ -126,8 +126,8 @@ def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
 def test_rivals_are_shown_where_their_flow_was_kept_and_damage_costs_only_a_picture(tmp_path):
     page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2, methods=["fnsf"])])
     captions = re.findall("<figcaption>([^<]*)<", page.source)
-    assert [caption.partition(":")[0] for caption in captions] == ["Truth", "mnsf", "fnsf"]
-    assert captions[1].startswith("mnsf: EPE 0.300 m")
+    assert [caption.partition(":")[0] for caption in captions] == ["mnsf", "fnsf"]
+    assert captions[0].startswith("mnsf: EPE 0.300 m")
     assert "2 of 3 sweeps have no picture" in page.text
     for file in (tmp_path / "pictures").rglob("*.npz"):
         file.write_bytes(file.read_bytes()[:-2000])
