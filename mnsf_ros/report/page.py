@@ -14,10 +14,10 @@ import numpy as np
 from mnsf_ros import __version__
 from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.drawing.figures import DARK, LIGHT
+from mnsf_ros.drawing.side_by_side import animation
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
-from mnsf_ros.evaluation.shown_frames import webp
 from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
@@ -51,7 +51,6 @@ def write_report(
         WritingError: Writing fails.
     """
     cards, why_not = _cards(results, folder.flows, num_pictured)
-    animation = _animation(results, folder.flows) if num_pictured else None
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -60,7 +59,7 @@ def write_report(
         tables=tables,
         tiles=tiles_of(results),
         charts=charts_of(results),
-        animation=animation,
+        animation=_animation(results, folder.flows) if num_pictured else None,
         cards=cards,
         why_not=why_not,
         settings=_settings_used(results),
@@ -156,7 +155,7 @@ def _animation(results: RunResults, flows: ShownFlows) -> Picture | None:
             places = f"Left: truth. Right: {results.focus}." if recording.truth else results.focus
             caption = f"{recording.name}, the first {len(frames)} scored sweeps. {places}"
             alt = f"Animation of what moves in {caption}"
-            return Picture(_uri(webp(list(frames.values()), interval_s), "webp"), alt, caption)
+            return Picture(_uri(animation(list(frames.values()), interval_s), "webp"), alt, caption)
     return None
 
 
