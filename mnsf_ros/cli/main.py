@@ -16,6 +16,7 @@ from mnsf_ros import __version__
 from mnsf_ros.cli import (
     evaluate,
     explain,
+    export,
     flow,
     parameters,
     recordings,
@@ -42,6 +43,7 @@ _SUBCOMMANDS = (
     tune.add_to,
     recordings.add_simulate,
     recordings.add_convert,
+    export.add_to,
     parameters.add_to,
 )
 

@@ -32,13 +32,28 @@ _MIN_BACKGROUND: Final = 100
 
 def open_file(source: Path) -> SweepSource:
     """Opens an `.h5` file."""
+    keys = sweep_keys(source)
+    return SweepSource("lidar", len(keys), _sweeps(source, keys))
+
+
+def sweep_keys(source: Path) -> list[str]:
+    """Returns the names of the groups of a file, in the order of their stamps.
+
+    Raises:
+        DatasetError: It cannot be read, or has other groups, or none.
+    """
     with reading(source), require("h5py").File(source, "r") as file:
         keys = list(file.keys())
     wrong = [key for key in keys if not _STAMP.fullmatch(key)]
     if wrong or not keys:
         found = f"group {wrong[0]!r}" if wrong else "no group"
         raise DatasetError(f"{source}: has {found}, expected one named by the stamp of each sweep")
-    return SweepSource("lidar", len(keys), _sweeps(source, sorted(keys, key=int)))
+    return sorted(keys, key=int)
+
+
+def nanoseconds(stamp: int) -> int:
+    """Returns the stamp of a group in nanoseconds."""
+    return stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000
 
 
 def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
@@ -51,22 +66,25 @@ def _sweeps(source: Path, keys: list[str]) -> Iterator[LabelledSweep]:
     with reading(source), require("h5py").File(source, "r") as file:
         for key in keys:
             with reading(source, f"group {key!r}"):
-                sweep = _sweep(int(key), _Group(file, key))
+                sweep = _sweep(int(key), SweepGroup(file, key))
             yield replace(sweep, pose=pose)
             motion = None if sweep.given is None else sweep.given.next_from_current
             pose = None if pose is None or motion is None else pose @ invert(motion)
 
 
-class _Group:
+class SweepGroup:
     """The data sets of one sweep, all in the file itself.
 
     HDF5 can lead to any other file: by links, virtual data sets and external storage.
+
+    Attributes:
+        group: The h5py.Group.
     """
 
     def __init__(self, file: Any, key: str) -> None:  # noqa: ANN401 - h5py.File
         _check_place(file, key)
-        self._group = file[key]
-        self._names = list(self._group)
+        self.group: Final = file[key]
+        self._names = list(self.group)
 
     def __contains__(self, name: str) -> bool:
         return name in self._names
@@ -80,8 +98,8 @@ class _Group:
         """
         if name not in self._names:
             raise ValueError(f"has no data set {name}; it has {', '.join(self._names)}")
-        _check_place(self._group, name)
-        data = self._group[name]
+        _check_place(self.group, name)
+        data = self.group[name]
         if data.is_virtual or data.external:
             raise ValueError(f"the values of {name!r} are in another file")
         return as_type(data[...], dtype)
@@ -93,13 +111,13 @@ def _check_place(parent: Any, name: str) -> None:  # noqa: ANN401
         raise ValueError(f"{name!r} is a link, expected it in the file itself")
 
 
-def _sweep(stamp: int, group: _Group) -> LabelledSweep:
+def _sweep(stamp: int, group: SweepGroup) -> LabelledSweep:
     points = group.array("lidar", np.float32)
     columns = {"intensity": np.ascontiguousarray(points[:, 3])} if points.shape[1] > 3 else {}
     if "lidar_dt" in group:
         columns["time_offset"] = group.array("lidar_dt", np.float32)
     sweep = LabelledSweep(
-        stamp_ns=stamp if stamp >= _FIRST_NANOSECONDS else stamp * 1000,
+        stamp_ns=nanoseconds(stamp),
         xyz=np.ascontiguousarray(points[:, :3]),
         columns=columns,
         ground=group.array("ground_mask", bool) if "ground_mask" in group else None,
@@ -107,7 +125,7 @@ def _sweep(stamp: int, group: _Group) -> LabelledSweep:
     return _with_flow(sweep, group) if "flow" in group else sweep
 
 
-def _with_flow(sweep: LabelledSweep, group: _Group) -> LabelledSweep:
+def _with_flow(sweep: LabelledSweep, group: SweepGroup) -> LabelledSweep:
     categories = group.array("flow_category_indices", np.int64)
     given = GivenFlow(
         flow=group.array("flow", np.float32),

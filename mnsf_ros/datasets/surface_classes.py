@@ -69,6 +69,29 @@ def nuscenes_class(name: str) -> int:
     return next((kind for prefix, kind in _NUSCENES.items() if name.startswith(prefix)), UNKNOWN)
 
 
+_ARGOVERSE2_NAMES: Final = sorted(ARGOVERSE2)
+# The usual category of each class that has one.
+_ARGOVERSE2_NUMBERS: Final = {
+    SurfaceClass[surface]: 1 + _ARGOVERSE2_NAMES.index(name)
+    for surface, name in {
+        "CAR": "REGULAR_VEHICLE",
+        "PEDESTRIAN": "PEDESTRIAN",
+        "CYCLIST": "BICYCLIST",
+        "LARGE_VEHICLE": "LARGE_VEHICLE",
+        "OBSTACLE": "BOLLARD",
+        "ANIMAL": "ANIMAL",
+    }.items()
+}
+
+
+def argoverse2_numbers(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Returns a category number of Argoverse 2 for each class (N,), 0 for the background."""
+    table = np.zeros(256, dtype=np.uint8)
+    for surface, number in _ARGOVERSE2_NUMBERS.items():
+        table[surface] = number
+    return table[classes]
+
+
 def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     """Returns the class of each category number (N,) of Argoverse 2 flow labels.
 
@@ -77,7 +100,7 @@ def argoverse2_classes(numbers: NDArray[np.integer[Any]]) -> NDArray[np.uint8]:
     Raises:
         ValueError: A number is out of range.
     """
-    table = np.array([UNKNOWN, *(ARGOVERSE2[name] for name in sorted(ARGOVERSE2))], dtype=np.uint8)
+    table = np.array([UNKNOWN, *(ARGOVERSE2[name] for name in _ARGOVERSE2_NAMES)], dtype=np.uint8)
     wrong = numbers[(numbers < 0) | (numbers >= len(table))]
     if len(wrong):
         raise ValueError(f"category number {wrong[0]}, expected 0 to {len(table) - 1}")

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import secrets
 import struct
 import tokenize
 import zipfile
@@ -85,6 +87,40 @@ def require(module: str, library: str = "") -> Any:  # noqa: ANN401
             f"this format is read with {library}, which is not installed; "
             f"install it with: python -m pip install {library}"
         ) from error
+
+
+@contextmanager
+def new_file(path: Path, kind: type[MnsfError], *, overwrite: bool) -> Iterator[Path]:
+    """Draft of a file beside it; moved there when the block ends well, else removed.
+
+    Raises:
+        MnsfError: Of the given kind: the file exists, its folder is missing, or it cannot be
+            written.
+    """
+    check_new_file(path, kind, overwrite=overwrite)
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
+    try:
+        yield draft
+        with draft.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        check_new_file(path, kind, overwrite=overwrite)
+        draft.replace(path)
+    except OSError as error:
+        raise kind(f"{path}: cannot be written: {reason(error)}") from error
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def check_new_file(path: Path, kind: type[MnsfError], *, overwrite: bool) -> None:
+    """Checks before any work whether a file can be written.
+
+    Raises:
+        MnsfError: Of the given kind: the file exists, or its folder is missing.
+    """
+    if path.is_dir() or (path.exists() and not overwrite):
+        raise kind(f"{path}: exists already; --force replaces it")
+    if not path.absolute().parent.is_dir():
+        raise kind(f"{path}: there is no folder {path.parent}")
 
 
 @contextmanager

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
-import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_columns import COLOR_NAME, FLOW_NAMES
 from mnsf_ros.errors import SweepFileError
 from mnsf_ros.setting import SettingValue
+from mnsf_ros.sweeps_io.files import check_new_file, new_file
 
 # Arrays of an npz file to their columns.
 _VECTORS: Final = {"flow": FLOW_NAMES, "velocity": ("vx", "vy", "vz")}
@@ -56,10 +55,7 @@ def check_target(path: Path, *, overwrite: bool) -> None:
     """
     if path.suffix.lower() not in WRITERS:
         raise SweepFileError(f"{path}: expected a file that ends with {', '.join(WRITERS)}")
-    if path.is_dir() or (path.exists() and not overwrite):
-        raise SweepFileError(f"{path}: exists already; --force replaces it")
-    if not path.absolute().parent.is_dir():
-        raise SweepFileError(f"{path}: there is no folder {path.parent}")
+    check_new_file(path, SweepFileError, overwrite=overwrite)
 
 
 def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> None:
@@ -69,18 +65,11 @@ def write_flow(path: Path, flow: FlowToWrite, *, overwrite: bool = False) -> Non
         SweepFileError: It cannot be written, or the file exists.
     """
     check_target(path, overwrite=overwrite)
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.new")
-    try:
-        with draft.open("xb") as stream:
-            WRITERS[path.suffix.lower()](stream, flow)
-            stream.flush()
-            os.fsync(stream.fileno())
-        check_target(path, overwrite=overwrite)
-        draft.replace(path)
-    except OSError as error:
-        raise SweepFileError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with (
+        new_file(path, SweepFileError, overwrite=overwrite) as draft,
+        draft.open("xb") as stream,
+    ):
+        WRITERS[path.suffix.lower()](stream, flow)
 
 
 def _write_npz(stream: IO[bytes], flow: FlowToWrite) -> None:

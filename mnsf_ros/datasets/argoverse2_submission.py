@@ -1,0 +1,93 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Estimates as a submission to the scene flow challenge of Argoverse 2."""
+
+from __future__ import annotations
+
+import zipfile
+from collections import Counter
+from contextlib import contextmanager
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.datasets.source_files import reading
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.sweeps_io.files import new_file, require
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from mnsf_ros.datasets.exported_sweep import ExportedSweep
+
+_COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
+
+
+class Submission:
+    """Writes the sweeps of a challenge into an archive, see `submission`."""
+
+    def __init__(self, archive: zipfile.ZipFile, masks_path: Path, masks: zipfile.ZipFile) -> None:
+        self._archive = archive
+        self._masks_path = masks_path
+        self._masks = masks
+        self._wanted = {name for name in masks.namelist() if name.endswith(".feather")}
+        if not self._wanted:
+            raise DatasetError(f"{masks_path}: holds no mask, LOG/STAMP.feather")
+
+    def write(self, log: str, sweep: ExportedSweep) -> None:
+        """Adds a sweep of a log, if the challenge has it.
+
+        Raises:
+            DatasetError: Its mask is damaged or of another number of points.
+        """
+        name = f"{log}/{sweep.stamp_ns}.feather"
+        if name not in self._wanted or sweep.motion is None:
+            return
+        chosen = self._mask(name, sweep.num_rows)
+        flow = sweep.in_rows(sweep.motion.flow)[chosen].astype(np.float16)
+        columns: dict[str, Any] = dict(zip(_COLUMNS, flow.T, strict=True))
+        columns["is_dynamic"] = sweep.in_rows(sweep.motion.dynamic)[chosen]
+        content = BytesIO()
+        require("pyarrow.feather").write_feather(require("pyarrow").table(columns), content)
+        self._archive.writestr(name, content.getvalue())
+        self._wanted.discard(name)
+
+    def num_missing(self) -> Counter[str]:
+        """Log -> number of its sweeps in the challenge that were not written."""
+        return Counter(name.rpartition("/")[0] for name in self._wanted)
+
+    def _mask(self, name: str, num_rows: int) -> NDArray[np.bool_]:
+        with reading(self._masks_path, name):
+            content = BytesIO(self._masks.read(name))
+            table = require("pyarrow.feather").read_table(content, use_threads=False)
+            mask: NDArray[np.bool_] = table.column(0).to_numpy().astype(bool)
+        if len(mask) != num_rows:
+            raise DatasetError(
+                f"{self._masks_path}: {name} is for {len(mask)} points, the recorded sweep has "
+                f"{num_rows}"
+            )
+        return mask
+
+
+@contextmanager
+def submission(path: Path, masks: Path, *, overwrite: bool = False) -> Iterator[Submission]:
+    """Opens a zip file of one Feather file for each sweep in an archive of masks.
+
+    It appears when the block ends well. The columns are those of `av2.evaluation.scene_flow`:
+    `flow_tx_m`, `flow_ty_m`, `flow_tz_m` (float16, metres until the next sweep with ego motion) and
+    `is_dynamic`, one row for each point of the mask.
+
+    Raises:
+        DatasetError: The masks cannot be read, or the file cannot be written.
+    """
+    with reading(masks):
+        require("pyarrow.feather")
+        wanted = zipfile.ZipFile(masks)
+    with (
+        wanted,
+        new_file(path, DatasetError, overwrite=overwrite) as draft,
+        zipfile.ZipFile(draft, "w") as archive,
+    ):
+        yield Submission(archive, masks, wanted)

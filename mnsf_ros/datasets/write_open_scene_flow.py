@@ -1,0 +1,184 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Estimates into files of OpenSceneFlow: into one that is there, or into a new one."""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.datasets.open_scene_flow import (
+    SweepGroup,
+    nanoseconds,
+    sweep_keys,
+)
+from mnsf_ros.datasets.source_files import reading
+from mnsf_ros.datasets.surface_classes import argoverse2_numbers
+from mnsf_ros.errors import DatasetError
+from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.sweeps_io.files import new_file, require
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from mnsf_ros.datasets.exported_sweep import ExportedFlow, ExportedSweep
+    from mnsf_ros.recording.flow_truth import FlowTruth
+
+# Data sets of a sweep that are no estimate.
+_SWEEP_KEYS: Final = ("lidar", "ground_mask", "pose")
+_LABEL_KEYS: Final = (
+    "flow",
+    "flow_is_valid",
+    "flow_category_indices",
+    "flow_instance_id",
+    "ego_motion",
+    "dufo",
+    "dufocluster",
+)
+# Coordinates in these files are float32.
+_SAME_POINT_M: Final = 1e-2
+
+_Arrays = dict[str, NDArray[Any]]
+
+
+class OpenSceneFlowWriter:
+    """Adds sweeps to a file, see `open_scene_flow_writer`."""
+
+    def __init__(self, path: Path, file: Any, key: str, *, labels: bool, overwrite: bool) -> None:  # noqa: ANN401
+        self._path = path
+        self._file = file
+        self._key = key
+        self._labels = labels
+        self._overwrite = overwrite
+        # Stamp to the name of its group: stamps of some data sets are microseconds.
+        self._groups = {nanoseconds(int(name)): name for name in file}
+        self._is_new = not self._groups
+
+    def write(self, sweep: ExportedSweep) -> None:
+        """Adds a sweep, or its estimate to the sweep of the same stamp.
+
+        Raises:
+            DatasetError: The file has no such sweep or other points, or the estimate is there
+                already.
+        """
+        if self._is_new:
+            group, arrays = self._file.create_group(str(sweep.stamp_ns)), _sweep_arrays(sweep)
+        else:
+            group, arrays = self._known_group(sweep), {}
+        if sweep.motion is not None:
+            arrays[self._key] = sweep.in_rows(sweep.motion.flow)
+            if self._labels:
+                arrays |= _labels(sweep, sweep.motion)
+            elif self._is_new and sweep.motion.truth is not None:
+                arrays |= _truth(sweep, sweep.motion, sweep.motion.truth)
+        for name, values in arrays.items():
+            if name in group:
+                if not self._overwrite:
+                    raise DatasetError(
+                        f"{self._path}: group {group.name!r} has {name!r} already; --force "
+                        "replaces it"
+                    )
+                del group[name]
+            group.create_dataset(name, data=values)
+
+    def _known_group(self, sweep: ExportedSweep) -> Any:  # noqa: ANN401 - h5py.Group
+        name = self._groups.get(sweep.stamp_ns)
+        if name is None:
+            raise DatasetError(f"{self._path}: has no sweep of stamp {sweep.stamp_ns}")
+        with reading(self._path, f"group {name!r}"):
+            known = SweepGroup(self._file, name)
+            points = known.array("lidar", np.float32)[:, :3]
+        if len(points) != sweep.num_rows or not np.allclose(
+            points[sweep.rows], sweep.xyz, rtol=0.0, atol=_SAME_POINT_M
+        ):
+            raise DatasetError(f"{self._path}: group {name!r} has other points than the recording")
+        return known.group
+
+
+@contextmanager
+def open_scene_flow_writer(
+    path: Path, key: str, *, labels: bool = False, overwrite: bool = False
+) -> Iterator[OpenSceneFlowWriter]:
+    """Opens an `.h5` file for estimates of its sweeps; nothing is changed if the block fails.
+
+    Without a file a new one is made, with the sweeps, their poses, and their truth if known, and
+    the indexes of its folder that OpenSceneFlow reads.
+
+    Args:
+        path: The file.
+        key: Name of the estimates, (N, 3) metres until the next sweep with ego motion.
+        labels: Whether the estimates are the labels, too: `flow` with its companions for supervised
+            methods, `dufo` and `dufocluster` for SeFlow. All dynamic points are then of the
+            category REGULAR_VEHICLE, as methods here know none.
+        overwrite: Whether estimates of the same name are replaced.
+
+    Raises:
+        DatasetError: The key has another meaning, or the file cannot be read or written.
+    """
+    if key in (*_SWEEP_KEYS, *_LABEL_KEYS) or not key or "/" in key:
+        raise DatasetError(f"key {key!r}: is no name of an estimate")
+    with reading(path):
+        h5py = require("h5py")
+    is_new = not path.exists()
+    if not is_new:
+        sweep_keys(path)
+    with new_file(path, DatasetError, overwrite=True) as draft:
+        if not is_new:
+            shutil.copyfile(path, draft)
+        with h5py.File(draft, "a") as file:
+            yield OpenSceneFlowWriter(path, file, key, labels=labels, overwrite=overwrite)
+    if is_new:
+        _write_indexes(path.parent)
+
+
+def _sweep_arrays(sweep: ExportedSweep) -> _Arrays:
+    return {
+        "lidar": sweep.in_rows(sweep.xyz),
+        "ground_mask": sweep.in_rows(sweep.ground),
+        "pose": sweep.pose.astype(np.float32),
+    }
+
+
+def _truth(sweep: ExportedSweep, motion: ExportedFlow, truth: FlowTruth) -> _Arrays:
+    objects = np.zeros(len(truth), np.int64) if truth.object_id is None else truth.object_id
+    return {
+        "flow": sweep.in_rows(np.where(truth.valid[:, None], truth.flow, np.float32(0.0))),
+        "flow_is_valid": sweep.in_rows(truth.valid),
+        "flow_category_indices": sweep.in_rows(argoverse2_numbers(truth.class_id)),
+        "flow_instance_id": sweep.in_rows(objects.astype(np.int64)),
+        "ego_motion": motion.next_from_current.astype(np.float32),
+    }
+
+
+def _labels(sweep: ExportedSweep, motion: ExportedFlow) -> _Arrays:
+    kinds = np.where(motion.dynamic, SurfaceClass.CAR, 0).astype(np.uint8)
+    # Clusters are numbered from 1 in each sweep.
+    _, clusters = np.unique(np.append(motion.track_ids, 0), return_inverse=True)
+    return {
+        "flow": sweep.in_rows(motion.flow),
+        "flow_is_valid": sweep.in_rows(motion.is_estimated),
+        "flow_category_indices": sweep.in_rows(argoverse2_numbers(kinds)),
+        "flow_instance_id": sweep.in_rows(motion.track_ids),
+        "ego_motion": motion.next_from_current.astype(np.float32),
+        "dufo": sweep.in_rows(motion.dynamic.astype(np.uint8)),
+        "dufocluster": sweep.in_rows(clusters[:-1].astype(np.int16)),
+    }
+
+
+def _write_indexes(folder: Path) -> None:
+    """Writes the lists of all sweeps of a folder, and of those with flow."""
+    sweeps: list[list[str]] = []
+    with_flow: list[list[str]] = []
+    for path in sorted(folder.glob("*.h5")):
+        keys = sweep_keys(path)
+        sweeps += [[path.stem, key] for key in keys]
+        with reading(path), require("h5py").File(path, "r") as file:
+            with_flow += [[path.stem, key] for key in keys if "flow" in SweepGroup(file, key)]
+    for name, index in (("index_total.pkl", sweeps), ("index_flow.pkl", with_flow)):
+        with new_file(folder / name, DatasetError, overwrite=True) as draft:
+            draft.write_bytes(pickle.dumps(index))

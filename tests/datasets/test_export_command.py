@@ -1,0 +1,205 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""`mnsf export`: estimates in the files of OpenSceneFlow and Argoverse 2, read back."""
+
+from __future__ import annotations
+
+import pickle
+import zipfile
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from mnsf_ros.cli.main import EXIT_USAGE, run
+from mnsf_ros.datasets.open_scene_flow import open_file
+from mnsf_ros.recording.bag_reader import BagReader
+from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
+
+h5py = pytest.importorskip("h5py")
+feather = pytest.importorskip("pyarrow.feather")
+
+
+@pytest.fixture
+def street(make_street):
+    return make_street()
+
+
+@pytest.fixture
+def truth(street):
+    with BagReader(street) as reader:
+        return read_truth(reader)
+
+
+@pytest.fixture
+def exported(street, tmp_path):
+    """An .h5 file with the flow of static points."""
+    assert (
+        run(["export", "opensceneflow", str(street), "--out", str(tmp_path), "--method", "ego"])
+        == 0
+    )
+    return tmp_path / f"{street.name}.h5"
+
+
+def arrays(path, stamp):
+    with h5py.File(path) as file:
+        return {name: values[...] for name, values in file[str(stamp)].items()}
+
+
+def test_a_new_file_has_sweeps_poses_truth_and_estimates(street, exported, truth):
+    stamps = list(truth)
+    read = list(open_file(exported).sweeps)
+    assert [sweep.stamp_ns for sweep in read] == stamps
+    with BagReader(street) as reader:
+        poses = read_sensor_poses(reader)
+    for stamp, after, sweep in zip(stamps, stamps[1:], read, strict=False):
+        known, found = truth[stamp], arrays(exported, stamp)
+        np.testing.assert_array_equal(sweep.given.valid, known.valid)
+        np.testing.assert_array_equal(sweep.given.flow[known.valid], known.flow[known.valid])
+        np.testing.assert_array_equal(sweep.ground, known.ground)
+        np.testing.assert_array_equal(found["flow_instance_id"], known.object_id)
+        cars = (known.class_id == 6) == (sweep.given.class_id == 6)
+        assert cars.all()
+        np.testing.assert_allclose(found["pose"], poses[stamp], atol=1e-5)
+        motion = np.linalg.inv(poses[after]) @ poses[stamp]
+        np.testing.assert_allclose(found["ego_motion"], motion, atol=1e-5)
+        static = known.valid & ~known.dynamic
+        np.testing.assert_allclose(found["ego"][static], known.flow[static], atol=1e-3)
+    assert set(arrays(exported, stamps[-1])) == {"lidar", "pose", "ground_mask"}
+    indexes = [exported.with_name(name) for name in ("index_total.pkl", "index_flow.pkl")]
+    total, with_flow = (pickle.loads(index.read_bytes()) for index in indexes)  # noqa: S301
+    assert total == [[street.name, str(stamp)] for stamp in stamps]
+    assert with_flow == total[:-1]
+
+
+def test_estimates_are_added_to_a_file_and_replaced_by_force_only(street, exported, truth, capsys):
+    stamp = next(iter(truth))
+    before = arrays(exported, stamp)
+    command = ["export", "opensceneflow", str(street), "--out", str(exported.parent)]
+    assert run([*command, "--method", "zero", "--key", "nothing"]) == 0
+    after = arrays(exported, stamp)
+    assert not after.pop("nothing").any()
+    for name, values in before.items():
+        np.testing.assert_array_equal(after[name], values)
+    assert run([*command, "--method", "zero", "--key", "ego"]) == EXIT_USAGE
+    assert "has 'ego' already; --force replaces it" in capsys.readouterr().err
+    assert arrays(exported, stamp)["ego"].any()
+    assert run([*command, "--method", "zero", "--key", "ego", "--force"]) == 0
+    assert not arrays(exported, stamp)["ego"].any()
+
+
+def test_labels_to_train_on_are_the_estimate(street, tmp_path, truth):
+    command = ["export", "opensceneflow", str(street), "--out", str(tmp_path), "--labels"]
+    assert run(command) == 0
+    stamps = list(truth)
+    found = [arrays(tmp_path / f"{street.name}.h5", stamp) for stamp in stamps[:-1]]
+    for each in found:
+        np.testing.assert_array_equal(each["flow"], each["online"])
+        assert each["flow_is_valid"].all()
+        np.testing.assert_array_equal(each["dufo"] > 0, each["flow_category_indices"] > 0)
+        np.testing.assert_array_equal(each["dufocluster"] > 0, each["flow_instance_id"] > 0)
+        assert each["dufocluster"].max() == len(np.unique(each["dufocluster"])) - 1
+    assert any(each["dufo"].any() for each in found)
+
+
+def drop_a_point(file, stamp):
+    points = file[stamp]["lidar"][1:]
+    del file[stamp]["lidar"]
+    file[stamp]["lidar"] = points
+
+
+def move_the_points(file, stamp):
+    file[stamp]["lidar"][...] += 1.0
+
+
+def lead_elsewhere(file, stamp):
+    del file[stamp]
+    file[stamp] = h5py.ExternalLink("other.h5", "/")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (drop_a_point, "has other points than the recording"),
+        (move_the_points, "has other points than the recording"),
+        (lead_elsewhere, "is a link, expected it in the file itself"),
+        (lambda file, stamp: file.move(stamp, "17"), "has no sweep of stamp"),
+        (lambda file, stamp: file.move(stamp, "points"), "has group 'points', expected one named"),
+    ],
+)
+def test_a_file_of_other_sweeps_is_refused_and_stays(street, exported, truth, spoil, words, capsys):
+    with h5py.File(exported, "a") as file:
+        spoil(file, str(next(iter(truth))))
+    before = exported.read_bytes()
+    command = ["export", "opensceneflow", str(street), "--out", str(exported.parent)]
+    assert run([*command, "--method", "zero"]) == EXIT_USAGE
+    assert words in capsys.readouterr().err
+    assert exported.read_bytes() == before
+    assert len(list(exported.parent.iterdir())) == 3
+
+
+def write_masks(path, masks):
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, mask in masks.items():
+            content = BytesIO()
+            feather.write_feather(pytest.importorskip("pyarrow").table({"mask": mask}), content)
+            archive.writestr(f"{name}.feather", content.getvalue())
+    return path
+
+
+def test_a_submission_has_the_points_of_the_masks(street, tmp_path, truth, capsys):
+    stamps = [*truth][:2]
+    near = {stamp: np.arange(len(truth[stamp])) % 3 == 0 for stamp in stamps}
+    masks = {f"{street.name}/{stamp}": mask for stamp, mask in near.items()}
+    masks["another_log/5"] = np.ones(4, bool)
+    target = tmp_path / "online.zip"
+    command = ["export", "argoverse2", str(street), "--out", str(target), "--mask"]
+    assert run([*command, str(write_masks(tmp_path / "masks.zip", masks))]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "lacks 1 sweeps of 1 logs of the challenge, for example of another_log" in said
+    with zipfile.ZipFile(target) as archive:
+        assert sorted(archive.namelist()) == sorted(f"{street.name}/{s}.feather" for s in stamps)
+        for stamp, mask in near.items():
+            table = feather.read_table(BytesIO(archive.read(f"{street.name}/{stamp}.feather")))
+            columns = {name: table.column(name).to_numpy() for name in table.column_names}
+            kinds = [(name, column.dtype.name) for name, column in columns.items()]
+            assert kinds == [*((f"flow_t{a}_m", "float16") for a in "xyz"), ("is_dynamic", "bool")]
+            assert len(table) == mask.sum()
+            known = truth[stamp].of_points(np.flatnonzero(mask))
+            errors = np.column_stack(list(columns.values())[:3]) - known.flow
+            assert np.nanmedian(np.linalg.norm(errors, axis=1)) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("masks", "words"),
+    [
+        ({}, "holds no mask"),
+        ({"street/STAMP": [True, False]}, "is for 2 points, the recorded sweep has"),
+        (None, "cannot be read: File is not a zip file"),
+    ],
+)
+def test_masks_that_do_not_fit_are_refused(street, tmp_path, truth, masks, words, capsys):
+    path = tmp_path / "masks.zip"
+    if masks is None:
+        path.write_text("masks")
+    else:
+        stamp = str(next(iter(truth)))
+        write_masks(path, {name.replace("STAMP", stamp): mask for name, mask in masks.items()})
+    target = tmp_path / "out.zip"
+    command = ["export", "argoverse2", str(street), "--out", str(target), "--method", "zero"]
+    assert run([*command, "--mask", str(path)]) == EXIT_USAGE
+    assert words in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["opensceneflow", "--key", "lidar"], "key 'lidar': is no name of an estimate"),
+        (["opensceneflow", "--mask", "a.zip"], "--mask: is for the format argoverse2"),
+        (["argoverse2"], "argoverse2: expected --mask ZIP"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(street, tmp_path, arguments, words, capsys):
+    name, *others = arguments
+    assert run(["export", name, str(street), "--out", str(tmp_path / "out"), *others]) == EXIT_USAGE
+    assert words in capsys.readouterr().err
