@@ -60,7 +60,6 @@ FORMATS: Final[Mapping[str, Format]] = {
     "waymo": Format(
         "waymo:open_segment", "Waymo Open v2: folder with lidar, lidar_pose, …", ("sequence",)
     ),
-    "waymo-v1": Format("waymo_records:open_segment", "Waymo Open v1: .tfrecord file"),
     "nuscenes": Format(
         "nuscenes:open_scene", "nuScenes: folder with sweeps, samples, v1.0-…", ("sequence",)
     ),

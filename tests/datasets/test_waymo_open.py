@@ -1,19 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Waymo Open: range images of two lidars, in TFRecord files and in Parquet files."""
+"""Waymo Open: range images of two lidars in Parquet files."""
 
 from __future__ import annotations
 
 import itertools
 import math
-import zlib
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 import tiny_world
 from scipy.spatial.transform import Rotation
-from tiny_protobuf import crc32c, field, tf_record
 
 from mnsf_ros.datasets.formats import open_source
 from mnsf_ros.datasets.waymo import LaserCalibration, LaserReturns, waymo_sweep
@@ -97,80 +94,6 @@ def check(source):
             assert boxes[track].size_m.tolist() == tiny_world.SIZE.tolist()
             assert boxes[track].class_id == tiny_world.CAR
     assert index == tiny_world.NUM_SWEEPS - 1
-
-
-# The first edition: TFRecord files of messages.
-
-
-def matrix(values):
-    shape = field(1, list(values.shape))
-    return zlib.compress(field(1, values.astype("<f4").tobytes()) + field(2, shape))
-
-
-@cache
-def frame(index, *, labels=True):
-    context, lasers = field(1, "segment"), b""
-    for laser, one in zip(MOUNTS, IMAGES[index], strict=True):
-        mount = field(1, MOUNTS[laser].ravel())
-        # Angles are packed or not.
-        angles = field(2, ANGLES) if laser == 1 else field(2, ANGLES.tobytes())
-        angles += field(3, -9.0) + field(4, 9.0)
-        context += field(3, field(1, laser) + angles + field(5, mount))
-        returned = field(2, matrix(one.image)) + field(3, b"camera projection")
-        returned += b"" if one.poses is None else field(4, matrix(one.poses))
-        second = field(2, matrix(np.full((1, 1, 4), 7.0)))
-        lasers += field(5, field(1, laser) + field(2, returned) + field(3, second))
-    message = field(1, context) + field(2, tiny_world.stamp_ns(index) // 1000)
-    message += field(3, field(1, tiny_world.world_from_sweep(index).ravel()))
-    message += field(4, b"an image") + lasers
-    if labels:
-        message += field(6, [label(*item) for item in tiny_world.boxes(index).items()])
-    return message + field(1000, 5)
-
-
-def label(track, pose):
-    length, width, height = tiny_world.SIZE.tolist()
-    box = [*pose[:3, 3].tolist(), width, length, height, tiny_world.yaw(pose)]
-    message = b"".join(field(number, value) for number, value in enumerate(box, start=1))
-    return field(1, message) + field(3, 1) + field(4, track)
-
-
-def test_records_become_sweeps(tmp_path):
-    pytest.importorskip("google.protobuf")
-    assert crc32c(b"123456789") == 0xE3069283
-    path = tmp_path / "segment.tfrecord"
-    path.write_bytes(b"".join(tf_record(frame(index)) for index in range(tiny_world.NUM_SWEEPS)))
-    check(open_source("waymo-v1", path))
-    path.write_bytes(tf_record(frame(0, labels=False)))
-    (sweep,) = open_source("waymo-v1", path).sweeps
-    assert sweep.boxes is None
-
-
-FIRST = tf_record(frame(0))
-FLAT_BOX = field(6, field(1, field(6, -1.0)))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (len(FIRST) + 5, "is cut short in the header of record 1"),
-        (-2, "is cut short in record 1"),
-        (lambda whole: b"\0" + whole, "checksum of record 0 is wrong"),
-        (lambda whole: whole[:12] + b"\xff" * 2000 + whole[2012:], "cannot be read"),
-        (tf_record(frame(0)[:-9]), "cannot be read: record 0: .* cut short"),
-        (tf_record(field(2, 5) + field(3, 5)), "cannot be read: record 0: cannot reshape"),
-        (lambda whole: whole + tf_record(FLAT_BOX), "cannot be read: record 2: .*"),
-        (b"", "is empty"),
-    ],
-)
-def test_damaged_records_are_named(tmp_path, change, message):
-    pytest.importorskip("google.protobuf")
-    path = tmp_path / "segment.tfrecord"
-    path.write_bytes(FIRST + tf_record(frame(1)))
-    tiny_world.check_refused("waymo-v1", path, "", change, message)
-
-
-# The second edition: Parquet files.
 
 
 def write_split(folder, segment="one", **changes):
