@@ -133,7 +133,7 @@ def _splat(
 def _draw_object(
     canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float, labels: list[_Box]
 ) -> None:
-    """Draws box, way and speed; no speed that would cover an earlier label."""
+    """Draws box, way and speed."""
     pixels, depth = _projected(_corners(item))
     if (depth < _NEAREST_M).any():
         return
@@ -142,16 +142,32 @@ def _draw_object(
     for first, second in (*_EDGES, *_PILLARS):
         canvas.line([points[first], points[second]], fill=(*color, 210), width=_SCALE)
     _draw_way(canvas, item, color)
+    _draw_label(canvas, pixels, item, labels)
+
+
+def _draw_label(
+    canvas: ImageDraw.ImageDraw, pixels: NDArray[np.float64], item: ShownObject, labels: list[_Box]
+) -> None:
+    """Draws the speed above or below the box of an object, where it is whole and covers no other.
+
+    `pixels` (8, 2) are the corners of the box.
+    """
     speed = float(np.hypot(item.velocity[0], item.velocity[1]))
     text, font = f"{speed:.1f} m/s", _font(12 * _SCALE)
-    (left, top), (right, _) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
-    place = ((left + right) / 2, top - 4 * _SCALE)
-    label = canvas.textbbox(place, text, font=font, anchor="mb", stroke_width=_SCALE)
-    if any(_overlap(label, other) for other in labels):
-        return
-    labels.append(label)
-    outline = tuple(_BACKGROUND.tolist())
-    canvas.text(place, text, _INK, font, "mb", stroke_width=_SCALE, stroke_fill=outline)
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    middle, gap = (left + right) / 2, 4 * _SCALE
+    for place, anchor in (((middle, top - gap), "mb"), ((middle, bottom + gap), "mt")):
+        label = canvas.textbbox(place, text, font=font, anchor=anchor, stroke_width=_SCALE)
+        if _is_inside(label) and not any(_overlap(label, other) for other in labels):
+            labels.append(label)
+            outline = tuple(_BACKGROUND.tolist())
+            canvas.text(place, text, _INK, font, anchor, stroke_width=_SCALE, stroke_fill=outline)
+            return
+
+
+def _is_inside(box: _Box) -> bool:
+    inside_columns = box[0] >= 0 and box[2] <= _SCALE * WIDTH_PX
+    return inside_columns and box[1] >= 0 and box[3] <= _SCALE * HEIGHT_PX
 
 
 def _overlap(first: _Box, second: _Box) -> bool:

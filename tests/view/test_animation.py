@@ -46,7 +46,7 @@ def test_only_webp_is_written(tmp_path: Path, capsys, name: str) -> None:
     assert not path.exists()
 
 
-def test_of_labels_that_would_overlap_the_nearest_is_shown() -> None:
+def test_labels_avoid_each_other_and_those_of_the_nearest_are_shown() -> None:
     nothing = np.zeros((0, 3), np.float32)
 
     def shown(*centers: tuple[float, float, float]) -> np.ndarray:
@@ -61,8 +61,12 @@ def test_of_labels_that_would_overlap_the_nearest_is_shown() -> None:
     near, far, aside = (10.0, 0.0, 0.0), (10.5, 0.1, 0.0), (10.0, 8.0, 0.0)
     one = ink(shown(near))
     assert one > 20
-    assert ink(shown(near, far)) <= one
-    assert ink(shown(far, near)) == ink(shown(near, far))
+    # Above, below, and no place for the third one.
+    two = ink(shown(near, far))
+    assert 1.3 * one < two < 2.2 * one
+    third = (10.2, 0.05, 0.0)
+    assert ink(shown(near, third, far)) <= 1.1 * two
+    assert (shown(far, third, near) == shown(near, third, far)).all()
     assert ink(shown(near, aside)) > 1.3 * one
 
 
