@@ -246,17 +246,27 @@ def _with_loss(
     """The row, of a missed mover with the stage that rejected it."""
     if not item.moves or item.is_found:
         return item
-    if reason.verdict is Verdict.DYNAMIC:
-        return replace(item, lost_by=LostBy.PARTLY)
-    if reason.verdict not in (Verdict.NO_BETTER_MOTION, Verdict.REFUSED):
-        return replace(item, lost_by=LostBy[reason.verdict.name])
     motion = truth.velocity[own].mean(axis=0) * truth.interval_s
-    if reason.motion is not None and np.linalg.norm(reason.motion - motion) <= _CLOSE_M:
-        return replace(item, lost_by=LostBy.GATE)
+    return replace(item, lost_by=lost_by(reason, motion))
+
+
+def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:
+    """Returns the stage that rejected a missed mover.
+
+    Args:
+        reason: The decision about its points.
+        true_motion: (3,) metres over ground until the next sweep.
+    """
+    if reason.verdict is Verdict.DYNAMIC:
+        return LostBy.PARTLY
+    if reason.verdict not in (Verdict.NO_BETTER_MOTION, Verdict.REFUSED):
+        return LostBy[reason.verdict.name]
+    if reason.motion is not None and np.linalg.norm(reason.motion - true_motion) <= _CLOSE_M:
+        return LostBy.GATE
     has_started_well = (
-        reason.start is not None and np.linalg.norm(reason.start - motion) <= _GOOD_START_M
+        reason.start is not None and np.linalg.norm(reason.start - true_motion) <= _GOOD_START_M
     )
-    return replace(item, lost_by=LostBy.FIT if has_started_well else LostBy.FIRST_GUESS)
+    return LostBy.FIT if has_started_well else LostBy.FIRST_GUESS
 
 
 def _kind(class_id: int) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, Reason, Verdict
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.movers import LostBy, lost_by
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.scoring import true_motion
@@ -25,17 +27,14 @@ _SAME_STAMP_NS: Final = 1_000_000
 _PAST_S: Final = 3.0
 _RADIUS_M: Final = 0.5
 _FARTHEST_M: Final = 2.0
-# Stage of each verdict, as in docs/method.md, and the parameters that change it.
-_STEPS: Final = {
-    Verdict.NO_OBJECT: "ground",
-    Verdict.TOO_FEW_POINTS: "objects",
-    Verdict.TOO_LARGE: "objects",
-    Verdict.NOT_SUSPECTED: "suspects",
-    Verdict.LEFT_OUT: "suspects",
-    Verdict.NO_BETTER_MOTION: "first guess",
-    Verdict.REFUSED: "gate",
-    Verdict.DYNAMIC: "gate",
+_MOVES: Final = 0.5  # share of the points of a mover that are dynamic
+# Stages of verdicts, where truth does not tell; the others have the name of the verdict.
+_STAGES: Final = {
+    Verdict.NO_BETTER_MOTION: f"{LostBy.FIRST_GUESS.value} or {LostBy.FIT.value}",
+    Verdict.REFUSED: LostBy.GATE.value,
+    Verdict.DYNAMIC: LostBy.GATE.value,
 }
+# Parameters that change a verdict.
 _SETTINGS: Final = {
     Verdict.NO_OBJECT: "see the parameters crop.* and ground.*",
     Verdict.TOO_FEW_POINTS: "the parameter objects.min_points is the limit",
@@ -78,7 +77,7 @@ def decision_at(
     if estimate.reason_of is None or estimate.over_ground is None:
         raise EvaluationError("this method gives no reasons; online does")
     rows = _rows_at(example, estimate, place_m)
-    reason = estimate.reason_of(rows)
+    reason, truth = estimate.reason_of(rows), _truth_at(example, rows)
     xyz = example.triplet.current.xyz[rows]
     middle = ", ".join(f"{value:.2f}" for value in np.median(xyz, axis=0))
     num_called = int(np.count_nonzero(estimate.over_ground.dynamic[rows]))
@@ -90,9 +89,31 @@ def decision_at(
         f"Place: {len(rows)} points around ({middle}) m",
         f"Called dynamic: {num_called} of {len(rows)} points",
         f"Reason: {verdict}{f' ({hint})' if hint else ''}",
-        f"Decided by the step: {_STEPS[reason.verdict]}",
+        f"Decided by the stage: {_stage(reason, truth if num_called < len(rows) / 2 else None)}",
     ]
-    return [*lines, *_object_lines(example, reason), *_truth_lines(example, reason, rows)]
+    return [*lines, *_object_lines(example, reason), *_truth_lines(reason, truth)]
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """True motion at a place.
+
+    Attributes:
+        motion: (3,) metres over ground until the next sweep.
+        share: Share of the points that are dynamic.
+        speed_m_s: Mean speed.
+    """
+
+    motion: NDArray[np.float64]
+    share: float
+    speed_m_s: float
+
+
+def _stage(reason: Reason, truth_if_missed: _Truth | None) -> str:
+    """The stage under the name that it has in the report."""
+    if truth_if_missed is not None and truth_if_missed.share > _MOVES:
+        return lost_by(reason, truth_if_missed.motion).value
+    return _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
 
 
 def _estimated(
@@ -155,23 +176,30 @@ def _object_lines(example: Example, reason: Reason) -> Iterator[str]:
         yield f"Evidence, {name}: {value:.3f}"
 
 
-def _truth_lines(example: Example, reason: Reason, rows: NDArray[np.int64]) -> Iterator[str]:
+def _truth_at(example: Example, rows: NDArray[np.int64]) -> _Truth | None:
     truth = example.truth
     if truth is None or not truth.valid[rows].any():
-        return
+        return None
     # The sensor's own motion shows in all points of the sweep.
     every = np.flatnonzero(truth.valid)
     known, own_m = true_motion(example, truth, every)
     own = np.isin(every, rows)
     motion = known.velocity[own].mean(axis=0) * known.interval_s
-    share = float(known.dynamic[own].mean())
+    speed_m_s = float(own_m[own].mean()) / known.interval_s
+    return _Truth(motion, float(known.dynamic[own].mean()), speed_m_s)
+
+
+def _truth_lines(reason: Reason, truth: _Truth | None) -> Iterator[str]:
+    if truth is None:
+        return
     yield (
-        f"Truth: {share:.0%} of the points dynamic, {_vector(motion)} m to the next sweep, "
-        f"{float(own_m[own].mean()) / known.interval_s:.1f} m/s"
+        f"Truth: {truth.share:.0%} of the points dynamic, {_vector(truth.motion)} m to the next "
+        f"sweep, {truth.speed_m_s:.1f} m/s"
     )
     for words, guess in (("motion found", reason.motion), ("start of the search", reason.start)):
         if guess is not None:
-            yield f"The {words} is off by {float(np.linalg.norm(guess - motion)):.2f} m"
+            off_m = float(np.linalg.norm(guess - truth.motion))
+            yield f"The {words} is off by {off_m:.2f} m"
 
 
 def _vector(vector: NDArray[np.float64]) -> str:

@@ -54,14 +54,14 @@ def test_mover_and_ground(street, sweep, capsys):
     assert status == 0
     assert f"street, sweep 4, stamp {stamp_ns / 1e9:.3f} s" in text
     assert re.search(r"Called dynamic: (\d+) of \1 points", text)
-    assert "Reason: dynamic\nDecided by the step: gate\n" in text
+    assert "Reason: dynamic\nDecided by the stage: gate\n" in text
     assert re.search(r"Residual if static: 0\.\d+ m \(next\), 0\.\d+ m \(previous\)", text)
     assert re.search(r"Truth: \d+% of the points dynamic", text)
     far = truth.ground & (np.hypot(*xyz[:, :2].T) > 6)
     status, text, _ = explained(capsys, street, seconds(stamp_ns), at(xyz[far][:1]))
     assert (status, "Called dynamic: 0 of" in text) == (0, True)
     assert "Motion found" not in text
-    assert "Decided by the step: ground\n" in text
+    assert "Decided by the stage: no object\n" in text
 
 
 @pytest.mark.parametrize(

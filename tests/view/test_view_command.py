@@ -87,7 +87,9 @@ def test_a_recording_is_played_stepped_and_changed_on_the_page(
         browser.click("#layers button:nth-child(3)")
         browser.until("document.querySelector('#layers .on').textContent === 'error'")
         browser.click_at(330, 400)
-        browser.until("document.querySelector('#selection').textContent.includes('Decided by')")
+        browser.until(
+            "document.querySelector('#selection').textContent.includes('Decided by the stage')"
+        )
         assert not browser.errors
 
 
