@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Continuity, Event, Findings
+from mnsf_ros.evaluation.findings import ARRIVAL_EVENTS, Event, Findings, num_missing
 from mnsf_ros.evaluation.options import MAX_SWEEPS, EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.tracks import (
@@ -73,7 +73,6 @@ def read_examples(
         recorded = recorded_poses(reader, recording.odometry, findings)
         poses = PoseTrack(recorded, sensor_mount(options.settings.ego_motion))
     builder = ExampleBuilder(
-        recording.name,
         options,
         findings,
         truth=truth,
@@ -114,7 +113,6 @@ class ExampleBuilder:
 
     def __init__(
         self,
-        recording: str,
         options: EvaluationOptions,
         findings: Findings,
         *,
@@ -123,13 +121,14 @@ class ExampleBuilder:
         num_sweeps: int = 3,
     ) -> None:
         """Starts without any sweep; an example must have `num_sweeps` sweeps, 2 to `MAX_SWEEPS`."""
-        self._recording = recording
         self._options = options
         self._findings = findings
         self._truth = truth
         self._poses = poses
         self._buffer = SweepBuffer(MAX_SWEEPS, num_sweeps)
-        self._num_read = 0
+        self._stamps_ns: list[int] = []
+        # Numbers of the sweeps after which some are known to be missing.
+        self._breaks: list[int] = []
         # Number and truth of the newest sweep in the buffer.
         self._newest: tuple[int, FlowTruth | None] = (0, None)
 
@@ -139,17 +138,15 @@ class ExampleBuilder:
         Sweeps hold all finite points and a CloudRows as `source`; None stands where some may be
         missing.
         """
-        continuity = Continuity(self._options.settings.buffer.max_interval_s)
         for sweep in sweeps:
             if sweep is None:
                 self._interrupt()
-                continuity.interrupt()
-                continue
-            continuity.add(sweep.stamp_ns)
-            example = self._completed_by(sweep)
-            if example is not None:
+                self._breaks.append(len(self._stamps_ns) - 1)
+            elif (example := self._completed_by(sweep)) is not None:
                 yield example
-        self._findings.count(Event.SWEEPS_MISSING, continuity.num_missing)
+        max_interval_s = self._options.settings.buffer.max_interval_s
+        number = num_missing(self._stamps_ns, self._breaks, max_interval_s)
+        self._findings.count(Event.SWEEPS_MISSING, number)
 
     def _interrupt(self) -> None:
         """Lets no triplet span this place."""
@@ -158,7 +155,8 @@ class ExampleBuilder:
 
     def _completed_by(self, sweep: Sweep) -> Example | None:
         """The example whose next sweep this is."""
-        number, self._num_read = self._num_read, self._num_read + 1
+        number = len(self._stamps_ns)
+        self._stamps_ns.append(sweep.stamp_ns)
         truth = self._truth_of(sweep)
         kept = kept_points(
             sweep.xyz, sweep.stamp_ns, None if truth is None else truth.ground, self._options
@@ -173,7 +171,7 @@ class ExampleBuilder:
         if triplet is None:
             return None
         triplet = replace(triplet, next_from_current=_motion(triplet.current, sweep))
-        example = Example(self._recording, current[0], triplet, truth=current[1])
+        example = Example(sweep.source.recording, current[0], triplet, truth=current[1])
         self._findings.count(Event.ODOMETRY_CONTRADICTS, int(_is_contradicted(example)))
         return example
 

@@ -9,9 +9,9 @@ from enum import Enum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mnsf_ros.recording.damage import Damage
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
 # Enough of a recording that is damaged from end to end.
@@ -110,42 +110,20 @@ class Findings:
 
 
 _LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missing
-_MIN_SWEEPS: Final = 5
+_MIN_INTERVALS: Final = 5
 
 
-class Continuity:
-    """Finds missing sweeps by stamps, in the order of the stamps.
+def num_missing(stamps_ns: list[int], breaks: list[int], max_interval_s: float) -> int:
+    """Returns how many sweeps are missing by the median interval between stamps.
 
-    Recordings without checksums can lose messages without any sign of damage.
+    Recordings without checksums can lose messages without any sign of damage. Intervals after the
+    sweeps `breaks`, where others are known to be missing, do not count, nor longer ones than
+    `max_interval_s`, which are counted as gaps.
     """
-
-    def __init__(self, max_interval_s: float) -> None:
-        """Ignores longer intervals, which are counted as gaps."""
-        self._max_interval_ns = max_interval_s * 1e9
-        self._stamps: list[int] = []
-        # Of the sweeps after which some are known to be missing.
-        self._interrupted: list[int] = []
-
-    def add(self, stamp_ns: int) -> None:
-        """Adds the next sweep."""
-        self._stamps.append(stamp_ns)
-
-    def interrupt(self) -> None:
-        """Marks a place where sweeps are known to be missing."""
-        self._interrupted.append(len(self._stamps) - 1)
-
-    @property
-    def num_missing(self) -> int:
-        """Sweeps that are missing by the median interval, apart from the known ones."""
-        intervals = self._intervals()
-        if len(intervals) < _MIN_SWEEPS:
-            return 0
-        usual = float(np.median(intervals))
-        long = intervals[(intervals > _LONG * usual) & (intervals <= self._max_interval_ns)]
-        return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0
-
-    def _intervals(self) -> NDArray[np.int64]:
-        """Nanoseconds between sweeps, without those where sweeps are known to be missing."""
-        intervals = np.diff(np.array(self._stamps, np.int64))
-        known = [row for row in self._interrupted if 0 <= row < len(intervals)]
-        return np.delete(intervals, known)
+    intervals = np.diff(np.array(stamps_ns, np.int64))
+    intervals = np.delete(intervals, [row for row in breaks if 0 <= row < len(intervals)])
+    if len(intervals) < _MIN_INTERVALS:
+        return 0
+    usual = float(np.median(intervals))
+    long = intervals[(intervals > _LONG * usual) & (intervals <= max_interval_s * NANOSECONDS)]
+    return int(np.sum(np.round(long / usual) - 1)) if usual > 0 else 0

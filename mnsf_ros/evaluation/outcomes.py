@@ -8,7 +8,8 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import NUM_PREPARED_IN_ORDER
@@ -16,12 +17,11 @@ from mnsf_ros.errors import MnsfError, one_line
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.results import DROPPED, Failure
 from mnsf_ros.online.latest_only_worker import LatestOnlyQueue
-from mnsf_ros.online.stream import PreparedTriplet, Stream
+from mnsf_ros.online.stream import Stream
 
 _LOG = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
-Job = TypeVar("Job")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,31 +63,31 @@ def replayed(
     """
     dropped: list[Example] = []
 
-    def prepare(job: _Arrived) -> tuple[PreparedTriplet, float]:
-        prepared, time_ms = _timed(lambda: stream.prepare(job.example.triplet), clock_s)
-        return prepared, time_ms if prepared.is_prepared else 0.0
+    def prepare(job: _Job) -> float:
+        job.prepared, time_ms = _timed(lambda: stream.prepare(job.example.triplet), clock_s)
+        job.time_ms = time_ms if job.prepared.is_prepared else 0.0
+        return job.time_ms
 
-    def prepared() -> Iterator[tuple[tuple[_Arrived, _Done[PreparedTriplet]], float]]:
-        arrivals = ((job, job.at_ms) for job in _arrivals(examples, rate))
-        for job, done in _worked(arrivals, prepare, NUM_PREPARED_IN_ORDER):
-            if done is None:
+    def estimate(job: _Job) -> float:
+        work = partial(stream.estimate, job.prepared)
+        job.result, time_ms = _timed(lambda: attempted(work), clock_s)
+        job.time_ms += time_ms
+        return time_ms
+
+    def prepared() -> Iterator[tuple[_Job, float]]:
+        for job, end_ms in _worked(_arrivals(examples, rate), prepare, NUM_PREPARED_IN_ORDER):
+            if end_ms is None:
                 dropped.append(job.example)
             else:
-                yield (job, done), done.end_ms
+                yield job, end_ms
 
-    def estimate(
-        work: tuple[_Arrived, _Done[PreparedTriplet]],
-    ) -> tuple[FlowEstimate | str, float]:
-        return _timed(lambda: attempted(lambda: stream.estimate(work[1].result)), clock_s)
-
-    for (job, preparation), done in _worked(prepared(), estimate, 0):
-        if done is None:
+    for job, end_ms in _worked(prepared(), estimate, 0):
+        if end_ms is None:
             dropped.append(job.example)
         yield from (Outcome(each, DROPPED) for each in dropped)
         dropped.clear()
-        if done is not None:
-            time_ms = preparation.time_ms + done.time_ms
-            yield Outcome(job.example, done.result, time_ms, done.end_ms - job.at_ms)
+        if end_ms is not None:
+            yield Outcome(job.example, job.result, job.time_ms, end_ms - job.arrived_ms)
     yield from (Outcome(each, DROPPED) for each in dropped)
 
 
@@ -113,40 +113,32 @@ def _timed(
     return work(), (clock_s() - start_s) * 1e3
 
 
-@dataclass(frozen=True, eq=False)
-class _Arrived:
-    """An example that arrives at a time of the virtual clock."""
+@dataclass(eq=False)
+class _Job:
+    """An example on its way through both workers; times in ms, by the virtual clock."""
 
     example: Example
-    at_ms: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Done(Generic[Result]):
-    """The result of a job, its run time, and when it was done by the virtual clock."""
-
-    result: Result
-    time_ms: float
-    end_ms: float
+    arrived_ms: float
+    time_ms: float = math.nan
+    prepared: Any = None
+    result: FlowEstimate | str = ""
 
 
 def _worked(
-    arrivals: Iterable[tuple[Job, float]],
-    work: Callable[[Job], tuple[Result, float]],
-    num_in_order: int,
-) -> Iterator[tuple[Job, _Done[Result] | None]]:
-    """Works on jobs that arrive at times in ms; yields each when done, None if it was dropped.
+    arrivals: Iterable[tuple[_Job, float]], work: Callable[[_Job], float], num_in_order: int
+) -> Iterator[tuple[_Job, float | None]]:
+    """Works on jobs that arrive at times; yields each with its end, None if it was dropped.
 
-    `work` returns its result and its run time in ms.
+    `work` returns its run time.
     """
     idle_from_ms = -math.inf
-    waiting: LatestOnlyQueue[tuple[Job, float]] = LatestOnlyQueue(num_in_order)
+    waiting: LatestOnlyQueue[tuple[_Job, float]] = LatestOnlyQueue(num_in_order)
 
-    def done(job: Job, arrived_ms: float) -> tuple[Job, _Done[Result]]:
+    def done(job: _Job, arrived_ms: float) -> tuple[_Job, float]:
         nonlocal idle_from_ms
-        result, time_ms = work(job)
+        time_ms = work(job)
         idle_from_ms = max(idle_from_ms, arrived_ms) + time_ms
-        return job, _Done(result, time_ms, idle_from_ms)
+        return job, idle_from_ms
 
     for job, now_ms in arrivals:
         while idle_from_ms <= now_ms and (first := waiting.take()) is not None:
@@ -159,7 +151,7 @@ def _worked(
         yield done(*first)
 
 
-def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[_Arrived]:
+def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[tuple[_Job, float]]:
     """Each example with its time of arrival; the clock goes on where the recording jumps back."""
     arrival_ms, last_ns = 0.0, None
     for example in examples:
@@ -168,4 +160,4 @@ def _arrivals(examples: Iterable[Example], rate: float) -> Iterator[_Arrived]:
             last_ns = example.triplet.current.stamp_ns
         arrival_ms += (stamp_ns - (stamp_ns if last_ns is None else last_ns)) / 1e6 / rate
         last_ns = stamp_ns
-        yield _Arrived(example, arrival_ms)
+        yield _Job(example, arrival_ms), arrival_ms

@@ -23,38 +23,11 @@ from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import UsedSettings, used_settings
 
 # Layout of the files of a run.
-FORMAT: Final = 3
+FORMAT: Final = 4
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD: Final = 5
-
-
-@dataclass(frozen=True)
-class MachineRecord:
-    """Names of a machine, its system, processor and GPU; no GPU unless PyTorch is loaded."""
-
-    name: str
-    system: str
-    processor: str
-    cores: int | None
-    gpu: str | None
-
-    @classmethod
-    def here(cls) -> MachineRecord:
-        """Returns this machine."""
-        return cls(
-            name=platform.node(),
-            system=platform.platform(),
-            processor=_processor(),
-            cores=os.cpu_count(),
-            gpu=_gpu(),
-        )
-
-    def __str__(self) -> str:
-        """Returns name, processor, cores and GPU in one line."""
-        text = f"{self.name}, {self.processor}, {self.cores} cores"
-        return f"{text}, {self.gpu}" if self.gpu else text
 
 
 @dataclass(frozen=True)
@@ -65,19 +38,22 @@ class SessionRecord:
         started: UTC, ISO 8601.
         command: The command line; may be empty.
         versions: Package to version.
-        machine: The machine.
-        git_commit: Commit of the checkout, see `git_commit`; None without a checkout.
+        machine: Name, processor, cores and GPU; no GPU unless PyTorch is loaded.
+        system: Operating system.
+        git_commit: Commit of the checkout, see `git_commit`; empty without a checkout.
     """
 
     started: str
     command: list[str]
     versions: dict[str, str]
-    machine: MachineRecord
-    git_commit: str | None
+    machine: str
+    system: str
+    git_commit: str
 
     @classmethod
     def now(cls, arguments: Sequence[str]) -> SessionRecord:
         """Returns the record of a session that starts now."""
+        parts = (platform.node(), _processor(), f"{os.cpu_count()} cores", _gpu())
         return cls(
             started=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
             command=[plain_text(argument) for argument in arguments],
@@ -86,24 +62,19 @@ class SessionRecord:
                 "python": platform.python_version(),
                 **{package: _version(package) for package in _PACKAGES},
             },
-            machine=MachineRecord.here(),
+            machine=", ".join(filter(None, parts)),
+            system=platform.platform(),
             git_commit=git_commit(),
         )
 
     @property
-    def command_line(self) -> str:
-        """The command line, quoted for a shell; empty if unknown."""
-        return shlex.join(self.command)
-
-    @property
     def facts(self) -> dict[str, str]:
-        """Name to text, for readers of results."""
-        versions = (f"{name} {number}" for name, number in self.versions.items())
+        """Name to text, for readers of results; the command quoted for a shell."""
         facts = {
             "started": self.started,
-            "command": self.command_line,
-            "machine": str(self.machine),
-            "versions": ", ".join(versions),
+            "command": shlex.join(self.command),
+            "machine": self.machine,
+            "versions": ", ".join(f"{name} {number}" for name, number in self.versions.items()),
             "git commit": self.git_commit or "none, not a checkout",
         }
         return {name: text for name, text in facts.items() if text}
@@ -174,16 +145,16 @@ def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> Ite
             yield f"{name} was {before.get(name)}, is {now.get(name)}"
 
 
-def git_commit() -> str | None:
+def git_commit() -> str:
     """Returns the commit of this package's checkout, with `+changes` if there are any.
 
-    None if the package is not in a checkout of its own, for example installed from a wheel.
+    Empty if the package is not in a checkout of its own, for example installed from a wheel.
     """
     here = Path(__file__)
     if not _git("ls-files", "--error-unmatch", here):
-        return None
+        return ""
     commit = ("describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+changes")
-    return _git(*commit) or None
+    return _git(*commit)
 
 
 def _git(*arguments: str | Path) -> str:
@@ -204,10 +175,10 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _gpu() -> str | None:
+def _gpu() -> str:
     """Name of the GPU; methods that use it have loaded PyTorch, which takes seconds."""
     torch = sys.modules.get("torch")
-    return torch.cuda.get_device_name() if torch and torch.cuda.is_available() else None
+    return torch.cuda.get_device_name() if torch and torch.cuda.is_available() else ""
 
 
 def _processor() -> str:

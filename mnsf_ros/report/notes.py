@@ -217,7 +217,7 @@ def _mixed_sessions(sessions: Sequence[SessionRecord]) -> Iterator[Note]:
     facts: dict[str, dict[str, None]] = {}
     for session in sessions:
         versions = {f"versions of {name}": number for name, number in session.versions.items()}
-        own = {"git commits": str(session.git_commit), "machines": str(session.machine)}
+        own = {"git commits": session.git_commit, "machines": session.machine}
         for name, text in (own | versions).items():
             facts.setdefault(name, {})[text] = None
     for name, texts in facts.items():

@@ -78,7 +78,7 @@ def results_markdown(results: RunResults, tables: RunTables) -> str:
 def results_latex(results: RunResults, tables: RunTables) -> str:
     """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
-    command = results.record.sessions[-1].command_line
+    command = results.record.sessions[-1].facts.get("command", "")
     return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables.listed)])
 
 
@@ -148,8 +148,8 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
             f"{package}_version": _each_once(one.versions.get(package, "") for one in sessions)
             for package in ("mnsf_ros", "torch")
         },
-        "machine": _each_once(str(one.machine) for one in sessions),
-        "git_commit": _each_once(one.git_commit or "" for one in sessions),
+        "machine": _each_once(one.machine for one in sessions),
+        "git_commit": _each_once(one.git_commit for one in sessions),
     }
 
 

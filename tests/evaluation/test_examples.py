@@ -42,7 +42,7 @@ def examples_of(sweeps, *, truth_of=None, options=None, findings=None, **argumen
     truth = None
     if truth_of is not None:
         truth = TruthTrack(map(truth_cloud, truth_of), findings, "drive")
-    builder = ExampleBuilder("drive", options or options_of(), findings, truth=truth, **arguments)
+    builder = ExampleBuilder(options or options_of(), findings, truth=truth, **arguments)
     return builder.examples(sweeps)
 
 
@@ -226,7 +226,6 @@ def test_what_moves_by_itself_does_not_contradict_odometry(num_dynamic, count):
     truth = replace(truth, dynamic=np.arange(60) < num_dynamic, ground=np.zeros(60, bool))
     clouds = [truth_cloud(0), truth_cloud(1, truth), truth_cloud(2)]
     builder = ExampleBuilder(
-        "drive",
         options_of(),
         findings,
         truth=TruthTrack(clouds, findings, "drive"),

@@ -98,7 +98,7 @@ def test_run_json_tells_what_is_run(tmp_path, recording):
     (session,) = run.sessions
     assert session.command == ["mnsf"]
     assert {"torch", "numpy", "mnsf_ros", "python"} <= session.versions.keys()
-    assert session.machine.cores >= 1
+    assert "cores" in session.machine
 
 
 def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):
