@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +14,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mnsf_ros.ego_motion.ego_motion import EgoSource
+from mnsf_ros.node.node_log import FaultLog
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
     SWEEPS_RECEIVED,
@@ -24,7 +26,6 @@ from mnsf_ros.online.watches import (
     CLOUDS_MISSED,
     CLOUDS_UNDECODABLE,
     SWEEPS_LOST,
-    BusyWatch,
     FlowWatch,
 )
 from mnsf_ros.settings import Settings
@@ -45,14 +46,17 @@ class InputState:
 
 
 class Diagnostics:
-    """Makes the statuses `input`, `flow` and `ego motion`; remembers the last counts."""
+    """Makes the statuses `input`, `flow` and `ego motion`; warns when input is silent."""
 
-    def __init__(self, node_name: str) -> None:
-        """`node_name` is the full name, with the namespace."""
-        self._node_name = node_name
-        self._last_counts: Mapping[str, int] = {}
+    def __init__(
+        self, node_name: str, faults: FaultLog, find_topics: Callable[[], Sequence[str]]
+    ) -> None:
+        """`node_name` is the full name; `find_topics` returns the published topics of clouds."""
+        self._node_name, self._faults, self._find_topics = node_name, faults, find_topics
+        self._listens_since_s = time.monotonic()
         self._flow_watch = FlowWatch()
-        self._busy_watch = BusyWatch()
+        self._last_counts: Counter[str] = Counter()
+        self._new: Counter[str] = Counter()  # counts since the last statuses
 
     def statuses(
         self,
@@ -63,6 +67,8 @@ class Diagnostics:
     ) -> list[DiagnosticStatus]:
         """The statuses as of now; `load` is the number of triplets in the pipeline."""
         now_s, limits = time.monotonic(), settings.node
+        self._new = snapshot.counts - self._last_counts
+        self._last_counts = snapshot.counts
         statuses = [
             self._input_status(snapshot, state, limits.stale_after_s, now_s),
             self._flow_status(snapshot, load, settings, now_s),
@@ -72,32 +78,30 @@ class Diagnostics:
             status.hardware_id = state.topic
             if state.pause:
                 status.level, status.message = DiagnosticStatus.OK, state.pause
-        self._last_counts = snapshot.counts
         return statuses
 
     def _input_status(
         self, snapshot: StatisticsSnapshot, state: InputState, stale_after_s: float, now_s: float
     ) -> DiagnosticStatus:
-        arrivals_s = snapshot.arrivals_s
-        silence_s = now_s - arrivals_s[-1] if arrivals_s else float("inf")
-        num_lost, num_received = (
-            self._new(snapshot, SWEEPS_LOST),
-            self._new(snapshot, SWEEPS_RECEIVED),
-        )
-        if num_lost:
-            is_usual = num_lost > _LOST_SHARE * num_received
-            level = DiagnosticStatus.ERROR if is_usual else DiagnosticStatus.WARN
+        new, last_s = self._new, max(snapshot.arrivals_s, default=-math.inf)
+        level = DiagnosticStatus.WARN
+        if state.pause:
+            self._listens_since_s = now_s
+        if new[SWEEPS_LOST]:
+            if new[SWEEPS_LOST] > _LOST_SHARE * new[SWEEPS_RECEIVED]:
+                level = DiagnosticStatus.ERROR
             message = f"clouds are lost in transport (see {SWEEPS_LOST})"
-        elif self._new(snapshot, CLOUDS_UNDECODABLE):
-            level, message = DiagnosticStatus.WARN, "clouds that cannot be decoded"
-        elif self._new(snapshot, CLOUDS_EMPTY):
-            level, message = DiagnosticStatus.WARN, "clouds without a finite point"
-        elif silence_s > stale_after_s:
+        elif new[CLOUDS_UNDECODABLE]:
+            message = "clouds that cannot be decoded"
+        elif new[CLOUDS_EMPTY]:
+            message = "clouds without a finite point"
+        elif now_s - last_s > stale_after_s:
             level, message = DiagnosticStatus.STALE, f"no sweep on {state.topic}"
+            self._tell_silence(message, max(last_s, self._listens_since_s), now_s, stale_after_s)
         elif state.missing:
-            level, message = DiagnosticStatus.WARN, f"merged without {', '.join(state.missing)}"
-        elif self._new(snapshot, CLOUDS_MISSED):
-            level, message = DiagnosticStatus.WARN, f"clouds are missed (see {CLOUDS_MISSED})"
+            message = f"merged without {', '.join(state.missing)}"
+        elif new[CLOUDS_MISSED]:
+            message = f"clouds are missed (see {CLOUDS_MISSED})"
         else:
             level, message = DiagnosticStatus.OK, "receiving"
         rate_hz = snapshot.input_rate_hz(now_s)
@@ -111,20 +115,44 @@ class Diagnostics:
         }
         return self._status("input", level, message, values)
 
+    def _tell_silence(
+        self, message: str, since_s: float, now_s: float, stale_after_s: float
+    ) -> None:
+        """Logs it once for each set of topics that are published instead."""
+        if now_s - since_s <= stale_after_s:
+            return
+        topics = ", ".join(self._find_topics())
+        advice = (
+            f"PointCloud2 topics that are published: {topics}"
+            if topics
+            else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
+        )
+        self._faults.warn(f"silence {topics}", f"{message} for {now_s - since_s:.0f} s; {advice}")
+
     def _flow_status(
         self, snapshot: StatisticsSnapshot, load: int, settings: Settings, now_s: float
     ) -> DiagnosticStatus:
         limits = settings.node
-        idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else float("inf")
-        complaint = self._flow_watch.complaint(snapshot.counts, now_s, limits.stale_after_s)
-        error = _failures(snapshot.failures_in_a_row, limits.max_failures) or complaint
-        if error:
-            level, message = DiagnosticStatus.ERROR, error
-        elif warning := self._flow_warning(snapshot, limits.max_latency_ms, now_s):
-            level, message = DiagnosticStatus.WARN, warning
+        faults = self._flow_watch.look(snapshot, now_s, limits.stale_after_s)
+        num_failed = snapshot.failures_in_a_row
+        level = DiagnosticStatus.WARN
+        if num_failed > limits.max_failures:
+            level = DiagnosticStatus.ERROR
+            message = (
+                f"{num_failed} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
+            )
+        elif faults.complaint:
+            level, message = DiagnosticStatus.ERROR, faults.complaint
+        elif num_failed:
+            message = "the last estimate failed"
+        elif faults.busy:
+            message = faults.busy
+        elif 0 < limits.max_latency_ms < snapshot.latency_ms(95):
+            message = f"latency above {limits.max_latency_ms:g} ms (node.max_latency_ms)"
         else:
+            idle_s = now_s - snapshot.recent[-1].finished_s if snapshot.recent else math.inf
             is_active = load > 0 or idle_s <= limits.stale_after_s
-            level, message = DiagnosticStatus.OK, self._activity(snapshot, is_active=is_active)
+            level, message = DiagnosticStatus.OK, self._activity(is_active=is_active)
         values: dict[str, object] = {
             "rate [Hz]": f"{snapshot.flow_rate_hz(now_s):.2f}",
             "latency median [ms]": _number(snapshot.latency_ms(50)),
@@ -152,27 +180,12 @@ class Diagnostics:
         }
         return self._status("ego motion", level, message, values)
 
-    def _flow_warning(
-        self, snapshot: StatisticsSnapshot, max_latency_ms: float, now_s: float
-    ) -> str:
-        if snapshot.failures_in_a_row:
-            return "the last estimate failed"
-        if busy := self._busy_watch.warning(snapshot, now_s):
-            return busy
-        if max_latency_ms and snapshot.latency_ms(95) > max_latency_ms:
-            return f"latency above {max_latency_ms:g} ms (node.max_latency_ms)"
-        return ""
-
-    def _activity(self, snapshot: StatisticsSnapshot, *, is_active: bool) -> str:
-        if self._new(snapshot, TRIPLETS_UNWATCHED):
+    def _activity(self, *, is_active: bool) -> str:
+        if self._new[TRIPLETS_UNWATCHED]:
             return "resting: nobody subscribes to the flow"
         if is_active:
             return "estimating"
-        waiting = "for the third sweep" if self._new(snapshot, SWEEPS_RECEIVED) else "for sweeps"
-        return f"waiting {waiting}"
-
-    def _new(self, snapshot: StatisticsSnapshot, event: str) -> int:
-        return snapshot.counts.get(event, 0) - self._last_counts.get(event, 0)
+        return f"waiting for {'the third sweep' if self._new[SWEEPS_RECEIVED] else 'sweeps'}"
 
     def _status(
         self, part: str, level: bytes, message: str, values: Mapping[str, object]
@@ -183,12 +196,6 @@ class Diagnostics:
             message=message,
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
-
-
-def _failures(num_in_a_row: int, max_failures: int) -> str:
-    if num_in_a_row <= max_failures:
-        return ""
-    return f"{num_in_a_row} estimates failed in a row (see {ESTIMATES_FAILED} and last failure)"
 
 
 def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:

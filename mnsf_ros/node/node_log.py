@@ -1,21 +1,16 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The node's log: its settings, faults, silence, and the records of the package."""
+"""The node's log: its settings, faults, and the records of the package."""
 
 from __future__ import annotations
 
 import logging
-import time
 import traceback
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from rclpy.logging import get_logger
 
 from mnsf_ros.presets import nearest_preset
 from mnsf_ros.settings import Settings
-
-if TYPE_CHECKING:
-    from mnsf_ros.node.diagnostics import InputState
 
 PERIOD_S: Final = 600.0
 _PACKAGE: Final = __name__.partition(".")[0]
@@ -102,34 +97,3 @@ class FaultLog:
 
 
 _OFTEN: Final = f"(at most every {PERIOD_S / 60:.0f} min, counted in /diagnostics)"
-
-
-class SilenceLog:
-    """Warns when input is silent, once for each set of topics that are published instead."""
-
-    def __init__(
-        self,
-        faults: FaultLog,
-        find_topics: Callable[[], Sequence[str]],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """`find_topics` returns the published topics of clouds."""
-        self._faults, self._find_topics, self._clock = faults, find_topics, clock
-        self._start_s = clock()
-
-    def look(self, arrivals_s: Sequence[float], state: InputState, stale_after_s: float) -> None:
-        """Warns if the last of these arrivals of sweeps is too long ago; a pause does not count."""
-        now_s = self._clock()
-        if state.pause:
-            self._start_s = now_s
-        silence_s = now_s - max([self._start_s, *arrivals_s[-1:]])
-        if silence_s <= stale_after_s:
-            return
-        topics = ", ".join(self._find_topics())
-        advice = (
-            f"PointCloud2 topics that are published: {topics}"
-            if topics
-            else "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be"
-        )
-        text = f"no sweep on {state.topic} for {silence_s:.0f} s; {advice}"
-        self._faults.warn(f"silence {topics}", text)

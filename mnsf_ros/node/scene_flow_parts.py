@@ -16,7 +16,7 @@ from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
-from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
+from mnsf_ros.node.node_log import FaultLog, greeting
 from mnsf_ros.node.parameters import (
     NodeParameters,
     UnknownParameterError,
@@ -64,8 +64,8 @@ class SceneFlowParts:
         self._pipeline = OnlinePipeline(
             _with_node_threads(self._settings), self._publish, self._on_failure
         )
-        self._silence = SilenceLog(self._faults, lambda: cloud_topics(node))
-        self._diagnostics = Diagnostics(node.get_fully_qualified_name().lstrip("/"))
+        name = node.get_fully_qualified_name().lstrip("/")
+        self._diagnostics = Diagnostics(name, faults, lambda: cloud_topics(node))
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_service(Trigger, "~/reset", self._on_reset)
         self._start_timers()
@@ -186,16 +186,14 @@ class SceneFlowParts:
             self._logger.info(f"subscribed {subscription.reliability} to {subscription.topic}")
 
     def _publish_diagnostics(self) -> None:
-        snapshot, state, settings = (
-            self._pipeline.statistics.snapshot(),
-            self._input.state,
-            self._settings,
-        )
-        self._silence.look(snapshot.arrivals_s, state, settings.node.stale_after_s)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
-        load = self._pipeline.load
-        message.status = self._diagnostics.statuses(snapshot, state, load, settings)
+        message.status = self._diagnostics.statuses(
+            self._pipeline.statistics.snapshot(),
+            self._input.state,
+            self._pipeline.load,
+            self._settings,
+        )
         self._diagnostics_publisher.publish(message)
 
     def _change_settings(self, settings: Settings) -> None:

@@ -41,7 +41,7 @@ class RecentEstimate:
 class StatisticsSnapshot:
     """A copy of the statistics at one moment."""
 
-    counts: dict[str, int] = field(default_factory=dict)  # event -> how often it happened
+    counts: Counter[str] = field(default_factory=Counter)  # how often each event happened
     recent: tuple[RecentEstimate, ...] = ()  # oldest first
     arrivals_s: tuple[float, ...] = ()  # steady times of the last sweeps received
     last_failure: str = ""  # of an estimate; empty if there was none
@@ -127,7 +127,7 @@ class OnlineStatistics:
         """A copy of all of it."""
         with self._lock:
             return StatisticsSnapshot(
-                counts=dict(self._counts),
+                counts=self._counts.copy(),
                 recent=tuple(self._recent),
                 arrivals_s=tuple(self._arrivals_s),
                 last_failure=self._last_failure,

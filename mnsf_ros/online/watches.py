@@ -6,9 +6,8 @@ from __future__ import annotations
 import math
 import os
 import statistics
-from collections import deque
-from collections.abc import Mapping
-from typing import Final
+from collections import Counter, deque
+from typing import Final, NamedTuple
 
 from mnsf_ros.online.online_pipeline import (
     ESTIMATES_FAILED,
@@ -48,69 +47,64 @@ _LONG: Final = 1.5  # usual intervals: from here on at least one cloud is missin
 _PAUSE: Final = 100  # usual intervals: from here on nothing was published
 
 
+class FlowFaults(NamedTuple):
+    """Faults of the flow as of now, a text each; empty if there is none."""
+
+    complaint: str  # why none has come for longer than the patience
+    busy: str  # which were dropped since the last look, and why
+
+
 class FlowWatch:
     """Follows the counters of a pipeline; ask it again and again."""
 
     def __init__(self) -> None:
-        self._last: Mapping[str, int] = {}
-        self._arrived_s = float("-inf")
+        # When it was asked, and the counts then: the last one is the newest, the first one the
+        # oldest of the window.
+        self._asked: deque[tuple[float, Counter[str]]] = deque([(-math.inf, Counter())])
+        self._arrived_s = -math.inf
         # Since when clouds come without flow, and the counters then.
-        self._since_s: float | None = None
-        self._before: Mapping[str, int] = {}
+        self._since: tuple[float, Counter[str]] | None = None
 
-    def complaint(self, counts: Mapping[str, int], now_s: float, patience_s: float) -> str:
-        """Returns why no flow has come for longer than the patience; empty if all is well.
+    def look(self, snapshot: StatisticsSnapshot, now_s: float, patience_s: float) -> FlowFaults:
+        """Returns what keeps flow from coming, as of now.
 
         Args:
-            counts: Event to how often it has happened.
+            snapshot: The counters.
             now_s: Of a steady clock.
             patience_s: Time with clouds and without flow that is no reason to complain, and time
                 without clouds after which none are expected.
         """
-        last, self._last = self._last, counts
-        if _has_grown(_ARRIVALS, last, counts):
+        last = self._asked[-1][1]
+        new = snapshot.counts - last
+        self._asked.append((now_s, snapshot.counts))
+        while self._asked[1][0] <= now_s - _WINDOW_S:
+            self._asked.popleft()
+        if any(new[event] for event in _ARRIVALS):
             self._arrived_s = now_s
         is_silent = now_s - self._arrived_s > patience_s
-        if is_silent or _has_grown(_WELL, last, counts):
-            self._since_s = None
-        elif self._since_s is None:
-            self._since_s, self._before = now_s, last
-        if self._since_s is None or now_s - self._since_s <= patience_s:
-            return ""
-        return self._reason(counts)
+        if is_silent or any(new[event] for event in _WELL):
+            self._since = None
+        elif self._since is None:
+            self._since = now_s, last
+        return FlowFaults(
+            self._complaint(now_s - patience_s),
+            self._busy(snapshot, now_s) if new[TRIPLETS_DROPPED] else "",
+        )
 
-    def _reason(self, counts: Mapping[str, int]) -> str:
-        growth = {name: counts.get(name, 0) - self._before.get(name, 0) for name in _REASONS}
-        name = max(growth, key=lambda name: growth[name])
+    def _complaint(self, latest_s: float) -> str:
+        if self._since is None or self._since[0] >= latest_s:
+            return ""
+        growth = self._asked[-1][1] - self._since[1]
+        name = max(_REASONS, key=lambda name: growth[name])
         if not growth[name]:
             return "clouds come in, but no flow goes out"
         return f"no flow: {_REASONS[name]} (see {name})"
 
-
-def _has_grown(events: tuple[str, ...], last: Mapping[str, int], counts: Mapping[str, int]) -> bool:
-    return any(counts.get(event, 0) > last.get(event, 0) for event in events)
-
-
-class BusyWatch:
-    """Follows the counters of a pipeline; ask it again and again."""
-
-    def __init__(self) -> None:
-        # When it was asked, and the counts of flows and drops then; the first one is the oldest.
-        self._asked: deque[tuple[float, int, int]] = deque([(-math.inf, 0, 0)])
-
-    def warning(self, snapshot: StatisticsSnapshot, now_s: float) -> str:
-        """Returns a sentence if triplets were dropped since the last call, else nothing."""
-        flows, dropped = _ends(snapshot.counts)
-        has_dropped = dropped > self._asked[-1][2]
-        self._asked.append((now_s, flows, dropped))
-        while self._asked[1][0] <= now_s - _WINDOW_S:
-            self._asked.popleft()
-        if not has_dropped:
-            return ""
-        _, flows_before, dropped_before = self._asked[0]
+    def _busy(self, snapshot: StatisticsSnapshot, now_s: float) -> str:
+        recent = snapshot.counts - self._asked[0][1]
+        flows, dropped = recent[FLOWS_OUT], recent[TRIPLETS_DROPPED]
         rate_hz = snapshot.input_rate_hz(now_s)
         interval_ms = 1e3 / rate_hz if rate_hz > 0 else math.nan
-        flows, dropped = flows - flows_before, dropped - dropped_before
         return busy_text(flows, flows + dropped, snapshot.estimate_ms, interval_ms)
 
 
@@ -127,10 +121,6 @@ def busy_text(num_flows: int, num_possible: int, estimate_ms: float, interval_ms
         f"({', '.join(reason for reason in reasons if reason)}). "
         "Close other programs, or lower crop.max_range_m."
     )
-
-
-def _ends(counts: Mapping[str, int]) -> tuple[int, int]:
-    return counts.get(FLOWS_OUT, 0), counts.get(TRIPLETS_DROPPED, 0)
 
 
 class MissedClouds:

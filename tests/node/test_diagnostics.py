@@ -35,8 +35,12 @@ class Story:
     """Events of a node, and its diagnostics after them."""
 
     def __init__(self):
-        self.statistics = OnlineStatistics()
-        self._diagnostics = Diagnostics("robot/flow_node")
+        self.statistics, self.topics, self.warnings = OnlineStatistics(), [], {}
+        self._diagnostics = Diagnostics("robot/flow_node", self, lambda: self.topics)
+
+    def warn(self, kind, text):
+        """A warning in the log."""
+        self.warnings.setdefault(kind, text)
 
     def receive(self, *events):
         for event in ("sweeps_received", *events):
@@ -156,6 +160,24 @@ class TestLevels:
         assert story.says(**{"node.max_latency_ms": 130.0})[1] == (OK, "estimating")
         text = "latency above 100 ms (node.max_latency_ms)"
         assert story.says(**{"node.max_latency_ms": 100})[1] == (WARN, text)
+
+    def test_of_silence_are_logged_with_the_topics_that_are_published(self, story):
+        assert story.says()[0] == (STALE, "no sweep on /points")
+        # Nobody listens in a pause.
+        time.sleep(0.01)
+        story.says(stale_after_s=0.005, pause="disabled")
+        assert not story.warnings
+        for topics in ([], ["/front", "/rear"], []):
+            time.sleep(0.01)
+            story.topics = topics
+            story.says(stale_after_s=0.005)
+        assert list(story.warnings.values()) == [
+            f"no sweep on /points for 0 s; {advice}"
+            for advice in (
+                "no PointCloud2 topic is published, see ROS_DOMAIN_ID if one should be",
+                "PointCloud2 topics that are published: /front, /rear",
+            )
+        ]
 
     def test_while_the_node_is_disabled(self, story):
         story.receive("clouds_missed")

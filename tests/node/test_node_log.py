@@ -1,12 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Faults that go on are logged at a low rate; so is silence."""
+"""Faults that go on are logged at a low rate; the greeting names the settings."""
 
 from __future__ import annotations
 
-import pytest
-
-from mnsf_ros.node.diagnostics import InputState
-from mnsf_ros.node.node_log import FaultLog, SilenceLog, greeting
+from mnsf_ros.node.node_log import FaultLog, greeting
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 
@@ -23,45 +20,6 @@ def test_each_kind_of_fault_is_logged_once_at_first(ros, capfd):
         f"{text} {suffix}" for text in ("cloud 0", "no point", "unexpected")
     ]
     assert [start[1:6].strip("] ") for start, _ in lines] == ["WARN", "WARN", "ERROR"]
-
-
-class Story:
-    """The input of a node, and the warnings of silence."""
-
-    def __init__(self, *topics):
-        self.warnings, self.topics = {}, topics
-        self._now_s, self._arrivals_s = 100.0, []
-        self._log = SilenceLog(self, lambda: self.topics, clock=lambda: self._now_s)
-
-    def warn(self, kind, text):
-        self.warnings.setdefault(kind, text)
-
-    def go_on(self, seconds, *, with_sweeps=False, pause=""):
-        for _ in range(seconds):
-            self._now_s += 1.0
-            if with_sweeps:
-                self._arrivals_s.append(self._now_s)
-            self._log.look(self._arrivals_s, InputState("/points", "reliable", 1, pause=pause), 2.0)
-        return list(self.warnings.values())
-
-
-def test_silence_is_a_warning_with_the_topics_that_are_published():
-    story = Story()
-    assert story.go_on(2) == []
-    story.go_on(10)
-    story.topics = ("/front", "/rear")
-    assert story.go_on(10) == [
-        "no sweep on /points for 3 s; no PointCloud2 topic is published, see ROS_DOMAIN_ID if one "
-        "should be",
-        "no sweep on /points for 13 s; PointCloud2 topics that are published: /front, /rear",
-    ]
-
-
-@pytest.mark.parametrize("how", [{"with_sweeps": True}, {"pause": "disabled"}])
-def test_sweeps_and_a_pause_are_no_silence(how):
-    story = Story("/points")
-    story.go_on(60, **how)
-    assert story.go_on(2) == []
 
 
 def test_greeting_names_the_changes_to_a_preset():

@@ -9,7 +9,7 @@ import pytest
 
 from mnsf_ros.online import watches
 from mnsf_ros.online.online_statistics import RecentEstimate, StatisticsSnapshot
-from mnsf_ros.online.watches import BusyWatch, FlowWatch, MissedClouds
+from mnsf_ros.online.watches import FlowWatch, MissedClouds
 
 PATIENCE_S = 2.0
 PERIOD_S = 0.5
@@ -29,7 +29,8 @@ class Node:
         for _ in range(round(duration_s / PERIOD_S)):
             self._now_s += PERIOD_S
             self._counts.update(events)
-            said.append(self._watch.complaint(dict(self._counts), self._now_s, PATIENCE_S))
+            now = StatisticsSnapshot(self._counts.copy())
+            said.append(self._watch.look(now, self._now_s, PATIENCE_S).complaint)
         return said
 
 
@@ -89,7 +90,7 @@ def snapshot(flows=0, dropped=0, estimate_ms=None):
     if estimate_ms is not None:
         times_ms = {"prepare": estimate_ms - 50.0, "search": 50.0}
         recent = (RecentEstimate(9.9, 0.0, times_ms, {}, {}, "warm", *[""] * 4),)
-    counts = {"flows_out": flows, "triplets_dropped": dropped}
+    counts = Counter(flows_out=flows, triplets_dropped=dropped)
     arrivals_s = tuple(index / 10 for index in range(101)) if recent else ()
     return StatisticsSnapshot(counts, recent, arrivals_s)
 
@@ -101,13 +102,13 @@ def _load(monkeypatch):
 
 
 def test_nothing_is_said_without_drops():
-    watch = BusyWatch()
-    assert watch.warning(snapshot(), 0.0) == ""
-    assert watch.warning(snapshot(flows=60), 6.0) == ""
+    watch = FlowWatch()
+    assert watch.look(snapshot(), 0.0, PATIENCE_S).busy == ""
+    assert watch.look(snapshot(flows=60), 6.0, PATIENCE_S).busy == ""
 
 
 def test_number_reason_and_remedy():
-    text = BusyWatch().warning(snapshot(18, 42, estimate_ms=170.0), 10.0)
+    text = FlowWatch().look(snapshot(18, 42, estimate_ms=170.0), 10.0, PATIENCE_S).busy
     assert text == (
         "CPU busy: 18 of 60 flows (an estimate takes 170 ms, sweeps come every 100 ms, load 4.3 on "
         "2 cores). Close other programs, or lower crop.max_range_m."
@@ -115,16 +116,16 @@ def test_number_reason_and_remedy():
 
 
 def test_drops_are_told_once():
-    watch = BusyWatch()
-    assert watch.warning(snapshot(5, 5), 1.0)
-    assert watch.warning(snapshot(15, 5), 2.0) == ""
-    assert watch.warning(snapshot(15, 6), 3.0)
+    watch = FlowWatch()
+    assert watch.look(snapshot(5, 5), 1.0, PATIENCE_S).busy
+    assert watch.look(snapshot(15, 5), 2.0, PATIENCE_S).busy == ""
+    assert watch.look(snapshot(15, 6), 3.0, PATIENCE_S).busy
 
 
 def test_numbers_are_those_of_the_last_ten_seconds():
-    watch = BusyWatch()
+    watch = FlowWatch()
     for second in range(30):
-        text = watch.warning(snapshot(7 * second, 3 * second), float(second))
+        text = watch.look(snapshot(7 * second, 3 * second), float(second), PATIENCE_S).busy
     assert text.startswith("CPU busy: 70 of 100 flows")
 
 
