@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,9 +57,6 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    # Read by torch when it is imported. Threads that spin while they wait are 50 times slower
-    # where other programs want the cores, too.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from mnsf_ros.online.stream import Stream
     from mnsf_ros.scene_flow import StepReport
     from mnsf_ros.sweeps_io.read_sweep import read_sweep, triplet_of_files

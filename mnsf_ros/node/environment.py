@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+from mnsf_ros.core.compute_device import let_threads_sleep
 from mnsf_ros.errors import MnsfError
 
 # Of a lidar driver, and of the node where sockets cannot hold a cloud.
@@ -62,8 +63,7 @@ def require_ros() -> None:
 def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
     """Sets the variables that the user has not set, before ROS and torch are loaded.
 
-    The Fast DDS profile lets clouds of several megabytes through and gives their memory back; the
-    OpenMP policy keeps torch's threads from burning the core that the ROS executor needs.
+    The Fast DDS profile lets clouds of several megabytes through and gives their memory back.
     """
     given = [name for name in _PROFILE_VARIABLES if environment.get(name)]
     for name in given or _PROFILE_VARIABLES[:1]:
@@ -72,7 +72,7 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
             profile = UDP_PROFILE if sockets_hold_clouds() else TRANSPORT_PROFILE
             environment[name] = str(profile)
             environment.setdefault(_READS_PROFILE, "1")
-    environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    let_threads_sleep(environment)
 
 
 def sockets_hold_clouds() -> bool:
