@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import pickle
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros import simulation
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SimulatedSweep, SweepSimulator, simulate_sweeps
@@ -98,8 +101,8 @@ def simulated_sweeps(seed: int, number: int, **settings: float) -> list[TrueSwee
 def simulated_drive(seed: int, number: int, **settings: float) -> Iterator[TrueSweep]:
     """Yields sweeps of a simulated street one by one: a long drive does not fit into memory."""
     rate_hz = float(settings.get("rate_hz", 1e9 / INTERVAL_NS))
-    simulation = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
-    yield from map(_simulated, simulate_sweeps(simulation))
+    street = SimulationSettings(seed=seed, duration_s=number / rate_hz, **settings)
+    yield from map(_simulated, simulate_sweeps(street))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +115,31 @@ class World:
     sweeps: list[TrueSweep]
 
 
-def random_world(seed: int, num_sweeps: int) -> World:
-    """Returns a random world; fewer sweeps are the first ones of more."""
-    simulator = SweepSimulator(SimulationSettings(seed=seed, scenario="random"))
+def random_world(seed: int, num_sweeps: int, scenario: str = "random") -> World:
+    """Returns a random world; fewer sweeps are the first ones of more.
+
+    `scenario` is `random`, or `standing`, where nothing moves.
+    """
+    simulator = SweepSimulator(SimulationSettings(seed=seed, scenario=scenario))
     sweeps = [_simulated(simulator.sweep(index)) for index in range(num_sweeps)]
     return World(seed, simulator.scene.sensor.kind, simulator.scene.text, sweeps)
+
+
+def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> World:
+    """Returns a random world from a folder, where it is kept; another simulator makes it anew."""
+    sources = sorted(Path(simulation.__file__).parent.glob("*.py"))
+    program = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:12]
+    path = folder / f"{program}_{scenario}_{seed}_{duration_s:g}s.pickle"
+    if path.exists():
+        kept: World = pickle.loads(path.read_bytes())  # noqa: S301 - written by this program
+        return kept
+    settings = SimulationSettings(seed=seed, scenario=scenario, duration_s=duration_s)
+    world = random_world(seed, SweepSimulator(settings).num_sweeps, scenario)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    unfinished = path.with_suffix(f".{os.getpid()}")
+    unfinished.write_bytes(pickle.dumps(world))
+    unfinished.rename(path)
+    return world
 
 
 def _simulated(item: SimulatedSweep) -> TrueSweep:

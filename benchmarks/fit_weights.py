@@ -1,30 +1,31 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """Fits the weights of the gate and of the confidence of `online`.
 
-    python benchmarks/fit_weights.py [--sweeps N] [--groups G ...]
+    python benchmarks/fit_weights.py [--sweeps N] [--seeds A B]
 
-Runs `online` on the tuned half of the recordings of movers.py, and on some of their sweeps from
+Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
 scratch. Prints weights for mnsf_ros/objects/evidence.py (the gate, with and without older sweeps;
 there the last weight without them is not fitted) and mnsf_ros/objects/confidence.py, and the loss
 with these and with the current weights. movers.py shows how well the confidence holds on the other
-half.
+half and on other worlds.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Final
 from unittest.mock import patch
 
 import numpy as np
-from drives import TrueSweep
+from drives import TrueSweep, random_world, real_sweeps
 from frame import make_parser
-from movers import KITTI, WORLDS, recordings
+from movers import KITTI
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from world_scores import NUM_FIRST
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
@@ -91,18 +92,27 @@ def main() -> None:
     """Prints the weights."""
     parser = make_parser(__doc__, has_document=False)
     parser.add_argument("--sweeps", type=int, default=18, help="of each random world")
-    parser.add_argument("--groups", nargs="+", default=[KITTI, WORLDS], help="only these")
+    parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 30))
     options = parser.parse_args()
-    for name, samples in _joined(options.sweeps, options.groups).items():
+    for name, samples in _joined(options.sweeps, range(*options.seeds)).items():
         weights = _fitted(samples)
         losses = (samples.loss(said) for said in (samples.said, _logistic(samples, weights)))
         text = "{:.4f} with the current weights, {:.4f} with these".format(*losses)
         print(f"{name}: ({', '.join(f'{weight:.2f}' for weight in weights)}), loss {text}")
 
 
-def _joined(num_sweeps: int, groups: list[str]) -> dict[str, Samples]:
+def _recordings(num_sweeps: int, seeds: Iterable[int]) -> Iterator[tuple[str, list[TrueSweep]]]:
+    """Yields the first half of KITTI, if it is there, and random worlds."""
+    if kitti := real_sweeps("kitti_0005"):
+        yield KITTI, kitti[: len(kitti) // 2 + 1]
+    for seed in seeds:
+        yield "worlds", random_world(seed, num_sweeps).sweeps
+
+
+def _joined(num_sweeps: int, seeds: Iterable[int]) -> dict[str, Samples]:
     found: dict[str, list[Samples]] = defaultdict(list)
-    for group, _, sweeps, counted in recordings("tuned", num_sweeps, groups):
+    for group, sweeps in _recordings(num_sweeps, seeds):
+        counted = range(NUM_FIRST, len(sweeps) - 1)
         estimator = make_method("online", preset("online"))
         for index in range(1, counted[-1] + 1):
             previous, *pair = (item.sweep for item in sweeps[index - 1 : index + 2])

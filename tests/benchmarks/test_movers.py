@@ -1,40 +1,101 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""`make benchmark-movers`: scores of a street, and targets."""
+"""`make benchmark-movers`: figures of random worlds, of a world, and targets."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+import numpy as np
+import pandas as pd
 import pytest
 
 
-@pytest.fixture
-def rows(load):
-    sweeps = load("drives").simulated_sweeps(0, 5, num_beams=16, num_columns=300)
-    return list(load("movers").scored("street", "street 0", sweeps, range(1, 4)))
+@pytest.fixture(scope="module")
+def score(load):
+    """A world with 16 beams and a lorry that is found."""
+    return load("world_scores").world_score(load("drives").random_world(22, 8))
 
 
-def test_a_street_is_scored_sweep_by_sweep(rows):
-    assert [row.number for row in rows] == [1, 2, 3]
-    assert all(row.errors["static"].epe_m < 0.05 for row in rows)
-    assert {item.kind for row in rows for item in row.movers.objects} - {"unknown"}
+def test_a_world_is_scored(score):
+    assert score.lidar == "16 beams"
+    assert 0 < score.figures["recall"] < 1
+    assert 0 < score.figures["static EPE"] < score.figures["dynamic EPE"]
+    assert {is_scratch for _, is_scratch in score.confidence} == {False, True}
+    assert score.faults
+    assert all(fault.startswith(("missed ", "false ")) for fault in score.faults)
 
 
-def test_real_drive_and_streets_have_a_row_each(load, rows):
+def test_recall_counts_where_precision_is_high_enough(load):
+    recall = load("world_scores")._recall
+    sure, unsure = np.float32([0.9] * 95 + [0.5] * 20), [True] * 95 + [False] * 20
+    assert recall([(sure, np.array(unsure), 190)]) == 0.5
+    # Points of the same confidence are called together: 95 right ones and 20 wrong ones.
+    assert recall([(np.full(115, np.float32(0.9)), np.array(unsure), 190)]) == 0.0
+    assert math.isnan(recall([(sure[:0], np.array([], bool), 0)]))
+
+
+def drive(called, speeds_m_s):
+    """A car, sweep by sweep."""
+    number = len(called)
+    columns = {"object_id": [1] * number, "class_id": [6.0] * number, "speed_m_s": speeds_m_s}
+    return pd.DataFrame({**columns, "is_called": called, "time_s": 0.1 * np.arange(number)})
+
+
+@pytest.mark.parametrize(
+    ("called", "held", "released"),
+    [
+        ([True] * 8 + [False] * 8, [True], [True]),
+        ([True] * 6 + [False] * 10, [False], [True]),
+        ([True] * 16, [True], [False]),
+        # What was never found moving is missed, and counted as such.
+        ([False] * 16, [], []),
+    ],
+)
+def test_a_braking_vehicle_is_called_a_mover_until_it_stands(load, called, held, released):
+    speeds_m_s = np.maximum(4.0 - 0.5 * np.arange(16), 0.0)
+    assert load("world_scores")._braking(drive(called, speeds_m_s)) == (held, released)
+
+
+def test_worlds_are_summed_up_for_each_lidar(load, score, capsys):
     movers = load("movers")
-    kitti = [replace(row, method=movers.KITTI, recording="drive") for row in rows]
-    main, groups, missed = movers.tables("reported", [*kitti, *rows])
-    assert [row[0] for row in main.rows] == [movers.KITTI, movers.WORLDS]
-    assert [row[0] for row in groups.rows] == [movers.KITTI, "street"]
-    assert main.rows[0][1:] == groups.rows[0][1:]
-    num_judged = int(main.title.split(" of ")[1].split()[0])
-    assert f"{num_judged - len(missed.rows)} of {num_judged} targets met" in main.title
+    worse = replace(score, seed=7, figures=score.figures | {"recall": 0.1, "false movers": 2.0})
+    other = replace(score, seed=8, lidar="64 beams")
+    still = replace(
+        score, seed=9, scenario="standing", figures=score.figures | {"recall": math.nan}
+    )
+    scores = [score, worse, other, still]
+    table, targets = movers.world_tables(scores)
+    assert [row[:2] for row in table.rows] == [
+        ["16 beams", "2"],
+        ["64 beams", "1"],
+        ["all", "3"],
+        ["standing", "1"],
+    ]
+    names = [row[0] for row in targets.rows]
+    assert "16 beams: recall at .95 precision, worst tenth" in names
+    assert "64 beams: pedestrians to 30 m, median" in names
+    assert names[-1] == "standing: false movers a sweep, worst tenth"
+    assert movers.figures(scores).loc[7, "recall"] == 0.1
+    movers.print_worst(scores[:3], 2)
+    said = capsys.readouterr().out
+    assert "random 7: " in said
+    assert score.faults[0] in said
 
 
-def test_only_kitti_has_a_target_for_its_dynamic_error(load, rows):
+def test_the_worst_tenth_is_at_the_bad_end(load, score):
     movers = load("movers")
-    for name, known in (("street", False), (movers.KITTI, True)):
-        summary = movers.summarize([replace(row, method=name) for row in rows]).loc[name]
-        names = {target.name for target in movers.targets(summary)}
-        assert ("dynamic EPE (m)" in names) is known
-        assert "precision of dynamic points (%)" in names
+    for figure, worst in (("recall", 0.1), ("false movers", 0.9)):
+        scores = [
+            replace(score, figures={figure: share}) for share in (*np.linspace(0, 1, 11), math.nan)
+        ]
+        assert movers.spread(scores, figure) == pytest.approx((0.5, worst))
+
+
+def test_a_kept_world_is_the_same_world(load, tmp_path):
+    drives = load("drives")
+    made, kept = (drives.kept_world(18, 0.2, "random", tmp_path / "cache") for _ in range(2))
+    assert len(made.sweeps) == len(kept.sweeps) == 4
+    assert np.array_equal(made.sweeps[3].flow, kept.sweeps[3].flow)
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert drives.kept_world(18, 0.2, "standing", tmp_path / "cache").text != made.text

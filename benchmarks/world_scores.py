@@ -1,0 +1,274 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""Scores of `online` on sweeps with truth: each estimate, and all of a random world."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import pandas as pd
+from drives import TrueSweep, World
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.evaluation.examples import Example
+from mnsf_ros.evaluation.metrics import by_motion, end_point_errors
+from mnsf_ros.evaluation.movers import STOPPED_M_S, ObjectRow, TrueMotion, mover_row
+from mnsf_ros.evaluation.results import ResultRow
+from mnsf_ros.evaluation.scoring import empty_row, true_motion
+from mnsf_ros.evaluation.summary import summarize
+from mnsf_ros.methods import make_method
+from mnsf_ros.presets import preset
+from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth, SurfaceClass
+from mnsf_ros.sweeps.kept_points import crop_mask
+from mnsf_ros.sweeps.sweep import NANOSECONDS, SweepTriplet
+
+# The first sweeps have no past and are not scored.
+NUM_FIRST: Final = 3
+# Every so many sweeps of a world are estimated from scratch, too.
+_SCRATCH_EVERY: Final = 6
+_LEAST_PRECISION: Final = 0.95
+_MIN_POINTS: Final = 20
+_MAX_RANGE_M: Final = 50.0
+# Points between this speed and that of dynamic points are neither wrong nor missed.
+_CREEPING_M_S: Final = 0.25
+# A braking vehicle moves until it is slower than 0.02 m in 0.1 s; its last second counts.
+_SLOWEST_M_S: Final = 0.2
+_BRAKING_S: Final = 1.0
+_GRACE_S: Final = 0.5
+_VEHICLES: Final = (SurfaceClass.CAR, SurfaceClass.LARGE_VEHICLE, SurfaceClass.CYCLIST)
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A scored estimate.
+
+    Attributes:
+        row: Its row; movers also over ground points where their truth is known.
+        truth: True motion of the M points that are judged.
+        called: (M,) whether they are called dynamic.
+        confidence: (M,) of them.
+        ego_error_m: Error of the translation of the ego motion.
+    """
+
+    row: ResultRow
+    truth: TrueMotion
+    called: NDArray[np.bool_]
+    confidence: NDArray[np.float32]
+    ego_error_m: float
+
+    @property
+    def speed_m_s(self) -> NDArray[np.float64]:
+        """True speeds (M,) over ground."""
+        return np.linalg.norm(self.truth.velocity, axis=1)
+
+    @property
+    def range_m(self) -> NDArray[np.float64]:
+        """Horizontal distances (M,) from the sensor."""
+        return np.hypot(*self.truth.xyz[:, :2].T.astype(np.float64))
+
+
+def scored(
+    name: str,
+    sweeps: Sequence[TrueSweep],
+    counted: range,
+    *,
+    from_scratch: bool = False,
+    with_ground: bool = False,
+) -> Iterator[Scored]:
+    """Runs over a recording and yields each counted estimate, with `name` as method.
+
+    From scratch, each estimate has two sweeps and no past; else all sweeps up to the last counted
+    one are estimated. With ground, what is called a mover there is a false one.
+    """
+    estimator = make_method("online", preset("online"))
+    for index in counted if from_scratch else range(1, counted[-1] + 1):
+        previous, current, next_ = (each.sweep for each in sweeps[index - 1 : index + 2])
+        if from_scratch:
+            estimator, previous = make_method("online", preset("online")), None
+        estimate = estimator.estimate(SweepTriplet(previous, current, next_))
+        if index in counted:
+            yield _scored(name, index, sweeps, estimate, with_ground=with_ground)
+
+
+def _scored(
+    name: str, index: int, sweeps: Sequence[TrueSweep], estimate: FlowEstimate, *, with_ground: bool
+) -> Scored:
+    current, next_ = sweeps[index : index + 2]
+    # With points that the method takes for ground, such as the bottoms of vehicles.
+    inside = crop_mask(current.sweep.xyz, preset("online").crop)
+    known = (current.scored | current.ground if with_ground else current.scored) & inside
+    truth = FlowTruth(
+        current.sweep.stamp_ns,
+        current.flow,
+        known,
+        current.dynamic,
+        current.ground,
+        current.class_id,
+        (current.body + 1).astype(np.uint32),
+    )
+    motion = np.linalg.inv(next_.pose) @ current.pose
+    triplet = SweepTriplet(None, current.sweep, next_.sweep, next_from_current=motion)
+    example = Example(name, index, triplet, truth)
+    rows, over_ground = np.flatnonzero(known), estimate.over_ground
+    known_motion, _ = true_motion(example, truth, rows)
+    errors_m = end_point_errors(estimate.flow[rows], current.flow[rows])
+    above = np.flatnonzero(current.scored & inside)
+    row = replace(
+        empty_row(example, name),
+        errors=by_motion(estimate.flow[above], current.flow[above], current.dynamic[above]),
+        movers=mover_row(known_motion, over_ground, rows, errors_m, estimate.reason_of),
+    )
+    off = np.linalg.inv(motion) @ over_ground.next_from_current
+    return Scored(
+        row,
+        known_motion,
+        over_ground.dynamic[rows],
+        over_ground.confidence[rows],
+        float(np.linalg.norm(off[:3, 3])),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class WorldScore:
+    """Scores of one world.
+
+    Attributes:
+        seed, lidar, text: As in `World`.
+        scenario: `random` or `standing`.
+        figures: Name to figure; NaN where there is nothing to judge.
+        confidence: Band, and whether from scratch, to numbers as in `MoverRow`.
+        faults: Lines about missed and false movers, most sweeps first.
+    """
+
+    seed: int
+    lidar: str
+    text: str
+    scenario: str
+    figures: dict[str, float]
+    confidence: dict[tuple[str, bool], NDArray[np.float64]]
+    faults: list[str]
+
+
+def world_score(world: World, scenario: str = "random") -> WorldScore:
+    """Runs `online` over a world, and on some sweeps from scratch, and scores it."""
+    counted = range(NUM_FIRST, len(world.sweeps) - 1)
+    run = list(scored("online", world.sweeps, counted, with_ground=True))
+    some = counted[::_SCRATCH_EVERY]
+    scratch = list(scored("online", world.sweeps, some, from_scratch=True, with_ground=True))
+    summary, first = (summarize(one.row for one in each).iloc[0] for each in (run, scratch))
+    held, released = _braking(pd.concat([_objects(one) for one in run]))
+    figures = {
+        "recall": _recall([_called_points(one) for one in run]),
+        "found": _found(item for one in run for item in one.row.movers.objects),
+        "false movers": summary["movers.ghosts_per_sweep"],
+        "dynamic EPE": summary["errors.dynamic.epe_m"],
+        "static EPE": summary["errors.static.epe_m"],
+        "dynamic EPE, two sweeps": first["errors.dynamic.epe_m"],
+        "pedestrians": summary.get("movers.pedestrians, to 30 m.found", math.nan),
+        "velocity": summary["movers.velocity_error_m_s"],
+        "ego motion": float(np.mean([one.ego_error_m for one in run])),
+        "stops": len(held),
+        "held": sum(held),
+        "released": sum(released),
+    }
+    confidence: dict[tuple[str, bool], NDArray[np.float64]] = defaultdict(lambda: np.zeros(3))
+    for is_scratch, each in ((False, run), (True, scratch)):
+        for band, numbers in (pair for one in each for pair in one.row.movers.confidence.items()):
+            confidence[band, is_scratch] += numbers
+    about = (world.seed, world.lidar, world.text, scenario)
+    return WorldScore(*about, figures, dict(confidence), _faults(run))
+
+
+# Confidence of the points called dynamic, whether they are, and how many dynamic points there are.
+_Called = tuple[NDArray[np.float32], NDArray[np.bool_], int]
+
+
+def _called_points(one: Scored) -> _Called:
+    """Within range, of dynamic points only those of objects that are large enough."""
+    truth, near = one.truth, one.range_m <= _MAX_RANGE_M
+    sizes = np.bincount(truth.object_id[near], minlength=int(truth.object_id.max()) + 1)
+    is_large = sizes[truth.object_id] >= _MIN_POINTS
+    is_mover, stands = truth.dynamic & is_large, one.speed_m_s <= _CREEPING_M_S
+    called = near & one.called & (is_mover | stands)
+    return one.confidence[called], is_mover[called], int(np.count_nonzero(is_mover & near))
+
+
+def _recall(called: Sequence[_Called]) -> float:
+    """Largest recall of dynamic points over limits of confidence with enough precision."""
+    confidence, is_right = (np.concatenate([each[part] for each in called]) for part in (0, 1))
+    number = sum(each[2] for each in called)
+    if number == 0:
+        return math.nan
+    _, owners = np.unique(-confidence, return_inverse=True)
+    right, said = (np.cumsum(np.bincount(owners, each)) for each in (is_right, None))
+    return float(right[right >= _LEAST_PRECISION * said].max(initial=0) / number)
+
+
+def _found(objects: Iterable[ObjectRow]) -> float:
+    """Share of movers within range, sweep by sweep, that are found."""
+    found = [one.is_found for one in objects if one.moves and one.range_m <= _MAX_RANGE_M]
+    return float(np.mean(found)) if found else math.nan
+
+
+def _objects(one: Scored) -> pd.DataFrame:
+    """The objects that are near and large enough: their speeds, and whether called movers."""
+    points = pd.DataFrame(
+        {
+            "object_id": one.truth.object_id,
+            "class_id": one.truth.class_id,
+            "speed_m_s": one.speed_m_s,
+            "called": one.called,
+        }
+    )[(one.truth.object_id > 0) & (one.range_m <= _MAX_RANGE_M)]
+    groups = points.groupby("object_id")
+    objects = groups.mean()[groups.size() >= _MIN_POINTS].reset_index()
+    return objects.assign(time_s=one.row.stamp_ns / NANOSECONDS, is_called=objects["called"] >= 0.5)
+
+
+def _braking(objects: pd.DataFrame) -> tuple[list[bool], list[bool]]:
+    """Of each found vehicle that stops: if it was called a mover until then, and not after."""
+    held, released = [], []
+    vehicles = objects[objects["class_id"].isin(_VEHICLES)]
+    for _, own in vehicles.groupby("object_id"):
+        found = own["is_called"] & (own["speed_m_s"] >= DYNAMIC_SPEED_M_S)
+        stands = own["speed_m_s"] < _SLOWEST_M_S
+        stops_s = own["time_s"][stands & found.cumsum().astype(bool)]
+        if stops_s.empty:
+            continue
+        stop_s = stops_s.iloc[0]
+        brakes = own["time_s"].between(stop_s - _BRAKING_S, stop_s, inclusive="left")
+        brakes &= own["time_s"] >= own["time_s"][found].iloc[0]
+        later = stands & (own["time_s"] >= stop_s + _GRACE_S)
+        held.append(bool(own["is_called"][brakes].all()))
+        released.append(not own["is_called"][later].any())
+    return held, released
+
+
+def _faults(run: Sequence[Scored]) -> list[str]:
+    """Missed movers and static things called movers: number of sweeps, and where at first."""
+    counts: Counter[str] = Counter()
+    places: dict[str, str] = {}
+    for name, sweep, x_m, y_m in (fault for one in run for fault in _faults_of(one)):
+        counts[name] += 1
+        places.setdefault(name, f"first in sweep {sweep} at ({x_m:.0f}, {y_m:.0f}) m")
+    return [f"{name}: {number} sweeps, {places[name]}" for name, number in counts.most_common()]
+
+
+def _faults_of(one: Scored) -> Iterator[tuple[str, int, float, float]]:
+    """Name, number of the sweep, x and y of each fault."""
+    for item in one.row.movers.objects:
+        name = f"{item.kind} {item.object_id}"
+        if item.moves and not item.is_found and item.range_m <= _MAX_RANGE_M:
+            stage = "" if item.lost_by is None else f" ({item.lost_by.value})"
+            yield f"missed {name}{stage}", one.row.number, *item.place_m
+        elif item.is_found and item.speed_m_s < STOPPED_M_S:
+            yield f"false {name}", one.row.number, *item.place_m
+    on_ground = one.called & (one.truth.object_id == 0)
+    if np.count_nonzero(on_ground) >= _MIN_POINTS / 2:
+        x_m, y_m = np.median(one.truth.xyz[on_ground, :2], axis=0).tolist()
+        yield "false ground", one.row.number, x_m, y_m
