@@ -88,6 +88,10 @@ class Arguments:
         """Adds `--points`, the topic of the sweeps."""
         self.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
 
+    def method(self) -> None:
+        """Adds `--method`, the name of one method."""
+        self.value("--method NAME", "see docs/evaluation.md (default: method.name of the preset)")
+
     def settings(self, default: str = "paper") -> None:
         """Adds `--preset` with its default, and `--set`; `chosen_settings` has the result."""
         self.value(

@@ -38,7 +38,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
     arguments.points()
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
-    arguments.value("--method NAME", "see docs/evaluation.md", default="online")
+    arguments.method()
     arguments.settings(default="online")
 
 
@@ -72,5 +72,5 @@ def _run(options: argparse.Namespace) -> None:
     )
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
-    for line in explain(recording, evaluation, options.stamp, options.at, options.method):
+    for line in explain(recording, evaluation, options.stamp, options.at, options.method or ""):
         console.say(line, soft_wrap=True)

@@ -46,7 +46,7 @@ def add_to(subparsers: Subparsers) -> None:
     )
     arguments.value("sweeps SWEEP", "files in the order of time", nargs="+")
     arguments.value("-o --out OUT", "file to write, see below", Path, required=True)
-    arguments.value("--method NAME", "see docs/evaluation.md (default: method.name of the preset)")
+    arguments.method()
     arguments.settings(default="online")
     arguments.value(
         "--interval-s S",

@@ -156,7 +156,7 @@ def add_demo(subparsers: Subparsers) -> None:
     arguments.value("--bag", "recording; without it, a street is simulated", Path)
     arguments.points()
     arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
-    arguments.value("--duration S", "length of the simulated recording", default=6.0)
+    arguments.value("--duration-s S", "length of the simulated recording", default=6.0)
     arguments.value("--seed", "seed of the simulated recording", default=0)
     arguments.value("--out DIR", "folder for all that is made", default=Path("demo"))
 
@@ -165,5 +165,5 @@ def _demo(options: argparse.Namespace) -> None:
     require_ros()
     from mnsf_ros.demo.demo_run import run_demo
 
-    street = SimulationSettings(seed=options.seed, duration_s=options.duration)
+    street = SimulationSettings(seed=options.seed, duration_s=options.duration_s)
     run_demo(options.bag or street, options.points, preset(options.preset), options.out, Console())

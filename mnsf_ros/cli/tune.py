@@ -71,7 +71,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
-    from mnsf_ros.tuning.outcome import figures_table, gains_table, write_outcome
+    from mnsf_ros.tuning.outcome import figures_table, write_outcome
     from mnsf_ros.tuning.tune import check_optuna
 
     check_optuna()
@@ -80,9 +80,9 @@ def _run(options: argparse.Namespace) -> None:
         choose_topics(path, name, options.points) for name, path in named_recordings(options.bags)
     ]
     outcome = _tuned(recordings, tuning, console)
-    for table in (figures_table(outcome), *([gains_table(outcome)] if outcome.changed else [])):
-        console.print(table)
-    console.say(outcome.verdict)
+    console.print(figures_table(outcome))
+    for line in (*outcome.changes, outcome.verdict):
+        console.say(line)
     for path in write_outcome(outcome, options.out, shlex.join(["mnsf", *sys.argv[1:]])):
         console.say(f"Written: {path}", soft_wrap=True)
 

@@ -49,11 +49,12 @@ def explain(
     options: EvaluationOptions,
     stamp_ns: int,
     place_m: tuple[float, float],
-    method: str = "online",
+    method: str = "",
 ) -> list[str]:
     """Returns the decision of a method at a place (x, y) metres in the sensor frame, as lines.
 
-    The 3 s before the sweep are estimated, too, because the method remembers them.
+    `method` defaults to the settings' `method.name`. The 3 s before the sweep are estimated, too,
+    because it remembers them.
 
     Raises:
         EvaluationError: There is no such sweep, no point near the place, or the method gives no

@@ -27,8 +27,6 @@ class Outcome:
         goal: Name and unit of the cost.
         num_trials: Number of trials.
         changed: Full name to the new value of each changed parameter.
-        gains: Full name to the cost that the change saves on the half that was tuned, beside the
-            other changes.
         tuned: Judgements on the half that was tuned, before and after.
         held_out: The same on the other half.
     """
@@ -37,9 +35,14 @@ class Outcome:
     goal: str
     num_trials: int
     changed: dict[str, SettingValue]
-    gains: dict[str, float]
     tuned: tuple[Judgement, Judgement]
     held_out: tuple[Judgement, Judgement]
+
+    @property
+    def changes(self) -> list[str]:
+        """One line for each changed parameter, with the values before and after."""
+        items = self.changed.items()
+        return [f"{name}: {self.start.value_of(name)} -> {value}" for name, value in items]
 
     @property
     def verdict(self) -> str:
@@ -54,16 +57,6 @@ class Outcome:
         if after >= before:
             return f"{words}. Not better: keep the settings as they are."
         return f"{words}, {1 - after / before:.1%} less."
-
-
-def gains_table(outcome: Outcome) -> TextTable:
-    """Returns the gain of each changed parameter."""
-    rows = [
-        (name, f"{outcome.start.value_of(name)}", f"{value}", f"{outcome.gains[name]:+.4f}")
-        for name, value in outcome.changed.items()
-    ]
-    header = ("parameter", "before", "after", "gain")
-    return TextTable(header, rows, f"Gain of each change on the tuned half: {outcome.goal} saved")
 
 
 def figures_table(outcome: Outcome) -> TextTable:
@@ -86,7 +79,7 @@ def write_outcome(outcome: Outcome, folder: Path, command: str) -> list[Path]:
     """
     page = folder / PAGE
     parts = ["# Tuning", outcome.verdict, f"Command: {markdown_code(command)}"]
-    parts += [table.markdown() for table in (figures_table(outcome), gains_table(outcome))]
+    parts += [figures_table(outcome).markdown(), *(f"* {line}" for line in outcome.changes), ""]
     page.write_text("\n\n".join(parts), encoding="utf-8")
     parameters = folder / PARAMETER_FILE
     if not outcome.changed:  # and none of an earlier search

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -104,17 +105,15 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
     before = {name: start.value_of(name) for name in names}
     best = _best_values(study, before, options, watch, lambda v: tuned(start.changed(v)).cost)
     changed = {name: value for name, value in best.items() if value != before[name]}
-    num_judged, num_in_all = 0, 4 + len(changed)
+    numbers, num_in_all = count(), 4 + len(changed)
 
     def judged(judge: Callable[[Settings], Judgement], values: Values) -> Judgement:
-        nonlocal num_judged
-        watch("judging each change, and on the other half", num_judged, num_in_all)
-        num_judged += 1
+        watch("judging each change, and on the other half", next(numbers), num_in_all)
         return judge(start.changed(values))
 
-    kept, gains, on_tuned = _worthwhile(changed, partial(judged, tuned))
+    kept, on_tuned = _worthwhile(changed, partial(judged, tuned))
     on_other = judged(held_out, {}), judged(held_out, kept)
-    return Outcome(start, tuned.goal, _num_done(study), kept, gains, on_tuned, on_other)
+    return Outcome(start, tuned.goal, _num_done(study), kept, on_tuned, on_other)
 
 
 def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:
@@ -131,23 +130,15 @@ def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:
 
 def _worthwhile(
     changed: Values, judged: Callable[[Values], Judgement]
-) -> tuple[Values, dict[str, float], tuple[Judgement, Judgement]]:
-    """Takes back each change that gains nothing.
-
-    Returns:
-        The changes that are left, the cost that each saves, and the judgements without and with
-        them.
-    """
+) -> tuple[Values, tuple[Judgement, Judgement]]:
+    """Takes back each change that gains nothing; returns the others and both judgements."""
     before, after = judged({}), judged(changed)
-    gains = {}
     for name in tuple(changed):
         others = {other: value for other, value in changed.items() if other != name}
         without = judged(others)
         if without.cost <= after.cost * (1 + _WORTH):
             changed, after = others, without
-        else:
-            gains[name] = without.cost - after.cost
-    return changed, gains, (before, after)
+    return changed, (before, after)
 
 
 def tuned_settings(names: Sequence[str] = (), fixed: frozenset[str] = frozenset()) -> list[Setting]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.errors import MethodError
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.methods.prediction_files import PredictionFiles
 from mnsf_ros.settings import Settings
@@ -82,7 +82,7 @@ def test_argoverse_2_submission_with_masks(tmp_path, triplet):
 
 
 def assert_refused(tmp_path, triplet, text):
-    with pytest.raises(MethodError, match=text) as caught:
+    with pytest.raises(MnsfError, match=text) as caught:
         estimate(tmp_path, triplet)
     assert "\n" not in str(caught.value)
 

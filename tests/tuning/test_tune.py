@@ -92,13 +92,13 @@ def test_command_writes_what_changes(street, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {"trials.log", "tuning.md"}
     assert run([*arguments, "6", "--resume"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Gain of each change" in said
+    assert "objects.cell_size_m: 0.15 -> " in said
     assert "of the half that was not tuned" in said
     page = (out / "tuning.md").read_text()
     assert "three-way EPE (m)" in page
     changed = YAML(typ="safe").load(out / "tuned.yaml")["/**"]["ros__parameters"]
     assert set(changed) == {"objects"}
-    assert "| objects.cell_size_m | 0.15 | " in page
+    assert "* objects.cell_size_m: 0.15 -> " in page
     assert (out / "tuned.yaml").read_text().startswith("# Written by `mnsf")
 
 
