@@ -149,7 +149,7 @@ import numpy as np
 from mnsf_ros.node.environment import keep_memory, return_memory
 keep_memory({})
 before_mb = resident_mb()
-blocks = [np.ones(size, np.uint8) for size in (4_000_000, 40_000, 24_000_000) * 10]
+blocks = [np.ones(size, np.uint8) for size in (4_000_000, 40_000, 18_000_000) * 10]
 kept = blocks[1::3]
 del blocks
 left_mb = resident_mb()
