@@ -64,20 +64,17 @@ def explain(
     example, estimate = _estimated(recording, options, stamp_ns, method)
     stamp_s = example.triplet.current.stamp_ns / NANOSECONDS
     heading = f"{recording.name}, sweep {example.number}, stamp {stamp_s:.3f} s"
-    return [heading, *decision_at(example, estimate, place_m)]
+    return [heading, *decision(example, estimate, rows_at(example, estimate, place_m))]
 
 
-def decision_at(
-    example: Example, estimate: FlowEstimate, place_m: tuple[float, float]
-) -> list[str]:
-    """Returns the decision of an estimate at a place (x, y) metres in the sensor frame, as lines.
+def decision(example: Example, estimate: FlowEstimate, rows: NDArray[np.int64]) -> list[str]:
+    """Returns the decision of an estimate about the rows (M,) of one object, as lines.
 
     Raises:
-        EvaluationError: There is no point near the place, or the method gives no reasons.
+        EvaluationError: The method gives no reasons.
     """
     if estimate.reason_of is None or estimate.over_ground is None:
         raise EvaluationError("this method gives no reasons; online does")
-    rows = _rows_at(example, estimate, place_m)
     reason, truth = estimate.reason_of(rows), _truth_at(example, rows)
     xyz = example.triplet.current.xyz[rows]
     middle = ", ".join(f"{value:.2f}" for value in np.median(xyz, axis=0))
@@ -143,10 +140,14 @@ def _estimated(
     )
 
 
-def _rows_at(
+def rows_at(
     example: Example, estimate: FlowEstimate, place_m: tuple[float, float]
 ) -> NDArray[np.int64]:
-    """The points near a place, without ground if there are others."""
+    """Returns the points near a place (x, y), metres, sensor frame; ground only if alone.
+
+    Raises:
+        EvaluationError: There is none.
+    """
     xyz = example.triplet.current.xyz
     distances_m = np.hypot(*(xyz[:, :2].astype(np.float64) - place_m).T)
     for mask in (estimate.kept, np.ones(len(xyz), dtype=bool)):

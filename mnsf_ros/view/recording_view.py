@@ -21,7 +21,7 @@ from mnsf_ros.evaluation.scoring import true_motion
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
-from mnsf_ros.report.explanation import decision_at
+from mnsf_ros.report.explanation import decision, rows_at
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
@@ -137,7 +137,8 @@ class RecordingView:
             case {"do": "reset"}:
                 self._use(self._first_settings)
             case {"do": "explain", "at": [int() | float() as x, int() | float() as y], **more}:
-                self._asked = {"at": (x, y), "track": more.get("track", 0)}
+                track = more.get("track")
+                self._asked = {"at": (x, y), "track": track if isinstance(track, int) else 0}
                 self._explain()
             case {"do": "forget"}:
                 self._asked = None
@@ -231,22 +232,26 @@ class RecordingView:
     def _publish_scene(self) -> None:
         if self._kept:
             shown = self._kept[self._place]
-            scene = _scene(shown.sweep, self._layer)
+            scene = scene_of(shown.sweep, self._layer)
             self._server.publish("scene", scene_message(scene, shown.trails))
 
     def _explain(self) -> None:
         lines: list[str] = []
         if self._asked is not None and self._kept:
-            shown = self._kept[self._place].sweep
-            known = shown.estimate.over_ground
-            for item in () if known is None else known.objects:
-                if item.track_id == self._asked["track"]:
-                    self._asked["at"] = tuple(item.center[:2].tolist())
             try:
-                lines = decision_at(shown.example, shown.estimate, self._asked["at"])
+                lines = self._reasons(self._kept[self._place].sweep, **self._asked)
             except EvaluationError as error:
                 lines = [str(error)]
         self._server.publish("reasons", json.dumps({"kind": "reasons", "lines": lines}))
+
+    def _reasons(self, sweep: EstimatedSweep, at: tuple[float, float], track: object) -> list[str]:
+        """Reasons for the points of a track, or else for those at a place."""
+        known = sweep.estimate.over_ground
+        if track and known is not None and known.track_ids is not None:
+            rows = np.flatnonzero(known.track_ids == track)
+            if len(rows):
+                return decision(sweep.example, sweep.estimate, rows)
+        return decision(sweep.example, sweep.estimate, rows_at(sweep.example, sweep.estimate, at))
 
     def _publish_knobs(self) -> None:
         self._server.publish("knobs", knobs_message(self._settings, of_node=False))
@@ -283,7 +288,8 @@ class RecordingView:
         self._server.publish("status", json.dumps(status))
 
 
-def _scene(sweep: EstimatedSweep, layer: str) -> Scene:
+def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
+    """Returns a sweep as it is drawn, in the colours of a layer: estimate, truth or error."""
     current = sweep.triplet.current
     return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *_pose_and_objects(sweep))
 

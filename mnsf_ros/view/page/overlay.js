@@ -151,7 +151,7 @@ export class Overlay {
     context.font = "12px system-ui, 'DejaVu Sans', sans-serif";
     for (const item of near) {
       const at = this.pixelOf([item.center[0], item.center[1], item.center[2] + item.size[2] / 2]);
-      if (!at || at[0] < -20 || at[0] > this.width + 20 || at[1] < 0 || at[1] > this.height) continue;
+      if (!at || at[0] < -20 || at[0] > this.width + 20 || at[1] < 0 || at[1] > this.bottom) continue;
       const text = `${item.speed.toFixed(1)} m/s  ${item.age.toFixed(1)} s`;
       const width = context.measureText(text).width + 16;
       const box = this.freePlace(at, width, placed);

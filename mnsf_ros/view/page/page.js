@@ -118,8 +118,9 @@ function draw() {
     const frameFromWorld = follows ? inverse(scene?.pose ?? IDENTITY) : IDENTITY;
     const clipFromFrame = camera.clipFromFrame(width / height);
     points.draw(product(clipFromFrame, frameFromSensor), camera.distance);
-    overlay.draw(scene, { clipFromFrame, frameFromSensor, frameFromWorld, width, height, scale,
-      selected, layer, azimuth: camera.azimuth });
+    const bottom = find("#player").hidden ? height : find("#player").offsetTop;
+    overlay.draw(scene, { clipFromFrame, frameFromSensor, frameFromWorld, width, height, bottom,
+      scale, selected, layer, azimuth: camera.azimuth });
     document.body.dataset.stamp = scene?.stamp ?? "";
   });
 }

@@ -40,7 +40,10 @@ export class Player {
     this.state = state;
     find("#player").hidden = false;
     find("#play path").setAttribute("d", state.playing ? PAUSE : PLAY);
-    find("#speed").value = state.speed;
+    const speed = find("#speed");
+    if (![...speed.options].some((option) => Number(option.value) === state.speed))
+      speed.append(element("option", { value: state.speed, textContent: `${state.speed}×` }));
+    speed.value = state.speed;
     const slider = find("#time");
     slider.max = state.duration;
     if (!this.isHeld) {
@@ -73,7 +76,9 @@ export class Status {
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
     context.scale(devicePixelRatio, devicePixelRatio);
-    const highest = Math.max(10, ...this.latencies) * 1.1;
+    // The first estimate may take much longer than the others.
+    const sorted = [...this.latencies].sort((a, b) => a - b);
+    const highest = Math.max(10, 1.5 * (sorted[Math.floor(0.9 * (sorted.length - 1))] ?? 0));
     context.strokeStyle = "#6cb6ff";
     context.beginPath();
     this.latencies.forEach((value, k) =>
