@@ -20,8 +20,8 @@ from std_msgs.msg import Header
 
 from mnsf_ros.demo.node_process import NodeProcess, node_process
 from mnsf_ros.demo.replay import ReplayLog
+from mnsf_ros.demo.replay_link import ReceivedFlow, ReplayLink
 from mnsf_ros.node.environment import prepare_environment
-from mnsf_ros.node.raw_topics import ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.sweeps.sweep import Sweep
 from msg_utils.cdr import serialized_cloud
@@ -31,7 +31,6 @@ FLOW_TOPIC: Final = "/scene_flow/flow"
 FIRST_NS: Final = 10**18
 _START_TIMEOUT_S: Final = 120
 _SETTLE_TIMEOUT_S: Final = 60
-_QUIET_STATUSES: Final = 5
 # The node counts each published cloud as one of these; the transport's losses are among the missed.
 _CLOUD_EVENTS: Final = ("sweeps_received", "clouds_undecodable", "clouds_empty", "clouds_missed")
 # In a serialized message four bytes name the encoding, then the stamp comes.
@@ -104,16 +103,7 @@ class LiveNode:
 
     def settle(self) -> None:
         """Waits until the node is idle and its counts do not change any more."""
-        deadline_s, last, before = time.monotonic() + _SETTLE_TIMEOUT_S, None, 0
-        while time.monotonic() < deadline_s:
-            self.process.check()
-            now = (dict(self.link.counts), len(self.replay.arrived_s))
-            if now != last:
-                last, before = now, self.link.num_statuses
-            is_idle = self.link.flow_values.get("busy") == "False"
-            if is_idle and self.link.num_statuses - before >= _QUIET_STATUSES:
-                return
-            self.link.spin_for(0.1)
+        self.link.settle(self.process, lambda: len(self.replay.arrived_s), _SETTLE_TIMEOUT_S)
 
     def state(self) -> dict[str, float]:
         """Memory (MB), and numbers of descriptors, threads and shared segments of the process."""
@@ -156,11 +146,9 @@ def live_node(*parameters: str, flow_topic: str | None = FLOW_TOPIC) -> Iterator
         start_s = time.monotonic()
         process = stack.enter_context(node_process(["-r", "~/points:=/points", *words], log))
         node = LiveNode(process, link, log)
-        while not (link.is_connected if flow_topic else link.is_heard):
-            process.check()
-            if time.monotonic() > start_s + _START_TIMEOUT_S:
-                raise process.failure(f"no node after {_START_TIMEOUT_S} s")
-            link.spin_for(0.02)
+        is_there = (lambda: link.is_connected) if flow_topic else (lambda: link.is_heard)
+        if not link.wait_until(is_there, process, _START_TIMEOUT_S):
+            raise process.failure(f"no node after {_START_TIMEOUT_S} s")
         node.start_s = time.monotonic() - start_s
         yield node
 

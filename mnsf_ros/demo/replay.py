@@ -9,14 +9,17 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 from mnsf_ros.demo.node_process import NodeProcess
 from mnsf_ros.demo.pace import in_time
-from mnsf_ros.node.raw_topics import ReceivedFlow, ReplayLink
+from mnsf_ros.demo.replay_link import DIAGNOSTICS_TYPE, MARKERS_TYPE, ReceivedFlow, ReplayLink
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.ros1_file import jazzy
+from msg_utils.stamps import decode_stamp
 
 POINTS_TOPIC = "/scene_flow/points"
 FLOW_TOPIC = "/scene_flow/flow"
@@ -25,8 +28,6 @@ MARKERS_TOPIC = "/scene_flow/objects/markers"
 
 _START_TIMEOUT_S = 120.0
 _LAST_FLOW_TIMEOUT_S = 120.0
-# After so many messages on /diagnostics without any change nothing more is expected.
-_QUIET_STATUSES = 5
 
 
 @dataclass
@@ -129,62 +130,31 @@ def replay(
     def on_diagnostics(raw: bytes) -> None:
         # As if received when the newest sweep was measured: viewers then show both together.
         if log.published_s:
-            newest_ns = max(log.published_s)
-            writer.write_raw(
-                DIAGNOSTICS_TOPIC, "diagnostic_msgs/msg/DiagnosticArray", newest_ns, raw
-            )
+            writer.write_raw(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, max(log.published_s), raw)
 
-    def on_markers(stamp_ns: int, raw: bytes) -> None:
-        if stamp_ns in log.published_s:
-            writer.write_raw(MARKERS_TOPIC, "visualization_msgs/msg/MarkerArray", stamp_ns, raw)
+    def on_markers(raw: bytes) -> None:
+        message: Any = jazzy().deserialize_cdr(raw, MARKERS_TYPE)
+        stamps = {decode_stamp(marker.header.stamp) for marker in message.markers[:1]}
+        for stamp_ns in stamps.intersection(log.published_s):
+            writer.write_raw(MARKERS_TOPIC, MARKERS_TYPE, stamp_ns, raw)
+
+    def is_complete() -> bool:
+        log.counts = link.counts
+        return log.is_complete
 
     names = [namespace + name for name in (POINTS_TOPIC, FLOW_TOPIC, DIAGNOSTICS_TOPIC)]
     with ReplayLink(names[0], names[1], on_flow, on_diagnostics, names[2]) as link:
-        link.watch_markers(namespace + MARKERS_TOPIC, on_markers)
-        wait_for_node(link, node)
+        link.subscribe(namespace + MARKERS_TOPIC, MARKERS_TYPE, on_markers)
+        if not link.wait_until(lambda: link.is_connected, node, _START_TIMEOUT_S):
+            raise node.failure(f"the node was not there after {_START_TIMEOUT_S:.0f} s")
         messages = reader.raw_messages(topic)
         for _, raw in in_time(messages, link.spin_for, clock=time.monotonic):
             node.check()
             published_s = time.monotonic()
             log.published_s[link.publish(raw)] = published_s
             progress(len(log.published_s), len(log.arrived_s))
-        _wait_for_last_flow(link, node, log)
+        link.settle(node, lambda: len(log.arrived_s), _LAST_FLOW_TIMEOUT_S, is_complete)
         progress(len(log.published_s), len(log.arrived_s))
         log.last_failure = link.flow_values.get("last failure", log.last_failure)
         log.estimate_ms = float(link.flow_values.get("estimate median [ms]", math.nan))
     return log
-
-
-def wait_for_node(link: ReplayLink, node: NodeProcess) -> None:
-    """Waits until the node and this process see each other.
-
-    Raises:
-        NodeProcessError: If the node ends or does not come up.
-    """
-    deadline_s = time.monotonic() + _START_TIMEOUT_S
-    while not link.is_connected:
-        node.check()
-        if time.monotonic() > deadline_s:
-            raise node.failure(f"the node was not there after {_START_TIMEOUT_S:.0f} s")
-        link.spin_for(0.1)
-
-
-def _wait_for_last_flow(link: ReplayLink, node: NodeProcess, log: ReplayLog) -> None:
-    """Waits until every sweep is accounted for, or nothing changes any more.
-
-    An idle node is not enough: the latest diagnostics may be from before the last sweep, and a
-    published flow may still be under way.
-    """
-    deadline_s = time.monotonic() + _LAST_FLOW_TIMEOUT_S
-    last: tuple[Mapping[str, int], int] | None = None
-    num_before = link.num_statuses
-    while time.monotonic() < deadline_s:
-        node.check()
-        log.counts = link.counts
-        now = (log.counts, len(log.arrived_s))
-        if now != last:
-            last, num_before = now, link.num_statuses
-        is_idle = link.flow_values.get("busy") == "False"
-        if log.is_complete or (is_idle and link.num_statuses - num_before >= _QUIET_STATUSES):
-            return
-        link.spin_for(0.1)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes, in and out of ROS; the robot's side of a node; the topic of the lidar."""
+"""Messages as bytes, in and out of ROS."""
 
 from __future__ import annotations
 
@@ -8,33 +8,19 @@ import inspect
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
-from visualization_msgs.msg import MarkerArray
 
-from mnsf_ros.errors import MnsfError, SettingsError
+from mnsf_ros.errors import MnsfError
 from mnsf_ros.node.environment import leaving_ros
-from msg_utils.stamps import decode_stamp
 
 _TYPE_NAME: Final = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _DEPTH: Final = 5
-
-_FLOW_STATUS: Final = ": flow"
-_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
-# Clouds that a scene flow node publishes.
-_OWN_ENDS: Final = ("/flow", "/flow/moving", "/flow/standing", "/objects")
-# Nodes need a while to find each other; one more cloud may turn up until then.
-_SEARCH_S: Final = 3.0
 
 Self = TypeVar("Self", bound="RawTopics")
 
@@ -140,134 +126,3 @@ class RawTopics:
 def _qos(is_latched: bool = False, depth: int = _DEPTH) -> QoSProfile:
     kept = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=kept)
-
-
-@dataclass(frozen=True)
-class ReceivedFlow:
-    """A flow cloud as it arrived."""
-
-    stamp_ns: int  # of the sweep that it belongs to
-    arrived_s: float  # `time.monotonic()`
-    raw: bytes  # the serialized message
-
-
-class ReplayLink(RawTopics):
-    """Publishes sweeps to the node and receives its messages.
-
-    Attributes:
-        flow_values: Key -> value of the latest `flow` status on /diagnostics.
-        points: Publisher of the sweeps; it takes any bytes.
-        counts: Event -> number in the latest message on /diagnostics.
-        num_statuses: Number of messages on /diagnostics so far.
-    """
-
-    def __init__(
-        self,
-        points_topic: str,
-        flow_topic: str,
-        on_flow: Callable[[ReceivedFlow], None],
-        on_diagnostics: Callable[[bytes], None],
-        diagnostics_topic: str = "/diagnostics",
-    ) -> None:
-        """Joins the ROS graph; `on_diagnostics` gets each serialized message of diagnostics."""
-        super().__init__("mnsf_replay")
-        self._on_flow = on_flow
-        self._on_diagnostics = on_diagnostics
-        self.flow_values: dict[str, str] = {}
-        self.counts: dict[str, int] = {}
-        self.num_statuses = 0
-        self.points = self.publisher(points_topic, _CLOUD_TYPE)
-        self._flow_topic = flow_topic
-        self.subscribe(flow_topic, _CLOUD_TYPE, self._receive_flow)
-        self.subscribe(
-            diagnostics_topic,
-            "diagnostic_msgs/msg/DiagnosticArray",
-            self._receive_diagnostics,
-            depth=10,
-        )
-
-    def watch_markers(self, topic: str, on_markers: Callable[[int, bytes], None]) -> None:
-        """Calls `on_markers` with stamp and bytes of each message that has markers."""
-
-        def receive(raw: bytes) -> None:
-            markers = deserialize_message(raw, MarkerArray).markers
-            if markers:
-                on_markers(decode_stamp(markers[0].header.stamp), raw)
-
-        self.subscribe(topic, "visualization_msgs/msg/MarkerArray", receive)
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether the node and this process see each other."""
-        is_seen = self.is_heard and self.num_publishers(self._flow_topic) > 0
-        # The node works only for subscribers that it sees; its diagnostics arrive once it does.
-        return is_seen and self.num_statuses > 0
-
-    @property
-    def is_heard(self) -> bool:
-        """Whether the node subscribes to the sweeps."""
-        return bool(self.points.get_subscription_count() > 0)
-
-    def publish(self, raw: bytes) -> int:
-        """Publishes a serialized cloud; returns the stamp in its header, nanoseconds.
-
-        Raises:
-            MessageError: If the stamp is no time.
-        """
-        stamp_ns = _stamp_ns(raw)
-        self.points.publish(raw)
-        return stamp_ns
-
-    def _receive_flow(self, raw: bytes) -> None:
-        arrived_s = time.monotonic()
-        self._on_flow(ReceivedFlow(_stamp_ns(raw), arrived_s, raw))
-
-    def _receive_diagnostics(self, raw: bytes) -> None:
-        statuses = deserialize_message(raw, DiagnosticArray).status
-        values = [
-            {item.key: item.value for item in status.values}
-            for status in statuses
-            if status.name.endswith(_FLOW_STATUS)
-        ]
-        if values:
-            self.flow_values = values[-1]
-            self.num_statuses += 1
-            self.counts = {
-                item.key: int(item.value)
-                for status in statuses
-                for item in status.values
-                if item.value.isdigit() and " " not in item.key
-            }
-        self._on_diagnostics(raw)
-
-
-def _stamp_ns(raw: bytes) -> int:
-    return decode_stamp(deserialize_message(raw, PointCloud2).header.stamp)
-
-
-def only_cloud_topic(search_s: float = _SEARCH_S) -> str:
-    """Returns the topic of the only publisher of clouds, beside those of this package.
-
-    Raises:
-        SettingsError: If there is none, or more than one; it names them.
-    """
-    with RawTopics("scene_flow_search") as ros:
-        ros.spin_for(search_s)
-        topics = cloud_topics(ros.node)
-    if len(topics) == 1:
-        return topics[0]
-    if topics:
-        raise SettingsError(f"several PointCloud2 topics: {', '.join(topics)}; give points:=TOPIC")
-    raise SettingsError(
-        f"no PointCloud2 topic is published, as seen in {search_s:g} s; start the lidar first, or "
-        "give points:=TOPIC"
-    )
-
-
-def cloud_topics(node: Node) -> list[str]:
-    """Returns the published topics of clouds that a node sees, beside those of this package."""
-    return sorted(
-        name
-        for name, types in node.get_topic_names_and_types()
-        if _CLOUD_TYPE in types and not name.endswith(_OWN_ENDS) and node.count_publishers(name) > 0
-    )

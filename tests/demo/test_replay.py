@@ -11,9 +11,11 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from mnsf_ros.demo import replay as replay_module
+from mnsf_ros.demo import replay_link
 from mnsf_ros.demo.demo_run import figures_table, verdict
 from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.node.raw_topics import RawTopics, ReceivedFlow, ReplayLink
+from mnsf_ros.demo.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 NUM_SWEEPS = 6
@@ -39,18 +41,14 @@ def test_a_node_is_there_when_it_sees_us_too(own_domain):
             link.spin_for(0.02)
 
 
-class LateLink:
+class LateLink(ReplayLink):
     """A node on a loaded machine: its status is stale, its last flow late; time is counted."""
 
-    clock_s = 0.0
+    clock_s, is_connected = 0.0, True
 
     def __init__(self, events, on_flow):
-        self.events, self.on_flow = dict(events), on_flow
-        self.is_connected, self.num_published = True, 0
+        self.events, self.on_flow, self.num_published = dict(events), on_flow, 0
         self.counts, self.flow_values, self.num_statuses = {}, {"busy": "False"}, 0
-
-    def __enter__(self):
-        return self
 
     def __exit__(self, *_):
         pass
@@ -59,7 +57,7 @@ class LateLink:
         self.num_published += 1
         return raw
 
-    def watch_markers(self, topic, on_markers):
+    def subscribe(self, *_):
         pass
 
     def spin_for(self, duration_s):
@@ -92,7 +90,8 @@ def replayed(monkeypatch, events):
 
     monkeypatch.setattr(replay_module, "ReplayLink", link)
     clock = SimpleNamespace(monotonic=lambda: links[0].clock_s if links else 0.0)
-    monkeypatch.setattr(replay_module, "time", clock)
+    for module in (replay_module, replay_link):
+        monkeypatch.setattr(module, "time", clock)
     stamps = [100_000_000 * number for number in range(1, NUM_SWEEPS + 1)]
     reader = SimpleNamespace(raw_messages=lambda topic: zip(stamps, stamps, strict=True))
     writer = SimpleNamespace(write_raw=lambda *_: None)

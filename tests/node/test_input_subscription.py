@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2
 from synthetic_clouds import surfaces, xyz_message
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.node.raw_topics import only_cloud_topic
+from mnsf_ros.node.cloud_topics import only_cloud_topic
 from mnsf_ros.node.subscriptions import InputSubscription
 
 
