@@ -25,6 +25,9 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 _COMPENSATED = frozenset({"apollo_arz034"})
 DATA = Path(os.environ.get("MNSF_DATA", Path(__file__).parents[2] / "shared" / "data"))
 INTERVAL_NS = 100_000_000
+# Identity of the program that simulates.
+_SOURCES = sorted(Path(simulation.__file__).parent.glob("*.py"))
+_SIMULATOR = hashlib.sha256(b"".join(each.read_bytes() for each in _SOURCES)).hexdigest()[:12]
 
 Item = TypeVar("Item")
 
@@ -127,9 +130,7 @@ def random_world(seed: int, num_sweeps: int, scenario: str = "random") -> World:
 
 def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> World:
     """Returns a random world from a folder, where it is kept; another simulator makes it anew."""
-    sources = sorted(Path(simulation.__file__).parent.glob("*.py"))
-    program = hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:12]
-    path = folder / f"{program}_{scenario}_{seed}_{duration_s:g}s.pickle"
+    path = folder / f"{_SIMULATOR}_{scenario}_{seed}_{duration_s:g}s.pickle"
     if path.exists():
         kept: World = pickle.loads(path.read_bytes())  # noqa: S301 - written by this program
         return kept

@@ -16,7 +16,7 @@ import math
 import multiprocessing
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Final
@@ -38,17 +38,20 @@ _STANDING_EVERY: Final = 5
 _LIDARS: Final = ("16 beams", "32 beams", "64 beams", "128 beams", "solid state")
 _ALL, _STANDING = "all", "standing"
 # Figures of worlds: title, and whether more is better.
-_FIGURES: Final = {
+_FOUND: Final = {
     "recall": ("recall at .95 precision", True),
     "found": ("movers found", True),
-    "false movers": ("false movers a sweep", False),
-    "dynamic EPE": ("EPE dynamic (m)", False),
-    "dynamic EPE, two sweeps": ("two sweeps: EPE dynamic (m)", False),
-    "static EPE": ("EPE static (m)", False),
     "pedestrians": ("pedestrians to 30 m", True),
+    "false movers": ("false movers a sweep", False),
+}
+_ERRORS: Final = {
+    "dynamic EPE": ("EPE dynamic (m)", False),
+    "dynamic EPE, two sweeps": ("two sweeps", False),
+    "static EPE": ("EPE static (m)", False),
     "velocity": ("velocity (m/s)", False),
     "ego motion": ("ego motion (m)", False),
 }
+_FIGURES: Final = _FOUND | _ERRORS
 # A band of confidence with fewer points is not judged.
 _MIN_BAND_POINTS: Final = 500
 _MAX_FAULTS: Final = 5
@@ -146,24 +149,33 @@ def world_tables(scores: Sequence[WorldScore]) -> Iterator[Table]:
     groups = {name: own for name, own in groups.items() if own}
     seeds = [one.seed for one in moving]
     title = f"Random worlds, seeds {min(seeds)} to {max(seeds)}: median / worst tenth over worlds"
-    header = ["", "worlds", *(text for text, _ in _FIGURES.values())]
-    header += ["confidence off by", "stops: held, released"]
-    yield Table(title, header, [_group_cells(name, own) for name, own in groups.items()])
+    header = ["", "worlds", *(text for text, _ in _FOUND.values()), "stops: held, released"]
+    rows = [
+        [name, str(len(own)), *_spreads(own, _FOUND), _stops(own)] for name, own in groups.items()
+    ]
+    yield Table(title, header, rows)
+    header = ["", *(text for text, _ in _ERRORS.values()), "confidence off by", "two sweeps"]
+    rows = [[name, *_spreads(own, _ERRORS), *_off(own)] for name, own in groups.items()]
+    yield Table("Errors: median / worst tenth", header, rows)
     rows = [target.row() for name, own in groups.items() for target in targets(name, own)]
     yield Table("Targets, random worlds", TARGET_HEADER, rows, is_detail=True)
 
 
-def _group_cells(name: str, scores: Sequence[WorldScore]) -> list[str]:
-    spreads = (spread(scores, figure) for figure in _FIGURES)
-    off = [f"{deviation(scores, from_scratch=scratch):.2f}" for scratch in (False, True)]
-    number, held, released = (total(scores, each) for each in ("stops", "held", "released"))
+def _spreads(scores: Sequence[WorldScore], names: Iterable[str]) -> list[str]:
+    spreads = (spread(scores, name) for name in names)
     return [
-        name,
-        str(len(scores)),
-        *("" if math.isnan(median) else f"{median:.3f} / {worst:.3f}" for median, worst in spreads),
-        " / ".join(off).replace("nan", "-"),
-        f"{held:.0f}, {released:.0f} of {number:.0f}" if number else "",
+        "" if math.isnan(median) else f"{median:.3f} / {worst:.3f}" for median, worst in spreads
     ]
+
+
+def _stops(scores: Sequence[WorldScore]) -> str:
+    number, held, released = (total(scores, each) for each in ("stops", "held", "released"))
+    return f"{held:.0f}, {released:.0f} of {number:.0f}" if number else ""
+
+
+def _off(scores: Sequence[WorldScore]) -> list[str]:
+    both = (deviation(scores, from_scratch=scratch) for scratch in (False, True))
+    return ["" if math.isnan(each) else f"{each:.2f}" for each in both]
 
 
 def spread(scores: Sequence[WorldScore], figure: str) -> tuple[float, float]:

@@ -242,7 +242,7 @@ class _World:
             yield from self._row((models.tunnel,), 0.0, 20.0, rng)
         if self._place == "square":
             yield from self._scattered(rng)
-            edge_m = rng.uniform(20.0, 35.0)
+            edge_m = rng.uniform(40.0, 60.0)
         for side in (1.0, -1.0):
             if self._place not in ("tunnel", "square"):
                 pitch_m, share = rng.uniform(6.5, 8.0), rng.choice([0.0, 0.3, 0.9])
@@ -336,7 +336,7 @@ class _World:
             lateral = side * (edge_m - rng.choice([0.7, 2.7]) + rng.uniform(-0.2, 0.2))
             forward = side < 0
         else:
-            lateral, forward = side * (edge_m + rng.uniform(0.9, 2.7)), bool(rng.integers(2))
+            lateral, forward = side * (edge_m + rng.uniform(0.9, 2.45)), bool(rng.integers(2))
         return self.street.lane(lateral, forward=forward)
 
     def _open_way(self, rng: np.random.Generator) -> Route:

@@ -65,7 +65,8 @@ def test_worlds_are_summed_up_for_each_lidar(load, score, capsys):
         score, seed=9, scenario="standing", figures=score.figures | {"recall": math.nan}
     )
     scores = [score, worse, other, still]
-    table, targets = movers.world_tables(scores)
+    table, errors, targets = movers.world_tables(scores)
+    assert [row[0] for row in errors.rows] == [row[0] for row in table.rows]
     assert [row[:2] for row in table.rows] == [
         ["16 beams", "2"],
         ["64 beams", "1"],
