@@ -61,9 +61,6 @@ class SceneFlowParts:
             if not node.context.ok():
                 raise
             raise SettingsError(f"a topic cannot be used, see qos_overrides: {error}") from None
-        self._pipeline = OnlinePipeline(
-            _with_node_threads(self._settings), self._publish, self._on_failure
-        )
         name = node.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(name, faults, lambda: cloud_topics(node))
         self._diagnostics_publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -105,6 +102,7 @@ class SceneFlowParts:
         return self._parameters.settings
 
     def _join_topics(self, pause: str) -> None:
+        """Makes the way of a sweep from its end to its start, so that each part has its next."""
         settings = self._settings
         self._outputs = FlowOutputs(self._node, settings.node.odom_frame)
         self._debug_times = DebugTimes(self._node)
@@ -113,8 +111,14 @@ class SceneFlowParts:
             if settings.tf.broadcast
             else None
         )
-        self._input = SweepInput(self._node, settings, self._report, self._on_sweep)
-        self._input.pause = pause
+        self._pipeline = OnlinePipeline(
+            _with_node_threads(settings), self._publish, self._on_failure
+        )
+        try:
+            self._input = SweepInput(self._node, settings, self._report, self._on_sweep, pause)
+        except BaseException:
+            self._pipeline.close(0.0)
+            raise
 
     def _start_timers(self) -> None:
         # Steady: under use_sim_time a node timer stands still until somebody publishes /clock.

@@ -56,13 +56,14 @@ class SweepInput:
         settings: Settings,
         report: Report,
         on_sweep: Callable[[Sweep, int], None],
+        pause: str = "",
     ) -> None:
         """Subscribes; `on_sweep` gets each sweep and its `time.monotonic_ns()` of arrival.
 
         Raises:
             SettingsError: If the settings need transforms, and tf2_ros is missing.
         """
-        self.pause = ""
+        self.pause = pause
         self.transforms: Transforms | None = None
         self._node, self._report, self._on_sweep = node, report, on_sweep
         self._decoder = CloudDecoder(node, report)
