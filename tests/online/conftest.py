@@ -7,12 +7,11 @@ import time
 
 import numpy as np
 import pytest
+from pipelines import PATIENCE_S, Recorder
 
+from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
-
-# Only a failing test waits that long.
-PATIENCE_S = 300.0
 
 # Metres per sweep.
 MOTION = np.array([0.3, 0.1, 0.0], np.float32)
@@ -93,3 +92,23 @@ def wait_until():
             time.sleep(0.002)
 
     return wait
+
+
+@pytest.fixture
+def recorder():
+    return Recorder()
+
+
+@pytest.fixture
+def make_pipeline(recorder):
+    """Pipelines that hand out to the recorder, and are closed at the end."""
+    pipelines = []
+
+    def make(settings):
+        pipelines.append(OnlinePipeline(settings, recorder.on_estimate, recorder.on_failure))
+        return pipelines[-1]
+
+    yield make
+    recorder.gate.let_go()
+    for pipeline in pipelines:
+        assert pipeline.close(PATIENCE_S)

@@ -93,21 +93,6 @@ def test_a_few_jobs_wait_in_order_and_then_only_the_newest(work, wait_until):
     assert worker.close(PATIENCE_S)
 
 
-def test_jobs_run_one_at_a_time_in_one_thread(wait_until):
-    threads, finished = set(), threading.Semaphore(0)
-
-    def work(_job):
-        threads.add(threading.current_thread().name)
-        finished.release()
-
-    worker = LatestOnlyWorker(work, "the one thread")
-    for job in range(20):
-        worker.submit(job)
-        assert finished.acquire(timeout=PATIENCE_S)
-    assert threads == {"the one thread"}
-    assert worker.close(PATIENCE_S)
-
-
 def test_close_forgets_the_waiting_job(worker, work, wait_until):
     worker.submit("running")
     wait_until(lambda: work.started == ["running"])
@@ -117,13 +102,6 @@ def test_close_forgets_the_waiting_job(worker, work, wait_until):
     assert worker.close(PATIENCE_S) is True
     assert work.started == ["running"]
     assert worker.load == 0
-
-
-def test_close_does_not_wait_longer_than_told_for_a_job_that_is_stuck(worker, work, wait_until):
-    worker.submit("stuck")
-    wait_until(lambda: work.started == ["stuck"])
-    assert worker.close(0.01) is False
-    assert work.finished == []
 
 
 def test_a_long_job_can_see_that_it_should_give_up():

@@ -7,68 +7,10 @@ import time
 
 import numpy as np
 import pytest
+from pipelines import PATIENCE_S, assert_balanced, counts_of
 
 from mnsf_ros.errors import SweepError
-from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
-from mnsf_ros.sweeps.sweep import Start
 from mnsf_ros.sweeps.sweep_buffer import Arrival
-
-PATIENCE_S = 300.0
-
-
-class Recorder:
-    """Both callbacks of a pipeline. Each estimate can be held up before it is handed out."""
-
-    def __init__(self):
-        self.handed_out = []
-        self.failures = []
-        self.error = None
-        self.failure_error = None
-        self.is_held = threading.Event()
-        self._may_go_on = threading.Event()
-        self._may_go_on.set()
-
-    def hold(self):
-        self.is_held.clear()
-        self._may_go_on.clear()
-
-    def let_go(self):
-        self._may_go_on.set()
-
-    def on_estimate(self, job, estimate):
-        self.is_held.set()
-        assert self._may_go_on.wait(PATIENCE_S)
-        if self.error is not None:
-            raise self.error
-        self.handed_out.append((job, estimate))
-
-    def on_failure(self, job, error):
-        self.failures.append((job, error))
-        if self.failure_error is not None:
-            raise self.failure_error
-
-    @property
-    def current_stamps(self):
-        return [job.triplet.current.stamp_ns for job, _ in self.handed_out]
-
-
-@pytest.fixture
-def recorder():
-    return Recorder()
-
-
-@pytest.fixture
-def make_pipeline(recorder):
-    pipelines = []
-
-    def make(settings):
-        pipelines.append(OnlinePipeline(settings, recorder.on_estimate, recorder.on_failure))
-        return pipelines[-1]
-
-    yield make
-    recorder.let_go()
-    for pipeline in pipelines:
-        assert pipeline.close(PATIENCE_S)
 
 
 @pytest.fixture
@@ -93,22 +35,12 @@ def hold_first_flow(recorder, make_sweep):
     """Adds three sweeps and waits until their flow is held up before it is handed out."""
 
     def hold(pipeline):
-        recorder.hold()
+        recorder.gate.hold()
         for index in range(3):
             pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-        assert recorder.is_held.wait(PATIENCE_S)
+        assert recorder.gate.is_reached.wait(PATIENCE_S)
 
     return hold
-
-
-def counts_of(pipeline):
-    return pipeline.statistics.snapshot().counts
-
-
-def assert_balanced(pipeline):
-    """Each triplet ends in exactly one way."""
-    counts = counts_of(pipeline)
-    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in TRIPLET_ENDS)
 
 
 def test_flow_of_the_middle_sweep(pipeline, add, recorder, make_sweep, motion):
@@ -140,7 +72,7 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
     hold_first_flow(pipeline)
     pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
     pipeline.add_sweep(make_sweep(4), time.monotonic_ns(), is_watched=False)
-    recorder.let_go()
+    recorder.gate.let_go()
     wait_until(lambda: pipeline.load == 0)
     assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
     assert_balanced(pipeline)
@@ -181,7 +113,7 @@ class TestSettings:
         hold_first_flow(pipeline)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
         pipeline.change_settings(network_settings.changed({"warm_start.max_iterations": 7}))
-        recorder.let_go()
+        recorder.gate.let_go()
         wait_until(lambda: pipeline.load == 0)
         pipeline.add_sweep(make_sweep(4), time.monotonic_ns())
         wait_until(lambda: pipeline.load == 0)
@@ -200,17 +132,6 @@ class TestSettings:
         assert recorder.current_stamps == [make_sweep(next(indices) - 2).stamp_ns]
         assert counts_of(pipeline)["triplets_abandoned"] == 1
         assert_balanced(pipeline)
-
-    def test_that_are_the_same_end_no_estimate(
-        self, make_pipeline, recorder, make_sweep, quick_settings, wait_until
-    ):
-        pipeline = make_pipeline(quick_settings)
-        for index in range(6):
-            pipeline.change_settings(quick_settings.changed({}))
-            pipeline.add_sweep(make_sweep(index), time.monotonic_ns())
-            wait_until(lambda: pipeline.load == 0)
-        assert "triplets_abandoned" not in counts_of(pipeline)
-        assert len(recorder.handed_out) == 4
 
 
 class TestFailure:
@@ -257,20 +178,6 @@ def test_sweeps_that_do_not_continue_are_counted_by_kind(pipeline, add, make_swe
     assert counts["triplets_formed"] == 1
 
 
-def test_after_a_bag_has_looped_there_is_flow_again(pipeline, add, recorder, make_sweep):
-    for _ in range(3):
-        for index in range(10, 14):
-            add(make_sweep(index))
-    assert counts_of(pipeline).get("sweeps_time_went_back", 0) == 0
-    assert counts_of(pipeline)["sweeps_out_of_order"] == 6
-    recorder.handed_out.clear()
-    for index in range(4):
-        add(make_sweep(index))
-    assert counts_of(pipeline)["sweeps_time_went_back"] == 1
-    assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
-    assert recorder.handed_out[0][1].start is Start.COLD_TIME_JUMP
-
-
 class TestClose:
     def test_while_a_flow_is_handed_out_lets_it_be_the_last(
         self, pipeline, recorder, make_sweep, wait_until, hold_first_flow
@@ -278,7 +185,7 @@ class TestClose:
         hold_first_flow(pipeline)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
         assert pipeline.close(0.0) is False
-        recorder.let_go()
+        recorder.gate.let_go()
         assert pipeline.close(PATIENCE_S) is True
         assert recorder.current_stamps == [make_sweep(1).stamp_ns]
 
@@ -286,7 +193,7 @@ class TestClose:
         recorder.error = RuntimeError("the publisher is gone")
         hold_first_flow(pipeline)
         assert pipeline.close(0.0) is False
-        recorder.let_go()
+        recorder.gate.let_go()
         assert pipeline.close(PATIENCE_S) is True
         assert recorder.failures == []
 
@@ -322,15 +229,3 @@ def test_errors_of_both_callbacks_do_not_end_the_stream(
     add(make_sweep(4))
     assert recorder.current_stamps == [make_sweep(3).stamp_ns]
     assert_balanced(pipeline)
-
-
-def test_an_error_after_the_flow_was_handed_out_does_not_end_the_stream(
-    pipeline, add, recorder, make_sweep, monkeypatch, caplog
-):
-    statistics = pipeline.statistics
-    with monkeypatch.context() as patched:
-        patched.setattr(statistics, "add_estimate", lambda *_: 1 / 0)
-        add(*(make_sweep(index) for index in range(3)))
-    assert "ZeroDivisionError" in caplog.text
-    add(make_sweep(3))
-    assert recorder.current_stamps == [make_sweep(index).stamp_ns for index in (1, 2)]

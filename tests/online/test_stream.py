@@ -12,7 +12,7 @@ import torch
 from mnsf_ros.core import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import SettingsError, SweepError
+from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods import make_method
 from mnsf_ros.online import stream as stream_module
 from mnsf_ros.online.stream import Stream
@@ -139,17 +139,6 @@ def test_arrival_of_a_sweep_that_does_not_continue(short, push, make_sweep, late
 
 def test_a_sweep_that_is_refused_leaves_the_stream_as_it_was(short, push):
     assert push(short, 0, 1, 2, 1.5, 2, 3)[3:] == [None, None, Start.WARM]
-
-
-def test_an_error_costs_its_triplets_only(quick_settings, make_sweep):
-    stream = Stream(quick_settings)
-    bad = make_sweep(2, num_points=8)
-    stream.push(make_sweep(0))
-    stream.push(make_sweep(1))
-    for sweep in (bad, make_sweep(3), make_sweep(4)):
-        with pytest.raises(SweepError, match="points are left"):
-            stream.push(sweep)
-    assert stream.push(make_sweep(5)) is not None
 
 
 class TestSettings:

@@ -8,38 +8,13 @@ import time
 
 import numpy as np
 import pytest
+from pipelines import PATIENCE_S, Gate, assert_balanced, counts_of
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.methods import make_method
 from mnsf_ros.online import online_pipeline, stream
-from mnsf_ros.online.online_pipeline import TRIPLET_ENDS, OnlinePipeline
 from mnsf_ros.sweeps.sweep import SweepTriplet
-
-PATIENCE_S = 300.0
-
-
-class Gate:
-    """Open unless it is held; tells whether somebody waits at it."""
-
-    def __init__(self):
-        self._open = threading.Event()
-        self._open.set()
-        self.is_reached = threading.Event()
-
-    def hold(self):
-        self.is_reached.clear()
-        self._open.clear()
-
-    def let_go(self):
-        self._open.set()
-
-    def go_through(self, cancelled=never):
-        self.is_reached.set()
-        while not self._open.wait(0.001):
-            if cancelled():
-                raise CancelledError("abandoned at the gate")
 
 
 class Script:
@@ -48,7 +23,6 @@ class Script:
     def __init__(self):
         self.at_prepare, self.at_estimate = Gate(), Gate()
         self.prepared, self.estimated, self.made = [], [], []
-        self.bad_stamps = ()
 
     def make(self, _name, settings):
         return ScriptedEstimator(self, settings)
@@ -76,8 +50,6 @@ class ScriptedEstimator:
             self._script.at_prepare.go_through()
             stamp_ns = triplet.next.stamp_ns
             self._script.prepared.append(stamp_ns)
-            if stamp_ns in self._script.bad_stamps:
-                raise SweepError(f"sweep {stamp_ns}: bad")
             return self, stamp_ns
         finally:
             self._in_prepare.release()
@@ -97,36 +69,6 @@ class ScriptedEstimator:
 @pytest.fixture
 def script():
     return Script()
-
-
-@pytest.fixture
-def flows():
-    """What was handed out: stamp of the current sweep and flow."""
-    return []
-
-
-@pytest.fixture
-def failures():
-    return []
-
-
-@pytest.fixture
-def make_pipeline(flows, failures):
-    pipelines = []
-
-    def make(settings):
-        pipelines.append(
-            OnlinePipeline(
-                settings,
-                lambda job, estimate: flows.append((job.triplet.current.stamp_ns, estimate)),
-                lambda job, error: failures.append((job.triplet.next.stamp_ns, str(error))),
-            )
-        )
-        return pipelines[-1]
-
-    yield make
-    for pipeline in pipelines:
-        assert pipeline.close(PATIENCE_S)
 
 
 @pytest.fixture
@@ -167,15 +109,6 @@ def stamps(*indices):
     return [stamp_ns(index) for index in indices]
 
 
-def counts_of(pipeline):
-    return pipeline.statistics.snapshot().counts
-
-
-def assert_balanced(pipeline):
-    counts = counts_of(pipeline)
-    assert counts.get("triplets_formed", 0) == sum(counts.get(end, 0) for end in TRIPLET_ENDS)
-
-
 def test_a_sweep_is_prepared_while_the_last_estimate_is_under_way(
     pipeline, script, add, held, wait_until
 ):
@@ -213,21 +146,6 @@ def test_sweeps_faster_than_their_preparation_are_dropped_before_it_and_the_newe
     wait_until(lambda: pipeline.load == 0)
     assert script.prepared == stamps(2, 3, 4, 19)
     assert script.estimated[-1] == stamp_ns(19)
-    assert_balanced(pipeline)
-
-
-def test_an_error_of_preparation_costs_its_triplet_only(
-    pipeline, script, add, failures, wait_until
-):
-    script.bad_stamps = stamps(3)
-    for index in range(6):
-        add(pipeline, index)
-        wait_until(lambda: pipeline.load == 0)
-    assert script.estimated == stamps(2, 4, 5)
-    assert failures == [(stamp_ns(3), f"sweep {stamp_ns(3)}: bad")]
-    snapshot = pipeline.statistics.snapshot()
-    assert snapshot.counts["estimates_failed"] == 1
-    assert snapshot.last_failure == f"sweep {stamp_ns(3)}: bad"
     assert_balanced(pipeline)
 
 
@@ -323,20 +241,13 @@ class TestReset:
 
 class TestClose:
     def test_while_a_sweep_is_prepared_hands_out_nothing_any_more(
-        self, pipeline, script, held, flows
+        self, pipeline, script, held, recorder
     ):
         held(script.at_prepare, pipeline, 0, 1, 2)
         assert pipeline.close(0.0) is False
         script.at_prepare.let_go()
         assert pipeline.close(PATIENCE_S) is True
-        assert script.estimated == flows == []
-
-    def test_ends_both_workers(self, pipeline, script, add, held, flows):
-        held(script.at_estimate, pipeline, 0, 1, 2)
-        add(pipeline, 3)
-        assert pipeline.close(PATIENCE_S) is True
-        assert pipeline.load == 0
-        assert script.estimated == flows == []
+        assert script.estimated == recorder.handed_out == []
 
 
 class TestFlowOfTheOnlineMethod:
@@ -357,8 +268,8 @@ class TestFlowOfTheOnlineMethod:
         return flows_of
 
     @staticmethod
-    def assert_same(flows, expected):
-        for (_, flow), other in zip(flows, expected, strict=True):
+    def assert_same(recorder, expected):
+        for (_, flow), other in zip(recorder.handed_out, expected, strict=True):
             np.testing.assert_array_equal(flow.flow, other.flow)
             np.testing.assert_array_equal(flow.over_ground.dynamic, other.over_ground.dynamic)
             np.testing.assert_array_equal(flow.over_ground.confidence, other.over_ground.confidence)
@@ -389,7 +300,9 @@ class TestFlowOfTheOnlineMethod:
         yield make_pipeline(quick_settings)
         script.at_estimate.let_go()
 
-    def test_prepared_ahead_of_its_estimate(self, gated, script, add, flows, offline, wait_until):
+    def test_prepared_ahead_of_its_estimate(
+        self, gated, script, add, recorder, offline, wait_until
+    ):
         """Each second estimate begins only when the sweep after it is ready, too."""
         add(gated, 0, 1)
         for index in range(2, 10, 2):
@@ -400,9 +313,9 @@ class TestFlowOfTheOnlineMethod:
             wait_until(lambda: len(script.prepared) == index)  # noqa: B023 - called at once
             script.at_estimate.let_go()
             wait_until(lambda: gated.load == 0)
-        self.assert_same(flows, offline(*range(2, 10)))
+        self.assert_same(recorder, offline(*range(2, 10)))
 
-    def test_after_dropped_triplets(self, gated, script, add, held, flows, offline, wait_until):
+    def test_after_dropped_triplets(self, gated, script, add, held, recorder, offline, wait_until):
         """A dropped triplet leaves no gap in ego motion and older sweeps."""
         held(script.at_estimate, gated, 0, 1, 2)
         for index in range(3, 8):
@@ -412,5 +325,5 @@ class TestFlowOfTheOnlineMethod:
         wait_until(lambda: gated.load == 2)
         script.at_estimate.let_go()
         wait_until(lambda: gated.load == 0)
-        assert [stamp for stamp, _ in flows] == stamps(1, 6)
-        self.assert_same(flows, offline(2, 7, prepared_only=range(3, 7)))
+        assert recorder.current_stamps == stamps(1, 6)
+        self.assert_same(recorder, offline(2, 7, prepared_only=range(3, 7)))
