@@ -17,8 +17,8 @@ from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
+from mnsf_ros.view.layers import scene_of
 from mnsf_ros.view.page_server import PageServer
-from mnsf_ros.view.recording_view import scene_of
 from mnsf_ros.view.scene_message import Paths, scene_message
 
 NUM_UPDATES = 50

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import fields
 from typing import Any, Final
@@ -23,7 +22,7 @@ _ONLINE: Final = "online"
 _TITLE: Final = "Changed on the page of mnsf view; the other parameters have their defaults."
 
 
-def knobs_message(settings: Settings, *, of_node: bool) -> str:
+def knobs(settings: Settings, *, of_node: bool) -> dict[str, Any]:
     """Returns the settings in their groups with values and ranges, and a parameter file.
 
     Groups that have no effect are left out. The file has all that differs from the defaults.
@@ -35,20 +34,20 @@ def knobs_message(settings: Settings, *, of_node: bool) -> str:
     ]
     groups = _groups(settings, hidden)
     file = settings_yaml(settings, _TITLE, changed) if changed else ""
-    return json.dumps({"kind": "knobs", "groups": groups, "file": file, "changed": changed})
+    return {"groups": groups, "file": file, "changed": changed}
 
 
 def _groups(settings: Settings, hidden: Collection[str]) -> list[dict[str, Any]]:
     groups = []
     for group in fields(Settings):
-        knobs = [
+        offered = [
             _knob(one, settings)
             for one in declared_settings()
             if one.group == group.name and not one.fixed
         ]
-        if knobs and group.name not in hidden:
+        if offered and group.name not in hidden:
             text = (type(group.default).__doc__ or "").partition("\n")[0]
-            groups.append({"name": group.name, "text": text, "knobs": knobs})
+            groups.append({"name": group.name, "text": text, "knobs": offered})
     return groups
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable
 from queue import Empty
@@ -19,7 +18,7 @@ from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.remote_parameters import RemoteParameters
 from mnsf_ros.recording.ros1_file import jazzy
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
-from mnsf_ros.view.knobs import knobs_message
+from mnsf_ros.view.knobs import knobs
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.scene_message import Paths, Scene, motion_colors, scene_message
 from msg_utils.errors import MessageError
@@ -63,7 +62,7 @@ class NodeView:
         self._parameters: RemoteParameters | None = None
         self._subscriptions: list[Any] = []
         self._forget()
-        server.publish("title", json.dumps({"kind": "title", "text": self._name}))
+        server.tell("title", text=self._name)
 
     def __enter__(self: Self) -> Self:
         """Returns itself."""
@@ -111,7 +110,7 @@ class NodeView:
             self._parameters.set(checked)
 
     def _refuse(self, reason: str) -> None:
-        self._server.publish("refused", json.dumps({"kind": "refused", "text": reason}))
+        self._server.tell("refused", text=reason)
         self._publish_knobs()
 
     def _receive_settings(self, values: dict[str, Any]) -> None:
@@ -122,7 +121,7 @@ class NodeView:
         self._publish_knobs()
 
     def _publish_knobs(self) -> None:
-        self._server.publish("knobs", knobs_message(self._settings, of_node=True))
+        self._server.tell("knobs", **knobs(self._settings, of_node=True))
 
     def _forget(self) -> None:
         self._waiting: dict[int, dict[str, Any]] = {}
@@ -200,13 +199,8 @@ class NodeView:
             for one in own
             if one.level in _LEVELS
         ]
-        status = {
-            "kind": "status",
-            "latency": self._latency_ms,
-            "values": {text: known[key] for key, text in _VALUES.items() if key in known},
-            "warnings": warnings,
-        }
-        self._server.publish("status", json.dumps(status))
+        values = {text: known[key] for key, text in _VALUES.items() if key in known}
+        self._server.tell("status", latency=self._latency_ms, values=values, warnings=warnings)
 
 
 def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:

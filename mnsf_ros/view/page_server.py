@@ -4,11 +4,8 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import json
 import logging
-import secrets
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
@@ -16,7 +13,7 @@ from importlib.resources import files
 from queue import Full, Queue
 from threading import Thread
 from typing import Any, Final
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -24,6 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from mnsf_ros.errors import MnsfError
+from mnsf_ros.view.access import SOCKET, Access
 
 Message = str | bytes
 
@@ -34,8 +32,6 @@ _MAX_COMMAND_BYTES: Final = 4096
 _MAX_COMMANDS: Final = 100
 _TRY_AGAIN_LATER: Final = 1013
 _UNSUPPORTED: Final = 1003
-_LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
-_SOCKET: Final = "/socket"
 _TYPES: Final = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
@@ -74,8 +70,7 @@ class PageServer:
         # While it listens, all below belongs to the thread of the loop.
         self._viewers: set[_Viewer] = set()
         self._newest: dict[str, Message] = {}
-        self._names: tuple[str, ...] = _LOOPBACK_NAMES
-        self._token = ""
+        self._access = Access("localhost")
 
     @property
     def num_viewers(self) -> int:
@@ -89,6 +84,10 @@ class PageServer:
         else:
             self._loop.call_soon_threadsafe(self._publish, kind, message)
 
+    def tell(self, kind: str, **values: object) -> None:
+        """Publishes a message in JSON."""
+        self.publish(kind, json.dumps({"kind": kind, **values}))
+
     @contextmanager
     def listening(self, host: str, port: int) -> Iterator[str]:
         """Lets viewers connect; gives the address of the page. A port of 0 is any free one.
@@ -98,9 +97,7 @@ class PageServer:
         Raises:
             ViewError: The address cannot be used.
         """
-        is_local = _is_loopback(host)
-        self._names = (*_LOOPBACK_NAMES, host)
-        self._token = "" if is_local else secrets.token_urlsafe(16)
+        self._access = Access(host)
         with _running_loop() as loop:
             try:
                 server = asyncio.run_coroutine_threadsafe(self._serve(host, port), loop).result()
@@ -110,7 +107,7 @@ class PageServer:
                 ) from None
             self._loop = loop
             try:
-                yield self._address(host, next(iter(server.sockets)).getsockname()[1])
+                yield self._access.address(next(iter(server.sockets)).getsockname()[1])
             finally:
                 self._loop = None
                 asyncio.run_coroutine_threadsafe(self._close(server), loop).result()
@@ -135,12 +132,6 @@ class PageServer:
         server.close()
         await server.wait_closed()
 
-    def _address(self, host: str, port: int) -> str:
-        if host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        shown = f"[{host}]" if ":" in host else host
-        return f"http://{shown}:{port}/{f'?token={self._token}' if self._token else ''}"
-
     def _publish(self, kind: str, message: Message) -> None:
         self._newest[kind] = message
         for viewer in self._viewers:
@@ -148,37 +139,17 @@ class PageServer:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Returns a file of the page or a refusal; None lets a viewer in."""
-        url = urlsplit(request.path)
-        if refusal := self._refusal(request, url.path, url.query):
+        path = urlsplit(request.path).path
+        if refusal := self._access.refusal(request):
             return connection.respond(HTTPStatus.FORBIDDEN, f"{refusal}\n")
-        if url.path == _SOCKET:
+        if path == SOCKET:
             return None
-        if url.path not in self._files:
+        if path not in self._files:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such file\n")
-        kind, content = self._files[url.path]
+        kind, content = self._files[path]
         length = str(len(content))
         headers = Headers(_HEADERS | {"Content-Type": kind, "Content-Length": length})
         return Response(HTTPStatus.OK, "OK", headers, content)
-
-    def _refusal(self, request: Request, path: str, query: str) -> str:
-        """Returns why a request is refused; empty if it is not.
-
-        Pages of other sites reach this server through the browser of a user: by its address, which
-        the header Origin tells, or by a name of theirs that leads here, which is in Host.
-        """
-        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-        if len(hosts) != 1:
-            return "one Host is expected"
-        if origins and origins != [f"http://{hosts[0]}"]:
-            return f"foreign Origin {origins[0]!r}"
-        if not self._token:
-            name = urlsplit(f"//{hosts[0]}").hostname
-            return "" if name in self._names else f"foreign Host {hosts[0]!r}"
-        given = parse_qs(query).get("token", [""])[0]
-        is_secret = path in ("/", _SOCKET)
-        if is_secret and not secrets.compare_digest(given.encode(), self._token.encode()):
-            return "the token is missing or wrong: open the address that mnsf view prints"
-        return ""
 
     async def _attend(self, connection: ServerConnection) -> None:
         """Serves one viewer until it leaves or is dropped."""
@@ -260,12 +231,6 @@ def _page_files() -> dict[str, tuple[str, bytes]]:
             found[f"/{file.name}"] = (kind, file.read_bytes())
     found["/"] = found["/index.html"]
     return found
-
-
-def _is_loopback(host: str) -> bool:
-    with suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return host == "localhost"
 
 
 def _command(raw: Message) -> dict[str, Any] | None:

@@ -3,21 +3,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from queue import Empty
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.errors import EvaluationError, SettingsError
-from mnsf_ros.evaluation.scoring import true_motion
+from mnsf_ros.evaluation.recordings import short_name
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
@@ -25,22 +22,19 @@ from mnsf_ros.report.explanation import decision, rows_at
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
-from mnsf_ros.view.knobs import knobs_message
+from mnsf_ros.view.knobs import knobs
+from mnsf_ros.view.layers import LAYERS, pose_and_objects, scene_of
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.scene_message import (
-    Colors,
     Paths,
-    Scene,
     Trails,
-    error_colors,
-    motion_colors,
     scene_message,
 )
 
 # Memory of the method `online`: earlier sweeps have no effect.
 _PAST_S: Final = 3.0
 # Sweeps that can be stepped back to at once.
-_KEPT: Final = 20
+_KEPT: Final = 10
 _MAX_WARNINGS: Final = 20
 _SAME_S: Final = 0.001
 _SLOWEST: Final = 0.01
@@ -79,7 +73,7 @@ class RecordingView:
         self._server, self._reader, self._topics = server, reader, topics
         self._settings, self._first_settings = settings, settings
         self._speed, self._is_playing = speed, True
-        self._layers = tuple(_COLORS) if topics.truth is not None else ("estimate",)
+        self._layers = LAYERS if topics.truth is not None else ("estimate",)
         self._layer = "estimate"
         first_ns, last_ns = reader.span_ns
         self._first_ns, self._duration_s = first_ns, (last_ns - first_ns) / NANOSECONDS
@@ -92,7 +86,7 @@ class RecordingView:
         self._target_s: float | None = None
         self._start_at(0.0)
         self._publish_knobs()
-        server.publish("title", json.dumps({"kind": "title", "text": str(reader.path.name)}))
+        server.tell("title", text=short_name(reader.path))
 
     def run(self) -> None:
         """Plays for ever, from the beginning again at the end."""
@@ -149,7 +143,7 @@ class RecordingView:
         try:
             self._use(self._settings.changed({name: value}))
         except SettingsError as error:
-            self._server.publish("refused", json.dumps({"kind": "refused", "text": str(error)}))
+            self._server.tell("refused", text=str(error))
             self._publish_knobs()
 
     def _use(self, settings: Settings) -> None:
@@ -157,8 +151,8 @@ class RecordingView:
         self._stream.change_settings(settings)
         self._settings = settings
         self._publish_knobs()
-        if not self._is_playing and self._kept:
-            self._start_at(self._kept[self._place].position_s)
+        if not self._is_playing:
+            self._start_at(self._position_s)
 
     def _start_at(self, position_s: float) -> None:
         """Estimates from a while before a position on; shows the first sweep from there on."""
@@ -171,6 +165,10 @@ class RecordingView:
         self._target_s = position_s
         self._kept.clear()
         self._place = -1
+
+    @property
+    def _position_s(self) -> float:
+        return self._kept[self._place].position_s if self._kept else self._target_s or 0.0
 
     def _step(self, by: int) -> None:
         place = self._place + by
@@ -198,11 +196,7 @@ class RecordingView:
         if self._first_stamp_ns is None:
             self._first_stamp_ns = stamp_ns
         position_s = (stamp_ns - self._first_stamp_ns) / NANOSECONDS
-        known = sweep.estimate.over_ground
-        pose, objects = (
-            (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
-        )
-        trails = self._paths.after(stamp_ns, pose, objects)
+        trails = self._paths.after(stamp_ns, *pose_and_objects(sweep))
         if self._target_s is not None and position_s < self._target_s - _SAME_S:
             self._publish_player(position_s)
             return
@@ -212,11 +206,15 @@ class RecordingView:
         self._show()
 
     def _end(self) -> None:
+        """Starts again at the beginning, or rests if no sweep has a flow with these settings."""
         if self._first_stamp_ns is None:
             raise EvaluationError("no sweep of the recording has a flow")
-        is_at_start = self._target_s == 0.0
-        self._is_playing = self._is_playing and not is_at_start
-        self._start_at(0.0)
+        if self._kept or self._target_s != 0.0:
+            self._start_at(0.0)
+            return
+        self._target_s, self._is_playing = None, False
+        self._server.tell("refused", text="no sweep has a flow with these settings")
+        self._publish_player()
 
     def _show(self) -> None:
         shown = self._kept[self._place]
@@ -242,7 +240,7 @@ class RecordingView:
                 lines = self._reasons(self._kept[self._place].sweep, **self._asked)
             except EvaluationError as error:
                 lines = [str(error)]
-        self._server.publish("reasons", json.dumps({"kind": "reasons", "lines": lines}))
+        self._server.tell("reasons", lines=lines)
 
     def _reasons(self, sweep: EstimatedSweep, at: tuple[float, float], track: object) -> list[str]:
         """Reasons for the points of a track, or else for those at a place."""
@@ -254,23 +252,20 @@ class RecordingView:
         return decision(sweep.example, sweep.estimate, rows_at(sweep.example, sweep.estimate, at))
 
     def _publish_knobs(self) -> None:
-        self._server.publish("knobs", knobs_message(self._settings, of_node=False))
+        self._server.tell("knobs", **knobs(self._settings, of_node=False))
 
     def _publish_player(self, estimated_s: float = 0.0) -> None:
         """Tells the state of the player; before the target, the position of the last estimate."""
-        is_busy = self._target_s is not None
-        position_s = self._kept[self._place].position_s if self._kept else self._target_s
-        state = {
-            "kind": "player",
-            "playing": self._is_playing,
-            "layers": self._layers,
-            "layer": self._layer,
-            "speed": self._speed,
-            "position": position_s,
-            "duration": self._duration_s,
-            "busy": estimated_s if is_busy else None,
-        }
-        self._server.publish("player", json.dumps(state))
+        self._server.tell(
+            "player",
+            playing=self._is_playing,
+            layers=self._layers,
+            layer=self._layer,
+            speed=self._speed,
+            position=self._position_s,
+            duration=self._duration_s,
+            busy=None if self._target_s is None else estimated_s,
+        )
 
     def _publish_status(self, sweep: EstimatedSweep) -> None:
         estimate, known = sweep.estimate, sweep.estimate.over_ground
@@ -279,57 +274,6 @@ class RecordingView:
             "dynamic objects": "unknown" if known is None else str(len(known.objects)),
             "estimate": f"{estimate.time_ms:.0f} ms",
         }
-        status = {
-            "kind": "status",
-            "latency": estimate.time_ms,
-            "values": values,
-            "warnings": list(self._warnings),
-        }
-        self._server.publish("status", json.dumps(status))
-
-
-def scene_of(sweep: EstimatedSweep, layer: str) -> Scene:
-    """Returns a sweep as it is drawn, in the colours of a layer: estimate, truth or error."""
-    current = sweep.triplet.current
-    return Scene(current.stamp_ns, current.xyz, _COLORS[layer](sweep), *_pose_and_objects(sweep))
-
-
-def _pose_and_objects(
-    sweep: EstimatedSweep,
-) -> tuple[NDArray[np.float64], Sequence[TrackedObject]]:
-    known = sweep.estimate.over_ground
-    return (np.eye(4), ()) if known is None else (known.world_from_sensor, known.objects)
-
-
-def _estimate_colors(sweep: EstimatedSweep) -> Colors:
-    estimate, known = sweep.estimate, sweep.estimate.over_ground
-    motion = estimate.flow if known is None else known.motion
-    dynamic = np.zeros(len(motion), np.bool_) if known is None else known.dynamic
-    return motion_colors(motion / np.float32(sweep.triplet.interval_s or USUAL_INTERVAL_S), dynamic)
-
-
-def _truth_colors(sweep: EstimatedSweep) -> Colors:
-    example = sweep.example
-    velocity = np.zeros_like(sweep.estimate.flow)
-    moves: NDArray[np.bool_] = np.zeros(len(velocity), np.bool_)
-    if (truth := example.truth) is not None and truth.valid.any():
-        moves = truth.dynamic & truth.valid
-        rows = np.flatnonzero(truth.valid)
-        motion, _ = true_motion(example, truth, rows)
-        velocity[rows] = motion.velocity
-        velocity[~moves] = 0.0
-    return motion_colors(velocity, moves)
-
-
-def _colors_of_errors(sweep: EstimatedSweep) -> Colors:
-    truth, flow = sweep.example.truth, sweep.estimate.flow
-    if truth is None:
-        return error_colors(flow[:, 0], np.zeros(len(flow), np.bool_))
-    return error_colors(np.linalg.norm(flow - truth.flow, axis=1), truth.valid)
-
-
-_COLORS: Final = {
-    "estimate": _estimate_colors,
-    "truth": _truth_colors,
-    "error": _colors_of_errors,
-}
+        self._server.tell(
+            "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
+        )

@@ -162,6 +162,15 @@ def test_a_parameter_holds_for_the_sweep_that_is_shown(viewing) -> None:
     assert not viewer.newest["knobs"]["changed"]
 
 
+def test_settings_without_any_flow_are_told_and_can_be_taken_back(viewing) -> None:
+    viewer = viewing()
+    viewer.send(do="set", name="buffer.max_interval_s", value=0.05)
+    viewer.until(lambda: "no sweep has a flow" in viewer.newest.get("refused", {}).get("text", ""))
+    viewer.newest.pop("scene")
+    viewer.send(do="reset")
+    viewer.until(lambda: "scene" in viewer.newest and viewer.sees(0.0))
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
