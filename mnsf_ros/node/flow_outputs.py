@@ -21,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
 from mnsf_ros.geometry.pose_messages import pose_quaternion
-from mnsf_ros.node.object_messages import ObjectMarkers, objects_cloud, planner_messages
+from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import flow_cloud
@@ -49,7 +49,7 @@ class FlowOutputs:
             for topic, message_type, make in (
                 ("~/objects", PointCloud2, objects_cloud),
                 ("~/objects/markers", MarkerArray, ObjectMarkers().message),
-                *planner_messages(),
+                *installed_messages(),
             )
         ]
         self._last_source = ""

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tracked objects as messages: cloud, markers, and those of Autoware and nav2 if installed."""
+"""Tracked objects as messages: cloud, markers, and those of other packages if installed."""
 
 from __future__ import annotations
 
@@ -107,10 +107,10 @@ def _marker(header: Header, item: TrackedObject, name: str, shape: int) -> Marke
     return marker
 
 
-def planner_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:
-    """Yields topic, message type and maker of each message of `_PLANNERS` that is installed."""
+def installed_messages() -> Iterator[tuple[str, type[Message], MessageMaker]]:
+    """Yields topic, message type and maker of each message of `_OPTIONAL` that is installed."""
     run = uuid4()  # numbers of objects are unique within it
-    for topic, (package, name, items, make) in _PLANNERS.items():
+    for topic, (package, name, items, make) in _OPTIONAL.items():
         try:
             messages = importlib.import_module(f"{package}.msg")
             message_type = getattr(messages, name)
@@ -126,8 +126,11 @@ def _list(
     header: Header,
     objects: Objects,
 ) -> Message:
-    message = message_type(header=header)
-    setattr(message, items, [make(item) for item in objects])
+    message, made = message_type(header=header), [make(item) for item in objects]
+    for item in made:
+        if hasattr(item, "header"):
+            item.header = header
+    setattr(message, items, made)
     return message
 
 
@@ -175,12 +178,27 @@ def _nav2_obstacle(messages: Messages, run: UUID, item: TrackedObject) -> Messag
     return found
 
 
+def _detection(messages: Messages, _run: UUID, item: TrackedObject) -> Message:
+    """A vision_msgs/Detection3D, which has no velocity."""
+    hypothesis = messages.ObjectHypothesisWithPose()
+    hypothesis.hypothesis.class_id, hypothesis.hypothesis.score = "dynamic", 1.0
+    hypothesis.pose.covariance = _in_six(item.covariance[:3, :3])
+    found = messages.Detection3D(id=str(item.track_id), results=[hypothesis])
+    for pose in (hypothesis.pose.pose, found.bbox.center):
+        pose.position.x, pose.position.y, pose.position.z = item.center.tolist()
+        set_yaw(pose.orientation, item.yaw)
+    size = found.bbox.size
+    size.x, size.y, size.z = item.size.tolist()
+    return found
+
+
 # Topic to package, message, its list of objects, and the maker of one object.
-_PLANNERS: Final = {
+_OPTIONAL: Final = {
     "~/objects/autoware": (
         *("autoware_perception_msgs", "TrackedObjects", "objects"),
         _autoware_object,
     ),
+    "~/objects/detections": ("vision_msgs", "Detection3DArray", "detections", _detection),
     "~/objects/nav2": ("nav2_dynamic_msgs", "ObstacleArray", "obstacles", _nav2_obstacle),
 }
 

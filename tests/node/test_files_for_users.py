@@ -27,7 +27,13 @@ OPTIONAL = {
         *("/clock", "/tf", "/tf_static", "~/odometry"),
         *(f"~/points_{number}" for number in range(2, MOST_LIDARS + 1)),
     },
-    "publish": {"~/objects/autoware", "~/objects/nav2", "~/transition_event", "/tf"},
+    "publish": {
+        "~/objects/autoware",
+        "~/objects/detections",
+        "~/objects/nav2",
+        "~/transition_event",
+        "/tf",
+    },
     "reply": {
         *("~/change_state", "~/get_state", "~/get_available_states"),
         *("~/get_available_transitions", "~/get_transition_graph"),

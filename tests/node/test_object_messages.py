@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Messages of objects: cloud, markers, Autoware, nav2."""
+"""Messages of objects: cloud, markers, and those of other packages."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from geometry_msgs.msg import (
     AccelWithCovariance,
     Point,
     Polygon,
+    Pose,
     PoseWithCovariance,
     Quaternion,
     TwistWithCovariance,
@@ -27,7 +28,7 @@ from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
 from mnsf_ros.core.flow_columns import OBJECT_COLUMNS
-from mnsf_ros.node.object_messages import ObjectMarkers, objects_cloud, planner_messages
+from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
 
 HEADER = Header(frame_id="lidar")
 
@@ -167,24 +168,39 @@ def nav2(release):
     return messages
 
 
+def vision():
+    """The definitions of vision_msgs 4.1, of classes made here."""
+    messages = types.ModuleType("vision_msgs.msg")
+    messages.ObjectHypothesis = message_type("ObjectHypothesis", class_id=str, score=float)
+    messages.ObjectHypothesisWithPose = message_type(
+        "ObjectHypothesisWithPose", hypothesis=messages.ObjectHypothesis, pose=PoseWithCovariance
+    )
+    messages.BoundingBox3D = message_type("BoundingBox3D", center=Pose, size=Vector3)
+    messages.Detection3D = message_type(
+        "Detection3D", header=Header, results=list, bbox=messages.BoundingBox3D, id=str
+    )
+    messages.Detection3DArray = message_type("Detection3DArray", header=Header, detections=list)
+    return messages
+
+
 @pytest.fixture
-def planner_message(monkeypatch):
+def installed_message(monkeypatch):
     """Function: the message of objects on the topic of a package, which is installed for it."""
 
     def make(package, messages, objects):
-        for name in ("autoware_perception_msgs", "nav2_dynamic_msgs"):
+        for name in ("autoware_perception_msgs", "nav2_dynamic_msgs", "vision_msgs"):
             monkeypatch.setitem(sys.modules, f"{name}.msg", None)
-        assert list(planner_messages()) == []
+        assert list(installed_messages()) == []
         monkeypatch.setitem(sys.modules, f"{package}.msg", messages)
-        ((topic, _, maker),) = planner_messages()
+        ((topic, _, maker),) = installed_messages()
         return topic, maker(HEADER, objects)
 
     return make
 
 
-def test_message_of_autoware(planner_message):
+def test_message_of_autoware(installed_message):
     objects = [tracked(1), tracked(2, yaw=np.pi)]
-    topic, message = planner_message("autoware_perception_msgs", autoware(), objects)
+    topic, message = installed_message("autoware_perception_msgs", autoware(), objects)
     assert topic == "~/objects/autoware"
     assert message.header == HEADER
     first, second = message.objects
@@ -208,9 +224,9 @@ def test_message_of_autoware(planner_message):
 
 
 @pytest.mark.parametrize("release", NAV2_RELEASES)
-def test_message_of_nav2(planner_message, release):
+def test_message_of_nav2(installed_message, release):
     objects = [tracked(1), tracked(2, yaw=np.pi / 4)]
-    topic, message = planner_message("nav2_dynamic_msgs", nav2(release), objects)
+    topic, message = installed_message("nav2_dynamic_msgs", nav2(release), objects)
     assert topic == "~/objects/nav2"
     assert message.header == HEADER
     first, second = message.obstacles
@@ -227,3 +243,19 @@ def test_message_of_nav2(planner_message, release):
     if release == "with covariance":
         assert np.reshape(first.position_covariance, (3, 3))[1, 1] == 0.02
         assert np.reshape(first.velocity_covariance, (3, 3))[1, 1] == 0.2
+
+
+def test_message_of_vision(installed_message):
+    topic, message = installed_message("vision_msgs", vision(), [tracked(1), tracked(2, yaw=np.pi)])
+    assert topic == "~/objects/detections"
+    assert message.header == HEADER
+    first, second = message.detections
+    assert (first.id, second.id, first.header) == ("1", "2", HEADER)
+    assert first.bbox.size == Vector3(x=4.0, y=1.8, z=1.5)
+    assert second.bbox.center.orientation.z == pytest.approx(1.0)
+    (result,) = first.results
+    assert result.pose.pose == first.bbox.center
+    assert result.pose.pose.position == Point(x=10.0, y=-2.0, z=0.5)
+    assert result.hypothesis.class_id == "dynamic"
+    pose = np.reshape(result.pose.covariance, (6, 6))
+    np.testing.assert_allclose(np.diag(pose)[:3], [0.01, 0.02, 0.03])
