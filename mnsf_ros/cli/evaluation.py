@@ -20,6 +20,7 @@ from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
+from mnsf_ros.evaluation.flow_recording import FLOW_FOLDER
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
@@ -32,7 +33,6 @@ from mnsf_ros.evaluation.recordings import inspected_recordings, named_recording
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.shown_flows import FLOW_FOLDER
 from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report

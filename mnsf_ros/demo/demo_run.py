@@ -20,11 +20,10 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.demo.node_process import node_process
 from mnsf_ros.demo.replay import DIAGNOSTICS_TOPIC, FLOW_TOPIC, ReplayLog, replay
-from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.pictures import sweep_picture
 from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import scored_row
@@ -140,7 +139,9 @@ def _score_and_draw(
                 rows += _scored(example, flow)
                 last = example, flow
     if last is not None:
-        _draw(picture, *last)
+        example, flow = last
+        title = f"{example.triplet.current.stamp_ns / NANOSECONDS:.1f} s"
+        picture.write_bytes(sweep_picture(title, example, flow))
     return _errors_table(rows)
 
 
@@ -207,14 +208,3 @@ def verdict(log: ReplayLog) -> str:
         return busy_text(num_flows, num_possible, log.estimate_ms, log.interval_ms)
     others = [f"{count} {name}" for name, count in log.losses.items() if count > 0]
     return f"{flows}: {', '.join(others) or 'no reason on /diagnostics'}"
-
-
-def _draw(path: Path, example: Example, flow: NDArray[np.float32]) -> None:
-    truth, current = example.truth, example.triplet.current
-    true_flow = None
-    error_m: NDArray[np.float64] = np.full(len(flow), np.nan)
-    if truth is not None and truth.valid.any():
-        true_flow = np.where(truth.valid[:, None], truth.flow, np.float32(np.nan))
-        error_m = end_point_errors(flow, true_flow)
-    painter = ExamplePainter(current.xyz, [flow], true_flow)
-    path.write_bytes(painter.picture(f"{current.stamp_ns / NANOSECONDS:.1f} s", flow, error_m))

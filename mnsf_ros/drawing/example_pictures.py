@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -46,88 +45,77 @@ _ERROR_COLORS: Final = LinearSegmentedColormap.from_list(
 )
 
 
-class ExamplePainter:
-    """Draws the flows of one sweep as PNG files, all with the same scales."""
+def example_picture(
+    name: str,
+    xyz: NDArray[np.float32],
+    flow: NDArray[Any],
+    error_m: NDArray[np.floating[Any]],
+    truth: NDArray[np.float32] | None = None,
+    next_from_current: NDArray[np.float64] | None = None,
+) -> bytes:
+    """Returns a PNG file: what moves in truth and by a method side by side, and its errors.
 
-    def __init__(
-        self,
-        xyz: NDArray[np.float32],
-        flows: Sequence[NDArray[Any]],
-        truth: NDArray[np.float32] | None,
-        next_from_current: NDArray[np.float64] | None = None,
-    ) -> None:
-        """Takes the data of all pictures.
+    Without truth, the whole flow is in the first place.
 
-        Args:
-            xyz: (N, 3) metres, the points to draw, sensor frame.
-            flows: Flows of all pictures, (N, 3) metres per sweep; rows without flow are not finite.
-            truth: (N, 3) metres per sweep, NaN where unknown; None without truth.
-            next_from_current: (4, 4) ego motion; None: fitted to the flow.
-        """
-        self._xyz, self._truth, self._motion = xyz, truth, next_from_current
-        self._finite = np.isfinite(xyz).all(axis=1)
-        self._xy = xyz[self._finite, :2].astype(np.float64)
-        self._view_m = _view(self._xy)
-        # The truth sets the scale: a diverged method must not make all others grey.
-        parts = zip(*map(self._parts, flows if truth is None else [truth]), strict=True)
-        self._speeds_m = [full_speed(list(part)) for part in parts]
+    Args:
+        name: Name of the method.
+        xyz: (N, 3) metres, the points to draw, sensor frame.
+        flow: (N, 3) metres per sweep; rows without flow are not finite.
+        error_m: (N,) end point error, or without truth distance from the moved points to the next
+            sweep; NaN where unknown.
+        truth: (N, 3) metres per sweep, NaN where unknown; None without truth.
+        next_from_current: (4, 4) ego motion; None: fitted to the truth, or to the flow.
+    """
+    known = flow if truth is None else truth
+    motion = fit_rigid_motion(xyz, known) if next_from_current is None else next_from_current
+    finite = np.isfinite(xyz).all(axis=1)
+    xy = xyz[finite, :2].astype(np.float64)
+    view_m = _view(xy)
 
-    @property
-    def error_name(self) -> str:
-        """Name of the errors: of the flow, or without truth of the moved points."""
-        return "distance to next sweep" if self._truth is None else "end point error"
+    def own(flow: NDArray[Any]) -> NDArray[np.float64]:
+        return residual_flow(xyz, flow, motion)[finite, :2].astype(np.float64)
 
-    def picture(self, name: str, flow: NDArray[Any], error_m: NDArray[np.floating[Any]]) -> bytes:
-        """Returns what moves in truth and by a method side by side, and the error of its flow.
-
-        Without truth, the whole flow is in the first place. `error_m` (N,) is the `error_name` in
-        metres; NaN where unknown.
-        """
-        figure = pixel_figure(_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
-        axes = [pixel_axes(figure, left, _BOTTOM_PX, _SIDE_PX) for left in _LEFTS_PX]
-        name = shortened(name, _MOST_LETTERS)
-        whole, own = self._parts(flow)
-        if self._truth is None:
-            self._draw_flow(axes[0], f"{name}: flow", whole, self._speeds_m[0], 4.0, 10.0)
-        else:
-            _, true = self._parts(self._truth)
-            self._draw_flow(axes[0], "truth: what moves", true, self._speeds_m[1])
-        self._draw_flow(axes[1], f"{name}: what moves", own, self._speeds_m[1])
-        errors_m = error_m[self._finite].astype(np.float64)
-        _draw_floor(axes[2], self.error_name, self._view_m, _error_note(errors_m))
-        _draw_errors(axes[2], self._xy, errors_m)
-        _draw_error_scale(figure)
-        return png_bytes(figure)
-
-    def _draw_flow(
-        self,
-        axes: Axes,
-        title: str,
-        flow: NDArray[np.float64],
-        full_speed_m: float,
-        fast_area: float = 9.0,
-        cell_m: float = 3.0,
-    ) -> None:
-        _draw_floor(axes, title, self._view_m)
-        _draw_points(axes, self._xy, flow, full_speed_m, self._view_m, fast_area)
-        _draw_arrows(axes, self._xy, flow, cell_m, self._view_m)
-        _draw_wheel(axes, full_speed_m)
-
-    def _parts(self, flow: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the flow (N, 2) as it is, and without ego motion."""
-        motion = self._motion
-        if motion is None:
-            motion = fit_rigid_motion(self._xyz, flow if self._truth is None else self._truth)
-        own = residual_flow(self._xyz, flow, motion)
-        return flow[self._finite, :2].astype(np.float64), own[self._finite, :2].astype(np.float64)
+    figure = pixel_figure(_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
+    left, middle, right = (pixel_axes(figure, x, _BOTTOM_PX, _SIDE_PX) for x in _LEFTS_PX)
+    name = shortened(name, _MOST_LETTERS)
+    # The truth sets the scale: a diverged flow must not make all grey.
+    full_speed_m = full_speed(own(known))
+    if truth is None:
+        whole = flow[finite, :2].astype(np.float64)
+        _draw_flow(left, f"{name}: flow", xy, whole, full_speed(whole), view_m, 4.0, 10.0)
+    else:
+        _draw_flow(left, "truth: what moves", xy, own(truth), full_speed_m, view_m)
+    _draw_flow(middle, f"{name}: what moves", xy, own(flow), full_speed_m, view_m)
+    errors_m = error_m[finite].astype(np.float64)
+    title = "distance to next sweep" if truth is None else "end point error"
+    _draw_floor(right, title, view_m, _error_note(errors_m))
+    _draw_errors(right, xy, errors_m)
+    _draw_error_scale(figure)
+    return png_bytes(figure)
 
 
-def full_speed(flows: list[NDArray[np.float64]]) -> float:
-    """Returns a round speed above that of most moving points of flows (N, 2), metres per sweep.
+def _draw_flow(
+    axes: Axes,
+    title: str,
+    xy: NDArray[np.float64],
+    flow: NDArray[np.float64],
+    full_speed_m: float,
+    view_m: float,
+    fast_area: float = 9.0,
+    cell_m: float = 3.0,
+) -> None:
+    _draw_floor(axes, title, view_m)
+    _draw_points(axes, xy, flow, full_speed_m, view_m, fast_area)
+    _draw_arrows(axes, xy, flow, cell_m, view_m)
+    _draw_wheel(axes, full_speed_m)
+
+
+def full_speed(flow: NDArray[np.float64]) -> float:
+    """Returns a round speed above that of most moving points of a flow (N, 2), metres per sweep.
 
     Rows that are not finite are left out.
     """
-    lengths = np.concatenate([np.hypot(flow[:, 0], flow[:, 1]) for flow in flows])
+    lengths = np.hypot(flow[:, 0], flow[:, 1])
     moving = lengths[np.isfinite(lengths) & (lengths >= _SLOW_M)]
     # Never so fine that the noise of static points looks like motion.
     wanted = max(float(np.percentile(moving, 95)) if len(moving) else 0.0, 5.0 * _SLOW_M)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from mnsf_ros.evaluation.examples import Example
 
+# Part of the folder of a run.
+FLOW_FOLDER: Final = "flow"
 FLOW_TOPIC: Final = "/flow"
 ERROR_TOPIC: Final = "/flow/error"
 TRUTH_TOPIC: Final = "/flow/truth"

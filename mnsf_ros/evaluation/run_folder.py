@@ -29,10 +29,9 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import flow_path
 from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, EvaluationTask, TaskKey
+from mnsf_ros.evaluation.pictures import PICTURES_FOLDER, Picture, Pictures
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
-from mnsf_ros.evaluation.shown_flows import PICTURES_FOLDER, ShownFlow, ShownFlows
-from mnsf_ros.evaluation.shown_frames import ShownFrame
 from mnsf_ros.evaluation.task import TaskEvent
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.setting import SettingValue
@@ -62,12 +61,12 @@ class RunFolder:
 
     Attributes:
         path: The folder.
-        flows: The flows that a report shows.
+        pictures: Those of its report.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.flows = ShownFlows(path)
+        self.pictures = Pictures(path)
         self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
         self._num_pictured = 0
         self._num_rows: dict[TaskKey, int] = {}
@@ -101,7 +100,7 @@ class RunFolder:
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
         left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
         again = {task.key for task in left if options.is_indivisible(task.method)}
-        self.flows.drop(again)
+        self.pictures.drop(again)
         if self.has_results:
             # Without the line that was being written when a process was killed.
             rows = (row for row in self.rows if (row.recording, row.method) not in again)
@@ -116,9 +115,9 @@ class RunFolder:
         if isinstance(event, ResultRow):
             _append_line(self._rows, event)
             self._num_rows[task.key] += 1
-        elif isinstance(event, ShownFlow | ShownFrame):
+        elif isinstance(event, Picture):
             with _writing(self.path / PICTURES_FOLDER):
-                self.flows.add(event, self._num_pictured)
+                self.pictures.add(event, self._num_pictured)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [plain_text(damage) for damage in event.damages]

@@ -19,6 +19,7 @@ from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
+from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.results import Failure, ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
@@ -26,8 +27,6 @@ from mnsf_ros.evaluation.scoring import (
     reversed_pair,
     scored_row,
 )
-from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlowChooser
-from mnsf_ros.evaluation.shown_frames import ShownFrame
 from mnsf_ros.methods import make_method
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
@@ -41,7 +40,7 @@ class TaskFailed:
     reason: str
 
 
-TaskEvent = ResultRow | ShownFlow | ShownFrame | Findings | TaskFailed
+TaskEvent = ResultRow | Picture | Findings | TaskFailed
 
 
 def task_events(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskEvent]:
@@ -93,18 +92,18 @@ class _Scorer:
         self._has_way_back = options.check_cycle and self._traits.is_timed
         self._backward: SceneFlowEstimator | None = None
         has_frames = not self._traits.is_reference
-        self._chooser = ShownFlowChooser(options.num_pictured, has_frames=has_frames)
+        self._painter = Painter(options.num_pictured, has_frames=has_frames)
 
     def events(
         self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
-    ) -> Iterator[ResultRow | ShownFlow | ShownFrame]:
+    ) -> Iterator[ResultRow | Picture]:
         """Yields a row, and before it what a report shows, for each example to be scored."""
         for outcome in self._outcomes(examples):
             example, estimate = outcome.example, outcome.result
             row = self._row(outcome)
             if isinstance(estimate, FlowEstimate) and row.failure is None:
                 recorder.write(example, estimate.flow)
-                yield from self._chooser.chosen(row, example, estimate)
+                yield from self._painter.drawn(row, example, estimate)
             yield row
 
     def _outcomes(self, examples: Iterator[tuple[Example, bool]]) -> Iterator[Outcome]:

@@ -4,20 +4,18 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import jinja2
-import numpy as np
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.example_pictures import ExamplePainter
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.drawing.side_by_side import animation
+from mnsf_ros.evaluation.pictures import Pictures
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.report.charts import charts_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
@@ -42,7 +40,7 @@ def write_report(
 ) -> Path:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
-    So many of the worst sweeps get pictures if the run kept their flow.
+    So many of the worst sweeps are shown, those that the run has drawn.
 
     Returns:
         The file.
@@ -50,7 +48,7 @@ def write_report(
     Raises:
         WritingError: Writing fails.
     """
-    cards, why_not = _cards(results, folder.flows, num_pictured)
+    cards, why_not = _cards(results, folder.pictures, num_pictured)
     page = _TEMPLATES.get_template("report.html.j2").render(
         version=__version__,
         light=LIGHT,
@@ -59,7 +57,7 @@ def write_report(
         tables=tables,
         tiles=tiles_of(results),
         charts=charts_of(results),
-        animation=_animation(results, folder.flows) if num_pictured else None,
+        animation=_animation(results, folder.pictures) if num_pictured else None,
         cards=cards,
         why_not=why_not,
         settings=_settings_used(results),
@@ -81,8 +79,8 @@ def _settings_used(results: RunResults) -> list[tuple[str, str]]:
     ]
 
 
-class Picture(NamedTuple):
-    """A picture of the page: a data URI, a text for those who do not see it, a caption."""
+class Image(NamedTuple):
+    """An image of the page: a data URI, a text for those who do not see it, a caption."""
 
     uri: str
     alt: str
@@ -90,48 +88,42 @@ class Picture(NamedTuple):
 
 
 class Card(NamedTuple):
-    """A sweep with its pictures."""
+    """A sweep with its images."""
 
     title: str
     subtitle: str
-    pictures: list[Picture]
+    images: list[Image]
 
 
-def _cards(results: RunResults, flows: ShownFlows, number: int) -> tuple[list[Card], str]:
-    """The worst sweeps whose flow was kept, and the reason for missing ones, empty if none."""
-    worst = [_worst_card(results, row, flows) for row in results.worst["row"][:number]]
+def _cards(results: RunResults, pictures: Pictures, number: int) -> tuple[list[Card], str]:
+    """The worst sweeps with pictures, and the reason for missing ones, empty if none."""
+    worst = [_worst_card(results, row, pictures) for row in results.worst["row"][:number]]
     num_without, why_not = worst.count(None), ""
     if num_without:
         why_not = (
-            f"{num_without} of {len(worst)} sweeps have no picture: the run did not keep their "
-            "flow. A new run with --pictures keeps the flow of the worst sweeps."
+            f"{num_without} of {len(worst)} sweeps have no picture; a new run with --pictures "
+            "draws more of the worst sweeps."
         )
     return list(filter(None, worst)), why_not
 
 
-def _worst_card(results: RunResults, row: ResultRow, flows: ShownFlows) -> Card | None:
-    """A sweep with all kept flows beside the truth; None if the flow of the row was not kept."""
-    own = flows.find(row)
-    if own is None:
-        return None
-    rivals = [one for one in results.table["row"] if one.sweep == row.sweep and one is not row]
-    found = [(row, own), *((one, flow) for one in rivals if (flow := flows.find(one)) is not None)]
-    painter = _painter([flow for _, flow in found])
-    where = f"sweep {row.number} of {row.recording}"
-    pictures = []
-    for one, item in found:
-        if one is row or np.nan_to_num(item.flow).any():
+def _worst_card(results: RunResults, row: ResultRow, pictures: Pictures) -> Card | None:
+    """A sweep with its pictures, that of the row first; None without one of the row."""
+    references = results.record.references
+    others = results.table["row"][~results.table["method"].isin([row.method, *references])]
+    rivals = [one for one in others if one.sweep == row.sweep]
+    images = []
+    for one in (row, *rivals):
+        image = pictures.find(one)
+        if image is not None:
             caption = f"{one.method}: {_figures(one)}"
-            picture = painter.picture(one.method, item.flow, item.error_m)
-            alt = f"Flow of {where} by {one.method} and its {painter.error_name}, top view. "
-            pictures.append(Picture(_uri(picture), f"{alt}{caption}.", caption))
-    subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {len(own.xyz):,} points"
-    return Card(f"{row.recording}, sweep {row.number}", subtitle, pictures)
-
-
-def _painter(flows: Sequence[ShownFlow]) -> ExamplePainter:
-    first = flows[0]
-    return ExamplePainter(first.xyz, [one.flow for one in flows], first.truth, first.ego_motion)
+            where = f"sweep {row.number} of {row.recording} by {one.method}"
+            alt = f"What moves in {where} beside the truth, and the errors; top view. {caption}."
+            images.append(Image(_uri(image), alt, caption))
+        elif one is row:
+            return None
+    subtitle = f"{row.stamp_ns / NANOSECONDS:.3f} s, {row.num_points:,} points"
+    return Card(f"{row.recording}, sweep {row.number}", subtitle, images)
 
 
 def _figures(row: ResultRow) -> str:
@@ -144,18 +136,20 @@ def _figures(row: ResultRow) -> str:
     return text
 
 
-def _animation(results: RunResults, flows: ShownFlows) -> Picture | None:
+def _animation(results: RunResults, pictures: Pictures) -> Image | None:
     """The first sweeps of a recording by the method under test, of the first that has frames."""
     own = results.table[results.table["method"] == results.focus]
     for recording in results.record.recordings:
-        frames = flows.frames(recording.name, results.focus)
+        frames = pictures.frames(recording.name, results.focus)
         rows = own[(own["recording"] == recording.name) & own["number"].isin(frames)]
         if len(rows) > 1:
             interval_s = float(rows["stamp_ns"].diff().median()) / NANOSECONDS
             places = f"Left: truth. Right: {results.focus}." if recording.truth else results.focus
             caption = f"{recording.name}, the first {len(frames)} scored sweeps. {places}"
             alt = f"Animation of what moves in {caption}"
-            return Picture(_uri(animation(list(frames.values()), interval_s), "webp"), alt, caption)
+            with suppress(OSError, SyntaxError, ValueError):  # damaged frames
+                images = animation(list(frames.values()), interval_s)
+                return Image(_uri(images, "webp"), alt, caption)
     return None
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
+from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.shown_flows import ShownFlow
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_tables import tables_of
@@ -90,19 +90,13 @@ def run_record(methods=METHODS, truth="/truth/flow", **values):
     return RunRecord(**known | values)
 
 
-def kept(number=3, *, methods=METHODS[:2], with_truth=True):
-    """Flows as a run keeps them for its report."""
-    random = np.random.default_rng(number)
-    xyz = random.uniform(-20, 20, (300, 3)).astype(np.float32)
-    truth = np.tile(np.float32([-0.8, 0, 0]), (300, 1))
-    flow = truth + random.normal(0, 0.1, truth.shape).astype(np.float32)
-    errors_m = np.linalg.norm(flow - truth, axis=1)
-    known = (xyz, flow, errors_m, truth if with_truth else None)
-    return [ShownFlow("street", one, number, *known) for one in methods]
+def kept(number=3, *, methods=METHODS[:2]):
+    """Pictures as a run keeps them for its report."""
+    return [Picture("street", one, number, b"PNG", 0.1 * number) for one in methods]
 
 
-def write_run_report(path, results, kept_flows=()):
+def write_run_report(path, results, pictures=()):
     folder = RunFolder(path)
-    for flow in kept_flows:
-        folder.flows.add(flow, 9)
+    for picture in pictures:
+        folder.pictures.add(picture, 9)
     return write_report(folder, results, tables_of(results))

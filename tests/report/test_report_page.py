@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 from html.parser import HTMLParser
 
@@ -22,6 +23,8 @@ from small_runs import (
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
 from mnsf_ros.evaluation.options import EvaluatedMethod
+from mnsf_ros.evaluation.pictures import Picture
+from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
 from mnsf_ros.report.run_results import results_of
@@ -53,8 +56,8 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
-def report(tmp_path, rows, run, flows=()):
-    path = write_run_report(tmp_path, results_of(run, rows), flows)
+def report(tmp_path, rows, run, pictures=()):
+    path = write_run_report(tmp_path, results_of(run, rows), pictures)
     assert {file.name for file in tmp_path.iterdir()} - {"pictures"} == {"report.html"}
     return Page(path.read_text(encoding="utf-8"))
 
@@ -123,14 +126,18 @@ def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
 
 
 @without_drawing
-def test_rivals_are_shown_where_their_flow_was_kept_and_damage_costs_only_a_picture(tmp_path):
+def test_rivals_are_shown_where_they_were_drawn_and_damage_costs_only_a_picture(tmp_path):
     page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2, methods=["fnsf"])])
     captions = re.findall("<figcaption>([^<]*)<", page.source)
     assert [caption.partition(":")[0] for caption in captions] == ["mnsf", "fnsf"]
     assert captions[0].startswith("mnsf: EPE 0.300 m")
     assert "2 of 3 sweeps have no picture" in page.text
-    for file in (tmp_path / "pictures").rglob("*.npz"):
-        file.write_bytes(file.read_bytes()[:-2000])
+    for file in (tmp_path / "pictures").rglob("*.png"):
+        file.unlink()
+        os.mkfifo(file)
+    for number in (1, 2):
+        frame = Picture("street", "mnsf", number, b"no PNG")
+        RunFolder(tmp_path).pictures.add(frame, 1)
     page = report(tmp_path, rows(), run_record())
     assert page.all("img") == []
     assert "3 of 3 sweeps have no picture" in page.text
@@ -146,13 +153,13 @@ def test_methods_without_any_flow_and_references_are_not_in_the_charts(tmp_path)
 @without_drawing
 def test_without_truth_or_rows_there_is_still_a_report(tmp_path):
     run = run_record(["mnsf"], truth=None)
-    page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"], with_truth=False))
+    page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"]))
     for text in ("0.200 m", "Where the time goes", "no true flow"):
         assert text in page.text
     for text in ("Where the errors are", "EPE"):
         assert text not in page.text
     (image,) = page.all("img")
-    assert "distance to next sweep" in image["alt"]
+    assert "from the moved points to the next sweep" in image["alt"]
     assert "There are no results yet." in report(tmp_path, [], run_record()).text
 
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Flow for the pictures of a report: kept during the run, of the worst sweeps."""
+"""Pictures of a report: drawn during the run, of the first and of the worst sweeps."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mnsf_ros.cli.main import run
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.options import EvaluationOptions, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
+from mnsf_ros.evaluation.pictures import Picture, Pictures
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
-from mnsf_ros.evaluation.shown_flows import ShownFlow, ShownFlows
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
@@ -59,7 +59,7 @@ def report_of(folder, number=3, focus=None):
 
 def files(folder):
     pictures = folder.path / "pictures"
-    return sorted(str(file.relative_to(pictures)) for file in pictures.rglob("*.npz"))
+    return sorted(str(file.relative_to(pictures)) for file in pictures.rglob("worst_*.png"))
 
 
 def worst_of(folder, method):
@@ -67,19 +67,15 @@ def worst_of(folder, method):
     return [row.number for row in sorted(rows, key=lambda row: -row.badness_m)]
 
 
-def test_flow_of_the_worst_sweeps_of_each_method_is_kept_and_drawn(street, tmp_path):
+def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", num_pictured=2)
     worst = {method: worst_of(folder, method)[:2] for method in METHODS}
-    expected = [f"street.{m}/{number}.npz" for m in METHODS for number in sorted(worst[m])]
-    assert files(folder) == sorted(expected)
+    assert len(files(folder)) == 4
     for row in folder.rows:
-        flow = folder.flows.find(row)
-        assert (flow is not None) == (row.number in worst[row.method])
-        if flow is not None:
-            assert np.nanmean(flow.error_m) == pytest.approx(row.badness_m, abs=1e-6)
+        assert (folder.pictures.find(row) is not None) == (row.number in worst[row.method])
     text = report_of(folder, 2)
     assert text.count("<figcaption>ego: EPE") == 2
-    assert text.count("data:image/png") == 2  # zero flow is no picture
+    assert text.count("data:image/png") == 2  # the rival is a reference
     assert "data:image/webp" not in text  # of references
     assert "have no picture" not in text
     assert "1 of 3 sweeps have no picture" in report_of(folder, 3)
@@ -101,7 +97,7 @@ def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
 
 def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", methods=["ego", "online"], num_pictured=1)
-    frames = folder.flows.frames("street", "online")
+    frames = folder.pictures.frames("street", "online")
     assert list(frames) == [1, 2, 3]
     left, right = np.hsplit(np.asarray(Image.open(io.BytesIO(frames[1])))[:, 2:-2], 2)
     assert left.any()
@@ -113,19 +109,19 @@ def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path
     assert "data:image/webp" not in report_of(folder, 0)
 
 
-def shown(method, number, badness_m, recording="street"):
-    points = np.zeros((4, 3), np.float32)
-    return ShownFlow(recording, method, number, points, points, points[:, 0], badness_m=badness_m)
+def picture(method, number, badness_m, recording="street"):
+    return Picture(recording, method, number, b"PNG", badness_m)
 
 
-def test_no_more_flows_are_kept_than_are_shown(tmp_path):
-    flows, folder = ShownFlows(tmp_path), RunFolder(tmp_path)
-    for number, badness_m in enumerate([3.0, 1.0, 2.0, 0.5, 4.0]):
-        flows.add(shown("ego", number, badness_m), 2)
-    flows.add(shown("ego", 1, 0.1, recording="other"), 2)
-    assert files(folder) == ["other.ego/1.npz", "street.ego/0.npz", "street.ego/4.npz"]
+def test_no_more_pictures_are_kept_than_are_shown(tmp_path):
+    pictures, folder = Pictures(tmp_path), RunFolder(tmp_path)
+    for number, badness_m in enumerate([3.0, 1.0, 2.0, 0.5, 4e-7, 14.0]):
+        pictures.add(picture("ego", number, badness_m), 2)
+    pictures.add(picture("ego", 1, 0.1, recording="other"), 2)
+    names = ["other.ego/worst_0.1_1.png", "street.ego/worst_14.0_5.png"]
+    assert files(folder) == [*names, "street.ego/worst_3.0_0.png"]
     # Another session goes on with what is there.
-    ShownFlows(tmp_path).add(shown("ego", 9, 3.5), 2)
-    assert "street.ego/0.npz" not in files(folder)
-    flows.drop([("street", "ego")])
-    assert files(folder) == ["other.ego/1.npz"]
+    Pictures(tmp_path).add(picture("ego", 9, 3.5), 2)
+    assert files(folder) == [*names, "street.ego/worst_3.5_9.png"]
+    pictures.drop([("street", "ego")])
+    assert files(folder) == names[:1]
