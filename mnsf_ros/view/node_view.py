@@ -12,7 +12,7 @@ import numpy as np
 
 from mnsf_ros.core.flow_columns import COLOR_NAME
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.errors import SettingsError, one_line
 from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.remote_parameters import RemoteParameters
@@ -47,6 +47,7 @@ _VALUES: Final = {
 }
 _ROUND_S: Final = 0.05
 _MAX_WAITING: Final = 5
+_JUMP_NS: Final = 1_000_000_000  # back in time: a recording that starts again
 
 Self = TypeVar("Self", bound="NodeView")
 
@@ -61,6 +62,7 @@ class NodeView:
         self._settings = Settings()
         self._parameters: RemoteParameters | None = None
         self._subscriptions: list[Any] = []
+        self._is_there = True
         self._forget()
         server.tell("title", text=self._name)
 
@@ -85,8 +87,7 @@ class NodeView:
         try:
             command = self._server.commands.get(block=not is_watched)
         except Empty:
-            if self._parameters is not None:
-                self._parameters.ask()
+            self._look_for_node()
             self._ros.spin_for(_ROUND_S)
         else:
             self._follow(command)
@@ -99,6 +100,16 @@ class NodeView:
                 changeable = (one for one in declared_settings() if not one.fixed)
                 values = {one.name: one.default for one in changeable}
                 self._set({k: v for k, v in values.items() if self._settings.value_of(k) != v})
+
+    def _look_for_node(self) -> None:
+        if self._parameters is not None:
+            self._parameters.ask()
+        is_there = self._ros.num_publishers(f"{self._name}/flow") > 0
+        if self._is_there and not is_there:
+            text = f"{self._name} does not run, or has another name: mnsf view --node NAME"
+            warnings = [{"level": "error", "text": text}]
+            self._server.tell("status", latency=None, values={}, warnings=warnings)
+        self._is_there = is_there
 
     def _set(self, values: dict[str, Any]) -> None:
         try:
@@ -127,6 +138,7 @@ class NodeView:
         self._waiting: dict[int, dict[str, Any]] = {}
         self._paths = Paths()
         self._latency_ms: float | None = None
+        self._is_there = True
 
     def _subscribe(self) -> None:
         self._forget()
@@ -140,7 +152,10 @@ class NodeView:
 
     def _add(self, topic: str, msgtype: str, receive: Callable[[Any], None]) -> None:
         def decode(raw: bytes) -> None:
-            receive(jazzy().deserialize_cdr(raw, msgtype))
+            try:
+                receive(jazzy().deserialize_cdr(raw, msgtype))
+            except (MessageError, ValueError) as error:
+                _LOG.warning("%s: a message that cannot be shown: %s", topic, one_line(error))
 
         self._subscriptions.append(self._ros.subscribe(topic, msgtype, decode))
 
@@ -155,29 +170,29 @@ class NodeView:
     def _receiver(self, part: str) -> Callable[[Any], None]:
         def receive(message: Any) -> None:  # noqa: ANN401 - of several types
             stamp_ns = decode_stamp(message.header.stamp)
+            if self._waiting and stamp_ns < max(self._waiting) - _JUMP_NS:
+                self._waiting.clear()
             self._waiting.setdefault(stamp_ns, {})[part] = message
-            self._show_complete()
+            for shown_ns in self._complete():
+                self._show(shown_ns, self._waiting.pop(shown_ns))
 
         return receive
 
-    def _show_complete(self) -> None:
-        """Shows the newest scene with all its parts, or what there is of one that was passed by."""
+    def _complete(self) -> list[int]:
+        """Drops all before the newest stamp with all parts, or with flow and passed by.
+
+        Returns that stamp, none if there is none.
+        """
         stamps = sorted(self._waiting)
         complete = [one for one in stamps if len(self._waiting[one]) == len(_PARTS)]
         passed_by = [one for one in stamps[:-1] if "/flow" in self._waiting[one]]
         chosen = (complete or passed_by)[-1:]
-        for stamp_ns in chosen:
-            self._show(stamp_ns, self._waiting[stamp_ns])
-        for stamp_ns in stamps:
-            if stamp_ns <= max(chosen, default=stamps[0] - 1) or len(stamps) > _MAX_WAITING:
-                del self._waiting[stamp_ns]
+        first_ns = max(chosen, default=stamps[-_MAX_WAITING:][0])
+        self._waiting = {one: self._waiting[one] for one in stamps if one >= first_ns}
+        return chosen
 
     def _show(self, stamp_ns: int, parts: dict[str, Any]) -> None:
-        try:
-            scene = _scene(stamp_ns, parts)
-        except MessageError as error:
-            _LOG.warning("%s: a cloud that cannot be shown: %s", self._name, error)
-            return
+        scene = _scene(stamp_ns, parts)
         trails = self._paths.after(stamp_ns, scene.world_from_sensor, scene.objects)
         self._server.publish("scene", scene_message(scene, trails))
 
@@ -208,11 +223,11 @@ def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
 
     Raises:
         MessageError: One of them cannot be decoded.
+        ValueError: One of them lacks a field.
     """
     xyz, finite = decode_xyz(parts["/flow"])
     points = decode_points(parts["/flow"]).ravel()[finite]
-    dynamic = points["dynamic"] != 0
-    colors = motion_colors(np.zeros_like(xyz), dynamic)
+    colors = motion_colors(np.zeros_like(xyz), points["dynamic"] != 0)
     if COLOR_NAME in (points.dtype.names or ()):
         packed = np.ascontiguousarray(points[COLOR_NAME]).view(np.uint32)
         colors = packed & np.uint32(0xFFFFFF) | colors & np.uint32(0xFF000000)

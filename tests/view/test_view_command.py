@@ -102,26 +102,33 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
     from mnsf_ros.node.raw_topics import RawTopics
     from mnsf_ros.node.remote_parameters import RemoteParameters
 
-    def started(*words: str) -> subprocess.Popen[bytes]:
-        return subprocess.Popen([sys.executable, "-m", *words], stdout=subprocess.DEVNULL)
+    @contextmanager
+    def started(*words: str) -> Iterator[None]:
+        command = [sys.executable, "-m", *words]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+            try:
+                yield
+            finally:
+                process.kill()
 
-    values: dict[str, object] = {}
     with (
-        started("mnsf_ros.node", "--ros-args", "-r", "~/points:=/points") as node,
-        RawTopics("somebody_else") as other,
         serving() as url,
         Browser(url, tmp_path) as browser,
+        RawTopics("somebody_else") as other,
     ):
-        try:
-            parameters = RemoteParameters(other.node, "/scene_flow", values.update, pytest.fail)
+        warning = "document.querySelector('#status li')?.textContent"
+        browser.until(f"{warning}?.includes('does not run')")
+        values: dict[str, object] = {}
+        parameters = RemoteParameters(other.node, "/scene_flow", values.update, pytest.fail)
 
-            def until(condition: Callable[[], object]) -> None:
-                give_up_s = time.monotonic() + 120
-                while not condition():
-                    assert time.monotonic() < give_up_s
-                    parameters.ask()
-                    other.spin_for(0.05)
+        def until(condition: Callable[[], object]) -> None:
+            give_up_s = time.monotonic() + 120
+            while not condition():
+                assert time.monotonic() < give_up_s
+                parameters.ask()
+                other.spin_for(0.05)
 
+        with started("mnsf_ros.node", "--ros-args", "-r", "~/points:=/points"):
             until(lambda: values)
             browser.until(f"{KNOB}?.value === '36'")
             browser.value(f"{KNOB}.value = 20; {KNOB}.onchange()")
@@ -130,16 +137,11 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
             until(lambda: browser.value(f"{KNOB}.value") == "30")
             browser.value(f"{KNOB}.value = 999; {KNOB}.onchange()")
             browser.until("document.querySelector('#notice').textContent.includes('999')")
-            browser.until("document.querySelector('#status li')?.textContent.includes('no sweep')")
-            with started("mnsf_ros.cli", "play", str(street), "--wait", "--loop") as play:
-                try:
-                    browser.until(STAMP)
-                    browser.until("document.querySelector('#status').textContent.includes('out')")
-                finally:
-                    play.kill()
-            assert not browser.errors
-        finally:
-            node.kill()
+            browser.until(f"{warning}?.includes('no sweep')")
+            with started("mnsf_ros.cli", "play", str(street), "--wait", "--loop"):
+                browser.until(STAMP)
+                browser.until("document.querySelector('#status').textContent.includes('out')")
+        assert not browser.errors
 
 
 @pytest.fixture
