@@ -39,6 +39,7 @@ from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 from msg_utils.point_cloud2 import decode_points
+from msg_utils.stamps import decode_stamp
 
 _GROUND, _OTHERS = "ground", "without ground"
 _NUM_DOMAINS: Final = 101  # from 1 on; above, ports of Linux are used for something else
@@ -149,10 +150,11 @@ def _recorded_flow(flows: BagReader, example: Example) -> NDArray[np.float32] | 
     """The flow (N, 3) of the points of an example; None if the node published none."""
     current = example.triplet.current
     stamp_ns = current.stamp_ns
-    for message in flows.messages(FLOW_TOPIC, start_ns=stamp_ns, stop_ns=stamp_ns + 1):
-        points = decode_points(message).ravel()[current.source.rows]
-        return np.stack([points[name].astype(np.float32) for name in FLOW_NAMES], axis=1)
-    return None
+    message = next(flows.since(stamp_ns).messages(FLOW_TOPIC), None)
+    if message is None or decode_stamp(message.header.stamp) != stamp_ns:
+        return None
+    points = decode_points(message).ravel()[current.source.rows]
+    return np.stack([points[name].astype(np.float32) for name in FLOW_NAMES], axis=1)
 
 
 def _scored(example: Example, flow: NDArray[np.float32]) -> list[ResultRow]:

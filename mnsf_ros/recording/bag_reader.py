@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import chain
@@ -53,8 +54,8 @@ class StorageFile(Protocol):
     has_checksums: bool
     damages: list[Damage]
 
-    def messages(self, topic: str, start_ns: float, stop_ns: float) -> Iterator[Readable[bytes]]:
-        """Yields receive time and CDR bytes of the messages in a time range, or a Damage."""
+    def messages(self, topic: str, start_ns: float) -> Iterator[Readable[bytes]]:
+        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
 
 
 class BagReader:
@@ -81,7 +82,7 @@ class BagReader:
         self.damages: tuple[Damage, ...] = ()
         self.has_checksums = False
         self._watch = watch
-        self._start_ns: int | None = None
+        self._start_ns = -math.inf
         self._files: list[StorageFile] = []
         self._stack = ExitStack()
 
@@ -139,29 +140,21 @@ class BagReader:
         """
         return find_topic(self.path, self.topics, name, msgtype)
 
-    def messages(
-        self, topic: str, *, start_ns: int | None = None, stop_ns: int | None = None
-    ) -> Iterator[Any]:
+    def messages(self, topic: str) -> Iterator[Any]:
         """Returns the messages of a topic, deserialized, with the attributes of the ROS type.
 
-        Only those are returned that were received from `start_ns` on and before `stop_ns`. Arrays
-        in them are read-only.
+        Arrays in them are read-only.
 
         Raises:
             RecordingError: The topic is unknown (at once), or damage is met that opening the
                 recording has not shown.
         """
-        found = self._converted(topic, start_ns, stop_ns, self._decoder(topic))
-        return (message for _, message in self._undamaged(found))
-
-    def received_messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Returns receive time in nanoseconds and message of each message, see `messages`."""
-        return self._undamaged(self.readable_messages(topic))
+        return (message for _, message in self._undamaged(self.readable_messages(topic)))
 
     def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Returns receive time in nanoseconds and CDR bytes of each message, see `messages`."""
         known_topic(self.path, self.topics, topic)
-        return self._undamaged(self._converted(topic, None, None, expanded_message))
+        return self._undamaged(self._converted(topic, expanded_message))
 
     def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
         """Returns receive time in nanoseconds and message, or a Damage where some may be missing.
@@ -169,11 +162,10 @@ class BagReader:
         Raises:
             RecordingError: The topic is unknown.
         """
-        return self._converted(topic, self._start_ns, None, self._decoder(topic))
-
-    def _decoder(self, topic: str) -> Callable[[bytes], Any]:
         msgtype = known_topic(self.path, self.topics, topic).msgtype
-        return lambda raw: jazzy().deserialize_cdr(expanded_message(raw), msgtype)
+        return self._converted(
+            topic, lambda raw: jazzy().deserialize_cdr(expanded_message(raw), msgtype)
+        )
 
     def _undamaged(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         for item in found:
@@ -183,18 +175,13 @@ class BagReader:
                 raise item.error()
 
     def _converted(
-        self,
-        topic: str,
-        start_ns: int | None,
-        stop_ns: int | None,
-        convert: Callable[[bytes], Converted],
+        self, topic: str, convert: Callable[[bytes], Converted]
     ) -> Iterator[Readable[Converted]]:
         if not self._files:
             raise RecordingError(f"{self.path}: is not open")
-        start = float("-inf") if start_ns is None else start_ns
-        stop = float("inf") if stop_ns is None else stop_ns
         number, is_damaged = 0, False
-        for item in chain.from_iterable(one.messages(topic, start, stop) for one in self._files):
+        start_ns = self._start_ns
+        for item in chain.from_iterable(one.messages(topic, start_ns) for one in self._files):
             if isinstance(item, Damage):
                 is_damaged = True
                 yield item
@@ -209,7 +196,7 @@ class BagReader:
             else:
                 yield received_ns, converted
         expected = self.topics[topic].count
-        if start_ns is stop_ns is None and number != expected and not is_damaged:
+        if start_ns == -math.inf and number != expected and not is_damaged:
             text = f"{number} of {expected} messages on {topic!r} were found"
             yield Damage(str(self.path), "", text)
 

@@ -73,10 +73,8 @@ class McapFile:
             counts = self._read_all(watch)
         self._summarize(counts)
 
-    def messages(
-        self, topic: str, start_ns: float, stop_ns: float
-    ) -> Iterator[tuple[int, bytes] | Damage]:
-        """Yields receive time and CDR bytes of the messages in a time range, or a Damage."""
+    def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
+        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
         channels = {
             number
             for number, one in self._channels.items()
@@ -85,11 +83,11 @@ class McapFile:
         if self._chunks is None:
             found = self._from_the_front()
         else:
-            found = self._of_chunks(self._chunks, channels, start_ns, stop_ns)
+            found = self._of_chunks(self._chunks, channels, start_ns)
         for item in found:
             if isinstance(item, Damage):
                 yield item
-            elif item.channel in channels and start_ns <= item.received_ns < stop_ns:
+            elif item.channel in channels and item.received_ns >= start_ns:
                 yield item.received_ns, item.data
 
     def _read_index(self) -> Counter[int] | None:
@@ -143,16 +141,14 @@ class McapFile:
             add_topic(self.topics, channel.topic, summary)
 
     def _of_chunks(
-        self, chunks: list[ChunkIndex], channels: set[int], start_ns: float, stop_ns: float
+        self, chunks: list[ChunkIndex], channels: set[int], start_ns: float
     ) -> Iterator[_Message | Damage]:
-        """The messages of all chunks that have some of the channels in the time range."""
+        """The messages of all chunks that have some of the channels from a time on."""
         with self._path.open("rb") as file:
             for chunk in chunks:
-                is_early = chunk.message_end_time < start_ns
                 listed = chunk.message_index_offsets
-                if is_early or chunk.message_start_time >= stop_ns:
-                    continue
-                if listed and channels.isdisjoint(listed):
+                is_early = chunk.message_end_time < start_ns
+                if is_early or (listed and channels.isdisjoint(listed)):
                     continue
                 offset = file.seek(chunk.chunk_start_offset)
                 try:

@@ -46,10 +46,8 @@ class Ros1File:
                 summary = TopicSummary(one.msgtype, one.msgcount, is_latched)
                 add_topic(self.topics, one.topic, summary)
 
-    def messages(
-        self, topic: str, start_ns: float, stop_ns: float
-    ) -> Iterator[tuple[int, bytes] | Damage]:
-        """Yields receive time and CDR bytes of the messages in a time range, or a Damage.
+    def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
+        """Yields receive time and CDR bytes of the messages from a time on, or a Damage.
 
         Each scan opens the bag: rosbags keeps one chunk, and scans side by side would have it
         expanded again for every message.
@@ -59,7 +57,7 @@ class Ros1File:
             with AnyReader([self._path]) as bag:
                 connections = [one for one in bag.connections if one.topic == topic]
                 for found, received_ns, raw in bag.messages(connections):
-                    if not start_ns <= received_ns < stop_ns:
+                    if received_ns < start_ns:
                         continue
                     count += 1
                     try:

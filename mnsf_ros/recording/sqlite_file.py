@@ -49,20 +49,18 @@ class SqliteFile:
             text = f"messages that belong to no topic: {sum(counts.values())}"
             self.damages.append(Damage(str(path), "", text))
 
-    def messages(
-        self, topic: str, start_ns: float, stop_ns: float
-    ) -> Iterator[tuple[int, bytes] | Damage]:
-        """Yields receive time and CDR bytes of the messages in a time range, or a Damage."""
+    def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
+        """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
         numbers = self._numbers.get(topic, [])
         query = (
             "SELECT timestamp, data FROM messages "
             f"WHERE topic_id IN ({', '.join('?' * len(numbers))}) "
-            "AND timestamp >= ? AND timestamp < ? ORDER BY timestamp"
+            "AND timestamp >= ? ORDER BY timestamp"
         )
         count = 0
         try:
             with _opened(self._path) as database:
-                for received_ns, data in database.execute(query, (*numbers, start_ns, stop_ns)):
+                for received_ns, data in database.execute(query, (*numbers, start_ns)):
                     if not (isinstance(received_ns, int) and isinstance(data, bytes)):
                         raise ValueError("a message that is none")
                     yield received_ns, data

@@ -44,7 +44,7 @@ def test_what_is_written_is_read(tmp_path, compress):
             "/odom": ODOMETRY_TYPE,
             "/points": CLOUD_TYPE,
         }
-        for index, (received_ns, message) in enumerate(reader.received_messages("/points")):
+        for index, (received_ns, message) in enumerate(reader.readable_messages("/points")):
             assert received_ns == decode_stamp(message.header.stamp) == tiny_bags.stamp(index)
             assert np.array_equal(decode_xyz(message)[0], tiny_bags.xyz(index))
             assert message.header.frame_id == "lidar"
