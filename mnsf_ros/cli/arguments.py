@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings, parse_assignments
@@ -84,6 +86,10 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
+    def recordings(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
+        """Adds an argument or option with recordings, which must be there, as for `value`."""
+        self.value(name, text, _existing, **others)
+
     def points(self) -> None:
         """Adds `--points`, the topic of the sweeps."""
         self.value("--points TOPIC", "point clouds (needed only if there are several such topics)")
@@ -147,6 +153,13 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
     """
     changes = parse_assignments(options.assignments)
     return preset(options.preset).changed(changes)
+
+
+def _existing(text: str) -> Path:
+    """Before anything is imported and prepared that takes seconds."""
+    if not (path := Path(text)).exists():
+        raise RecordingError(f"{text}: no such file or folder")
+    return path
 
 
 def number_or_all(text: str) -> int | str:

@@ -52,7 +52,7 @@ def add_to(subparsers: Subparsers) -> None:
         "write a report.",
         epilog=_EPILOG,
     )
-    arguments.value("bags BAG", "recordings", Path, nargs="+")
+    arguments.recordings("bags BAG", "recordings", nargs="+")
     _add_topics(arguments.group("topics (the same for all recordings)"))
     _add_method_arguments(arguments.group("methods and points"))
     _add_run_arguments(arguments.group("run"))
@@ -119,8 +119,7 @@ def _add_run_arguments(group: Arguments) -> None:
     group.flag("--write-flow", "store the flow as recordings in DIR/flow")
     group.value(
         "--pictures N",
-        "show the N worst examples of the first method in report.html; the flow of those of each "
-        "method is kept in DIR/pictures",
+        "draw the N worst sweeps of each method, and an animation, for report.html",
         default=3,
     )
     group.value("--workers N", "processes to use", default=1)

@@ -29,7 +29,7 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.parallel import Executor, executor
-from mnsf_ros.evaluation.recordings import inspected_recordings, named_recordings, short_name
+from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
@@ -58,12 +58,11 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
         options.out = _new_folder(options.bags)
     evaluation = _evaluation_options(options)
     check_folder(options.out, resume=options.resume)
-    named = named_recordings(options.bags)
     methods, failed = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = _executor(options, evaluation)
     recordings, unreadable = inspected_recordings(
-        named,
+        options.bags,
         *(options.points, options.truth, options.odometry),
         watching=partial(_checking, console),
     )

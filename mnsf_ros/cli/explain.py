@@ -7,7 +7,6 @@ import argparse
 import math
 from contextlib import suppress
 from decimal import Decimal
-from pathlib import Path
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
 from mnsf_ros.cli.console import Console
@@ -33,7 +32,7 @@ def add_to(subparsers: Subparsers) -> None:
         description="Print how the method decided about the object at one place of one sweep.",
         epilog=_EPILOG,
     )
-    arguments.value("bag BAG", "recording", Path)
+    arguments.recordings("bag BAG", "recording")
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
     arguments.points()

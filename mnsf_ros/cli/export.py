@@ -44,7 +44,7 @@ def add_to(subparsers: Subparsers) -> None:
         epilog=_EPILOG,
     )
     arguments.value("format FORMAT", ", ".join(_FORMATS), choices=_FORMATS)
-    arguments.value("bags BAG", "recordings", Path, nargs="+")
+    arguments.recordings("bags BAG", "recordings", nargs="+")
     arguments.value("--out OUT", "folder or file to write, see below", Path, required=True)
     arguments.value("--method NAME", "see docs/evaluation.md", default="online")
     arguments.settings(default="online")

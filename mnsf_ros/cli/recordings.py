@@ -106,7 +106,7 @@ def _convert(options: argparse.Namespace) -> None:
 def add_play(subparsers: Subparsers) -> None:
     """Adds `mnsf play`."""
     arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _play)
-    arguments.value("bag", "recording, of ROS 1 or ROS 2", Path)
+    arguments.recordings("bag", "recording, of ROS 1 or ROS 2")
     arguments.value("--topics TOPIC,...", "only these topics")
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.flag("--loop", "start again at the end")
@@ -153,7 +153,7 @@ def add_demo(subparsers: Subparsers) -> None:
     """Adds `mnsf demo`."""
     summary = "replay a recording to the live node and show the flow"
     arguments = add_subcommand(subparsers, "demo", summary, _demo)
-    arguments.value("--bag", "recording; without it, a street is simulated", Path)
+    arguments.recordings("--bag", "recording; without it, a street is simulated")
     arguments.points()
     arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
     arguments.value("--duration-s S", "length of the simulated recording", default=6.0)

@@ -10,8 +10,8 @@ from mnsf_ros.cli.arguments import Subparsers, add_subcommand
 from mnsf_ros.cli.console import Console
 
 _EPILOG = """\
-Pictures show flow that `mnsf evaluate --pictures` has kept: that of the worst
-sweeps of each method.
+Pictures are those that `mnsf evaluate --pictures` has drawn: of the worst sweeps
+of each method.
 """
 
 

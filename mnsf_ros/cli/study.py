@@ -41,7 +41,7 @@ def add_to(subparsers: Subparsers) -> None:
         epilog=_EPILOG,
     )
     arguments.value("name NAME", "study, see below", choices=_NAMES)
-    arguments.value("bags BAG", "recordings (default: a simulated street)", Path, nargs="*")
+    arguments.recordings("bags BAG", "recordings (default: a simulated street)", nargs="*")
     arguments.value("--out DIR", "folder for results (default: study_NAME)", Path)
     arguments.flag("--resume", RESUME)
     arguments.settings()

@@ -24,7 +24,7 @@ def add_to(subparsers: Subparsers) -> None:
         description="Serves a page that shows the flow of a recording, without ROS, or that of the "
         "running node,\nand changes the parameters.",
     )
-    arguments.value("bag", "recording; without it, the running node is shown", Path, nargs="?")
+    arguments.recordings("bag", "recording; without it, the running node is shown", nargs="?")
     arguments.points()
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)

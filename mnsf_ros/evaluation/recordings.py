@@ -92,23 +92,24 @@ Watch = Callable[[int, int], None]
 
 
 def inspected_recordings(
-    named: Sequence[tuple[str, Path]],
+    paths: Sequence[Path],
     *topics: str | None,
     watching: Callable[[str], AbstractContextManager[Watch | None]],
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """Opens each recording; returns the usable ones, and an error text for each other one.
 
     Args:
-        named: Their names and paths, see `named_recordings`.
+        paths: Where they are.
         topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
         watching: Name of a recording to a context with the progress of reading, see `BagReader`.
 
     Raises:
+        EvaluationError: The same recording is named twice, in whatever spelling.
         RecordingError: None of them can be used, or a topic of one is not there.
     """
     found: list[EvaluatedRecording] = []
     errors: list[RecordingError] = []
-    for name, path in named:
+    for name, path in named_recordings(paths):
         with watching(name) as watch, ExitStack() as opened:
             try:
                 reader = opened.enter_context(BagReader(path, watch))
@@ -125,16 +126,13 @@ def inspected_recordings(
 
 
 def named_recordings(paths: Sequence[Path]) -> list[tuple[str, Path]]:
-    """Returns each path with a name: its last part, or all of it if need be. Opens nothing.
+    """Returns each path with a name: its last part, or all of it if need be.
 
     Raises:
-        RecordingError: There is no such file or folder.
         EvaluationError: The same recording is named twice, in whatever spelling.
     """
     owners: dict[Path, Path] = {}
     for path in paths:
-        if not path.exists():
-            raise RecordingError(f"{path}: no such file or folder")
         for file in (one.resolve() for one in stored_files(path)):
             if file in owners:
                 raise EvaluationError(

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.evaluation.recordings import named_recordings
 from mnsf_ros.evaluation.run_folder import check_folder
 from mnsf_ros.evaluation.run_record import SessionRecord
 from mnsf_ros.report.results_files import session_lines
@@ -34,7 +33,6 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
         OSError: Writing fails.
     """
     check_folder(options.out, resume=options.resume)
-    named_recordings(options.recordings)
     if name == "stability":
         options = replace(options, settings=stability_settings(options.settings))
     result = STUDIES[name](options)
