@@ -122,8 +122,9 @@ class BagReader:
     @property
     def span_ns(self) -> tuple[int, int]:
         """Receive times of the first and of the last message in nanoseconds."""
-        files = [one for one in self._files if one.last_ns > 0]
-        return int(min(one.first_ns for one in files)), int(max(one.last_ns for one in files))
+        files = [one for one in self._files if one.first_ns < float("inf")]
+        first_ns = min((one.first_ns for one in files), default=0)
+        return int(first_ns), int(max((one.last_ns for one in files), default=first_ns))
 
     def since(self, start_ns: int) -> BagReader:
         """Returns the open recording without messages that were received before a time."""

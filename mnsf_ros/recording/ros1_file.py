@@ -40,7 +40,8 @@ class Ros1File:
         self.damages: list[Damage] = []
         self._path = path
         with AnyReader([path]) as bag:
-            self.first_ns, self.last_ns = float(bag.start_time), float(bag.end_time)
+            self.first_ns: float = bag.start_time
+            self.last_ns: float = bag.end_time - 1  # it is behind the last message
             for one in bag.connections:
                 is_latched = isinstance(one.ext, ConnectionExtRosbag1) and bool(one.ext.latching)
                 summary = TopicSummary(one.msgtype, one.msgcount, is_latched)

@@ -35,8 +35,8 @@ class SqliteFile:
         with _opened(path) as database:
             span = "SELECT min(timestamp), max(timestamp) FROM messages"
             ((first_ns, last_ns),) = database.execute(span)
-            self.first_ns = float("inf") if first_ns is None else float(first_ns)
-            self.last_ns = float(last_ns or 0)
+            self.first_ns: float = float("inf") if first_ns is None else first_ns
+            self.last_ns: float = last_ns or 0
             query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
             counts = dict(database.execute(query))
             for number, name, msgtype, encoding, profiles in _topics(database):
