@@ -105,10 +105,7 @@ def test_part_of_the_time(recording):
         assert [decode_stamp(m.header.stamp) for m in messages] == [
             tiny_bags.stamp(index) for index in (7, 8, 9)
         ]
-        later = [received_ns for received_ns, _ in reader.since(start).received_messages("/points")]
-        assert later == [tiny_bags.stamp(index) + 5_000_000 for index in range(3, 10)]
-        first_ns, last_ns = reader.span_ns
-        assert (first_ns, last_ns) == (tiny_bags.stamp(0) + 5_000_000, later[-1])
+        assert reader.span_ns == (tiny_bags.stamp(0) + 5_000_000, tiny_bags.stamp(9) + 5_000_000)
 
 
 def test_scans_do_not_disturb_each_other(recording):
