@@ -34,7 +34,7 @@ def add_to(subparsers: Subparsers) -> None:
         "address to listen on; on 0.0.0.0 other computers connect, with a token",
         default="127.0.0.1",
     )
-    arguments.value("--port", "port to listen on, 0 for any", default=8765)
+    arguments.value("--port", "port to listen on, 0 for any", default=8766)
     arguments.value("--animation FILE", "write a WebP of the recording instead", Path)
 
 
