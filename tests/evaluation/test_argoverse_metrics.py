@@ -89,26 +89,3 @@ def test_dynamic_error_is_the_mean_over_buckets_of_error_over_motion():
     errors = over_all_points([sums])
     assert errors["bucketed.CAR.dynamic"] == errors["bucketed.mean.dynamic"] == pytest.approx(0.4)
     assert errors["bucketed.CAR.static"] == pytest.approx(0.01)
-
-
-def test_saying_that_nothing_moves_has_dynamic_error_1():
-    motion = np.random.default_rng(0).uniform(0.05, 3.0, 500)
-    sums = bucket_sums(motion, motion, np.zeros((500, 2)), np.full(500, PERSON, np.uint8))
-    errors = over_all_points([sums])
-    assert errors["bucketed.PEDESTRIAN.dynamic"] == pytest.approx(1.0)
-    assert math.isnan(errors["bucketed.PEDESTRIAN.static"])
-
-
-def test_sums_of_examples_add_up_to_those_of_all_points():
-    random = np.random.default_rng(1)
-    errors, motion = random.uniform(0, 1, 300), random.uniform(0, 2.5, 300)
-    kinds = random.choice([0, CAR, PERSON], 300).astype(np.uint8)
-
-    def sums(part):
-        return bucket_sums(errors[part], motion[part], np.zeros((300, 2))[part], kinds[part])
-
-    parts = [sums(slice(0, 100)), sums(slice(100, 180)), sums(slice(180, 300))]
-    assert over_all_points(parts) == pytest.approx(
-        over_all_points([sums(slice(None))]), nan_ok=True
-    )
-    assert over_all_points([]) == {}

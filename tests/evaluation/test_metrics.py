@@ -71,29 +71,21 @@ def test_thresholds_are_strict(estimate, truth, acc5, acc10, outlier):
     assert (errors.acc5, errors.acc10, errors.outliers) == (acc5, acc10, outlier)
 
 
-def test_perfect_flow_has_the_smallest_angle_of_the_formula():
-    errors = one((1, 2, 3), (1, 2, 3))
-    assert errors == FlowErrors(0, 1, 1, 0, pytest.approx(SMALLEST_ANGLE), 1)
-
-
-def test_opposite_flow():
-    errors = one((-1, -2, 2), (1, 2, -2))
-    assert errors.epe_m == 6
-    assert errors.angle_error_rad == pytest.approx(math.pi - SMALLEST_ANGLE)
-
-
 @pytest.mark.parametrize(
-    ("estimate", "truth", "accurate", "outlier"),
+    ("estimate", "truth", "epe_m", "accurate", "outlier", "angle_rad"),
     [
-        ((0, 0, 0), (0, 0, 0), 1, 0),
-        ((0, 0, 0), (1, 0, 0), 0, 1),
-        ((0.001, 0, 0), (0, 0, 0), 1, 1),
+        ((1, 2, 3), (1, 2, 3), 0, 1, 0, SMALLEST_ANGLE),
+        ((-1, -2, 2), (1, 2, -2), 6, 0, 1, math.pi - SMALLEST_ANGLE),
+        # Zero vectors are a right angle away.
+        ((0, 0, 0), (0, 0, 0), 0, 1, 0, math.pi / 2),
+        ((0, 0, 0), (1, 0, 0), 1, 0, 1, math.pi / 2),
+        ((0.001, 0, 0), (0, 0, 0), 0.001, 1, 1, math.pi / 2),
     ],
 )
-def test_zero_vectors_are_a_right_angle_away(estimate, truth, accurate, outlier):
+def test_edges_of_the_formulas(estimate, truth, epe_m, accurate, outlier, angle_rad):
     errors = one(estimate, truth)
-    assert errors.angle_error_rad == math.pi / 2
-    assert (errors.acc5, errors.outliers) == (accurate, outlier)
+    expected = FlowErrors(epe_m, accurate, accurate, outlier, pytest.approx(angle_rad), 1)
+    assert errors == expected
 
 
 def test_float32_is_scored_in_float64():

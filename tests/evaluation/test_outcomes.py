@@ -66,41 +66,33 @@ def played(monkeypatch):
     return play
 
 
-def test_fast_method_gets_everything_at_once(played):
-    assert played([1000, 1100, 1200], [60, 60, 60]) == [(0, 60), (1, 60), (2, 60)]
-
-
-def test_slow_method_gets_the_newest_when_it_is_done(played):
-    # 0 runs 1000 to 1250. 1 waits at 1100, 2 takes its place at 1200 and runs 1250 to 1500.
-    # 3 waits at 1300, 4 takes its place at 1400; it runs at 1500, just before 5 arrives,
-    # to 1750; 5 waits, 6 and 7 take its place in turn; 7 runs 1750 to 2000.
-    arrivals = range(1000, 1800, 100)
-    assert played(arrivals, [250] * 8) == [
-        (0, 250),
-        (1, None),
-        (2, 300),
-        (3, None),
-        (4, 350),
-        (5, None),
-        (6, None),
-        (7, 300),
-    ]
-
-
-def test_what_still_waits_at_the_end_is_estimated(played):
-    assert played([1000, 1100], [150, 30]) == [(0, 150), (1, 80)]
-
-
-def test_rate_makes_sweeps_come_faster(played):
-    # At double speed sweeps come every 50 ms.
-    assert played([1000, 1100, 1200, 1300], [60] * 4, rate=2.0) == [
-        (0, 60),
-        (1, 70),
-        (2, 80),
-        (3, 90),
-    ]
-    assert played([1000, 1100, 1200, 1300], [90] * 4, rate=2.0)[1] == (1, 130)
-    assert (1, None) in played([1000, 1100, 1200, 1300], [110] * 4, rate=2.0)
+@pytest.mark.parametrize(
+    ("arrivals_ms", "times_ms", "rate", "outcomes"),
+    [
+        # A fast method gets everything at once.
+        ([1000, 1100, 1200], 60, 1.0, {0: 60, 1: 60, 2: 60}),
+        # 0 runs 1000 to 1250. 1 waits at 1100, 2 takes its place at 1200 and runs 1250 to 1500.
+        # 3 waits at 1300, 4 takes its place at 1400; it runs at 1500, just before 5 arrives,
+        # to 1750; 5 waits, 6 and 7 take its place in turn; 7 runs 1750 to 2000.
+        (
+            range(1000, 1800, 100),
+            250,
+            1.0,
+            {0: 250, 1: None, 2: 300, 3: None, 4: 350, 5: None, 6: None, 7: 300},
+        ),
+        # What still waits at the end is estimated.
+        ([1000, 1100], 150, 1.0, {0: 150, 1: 200}),
+        # At double speed sweeps come every 50 ms.
+        ([1000, 1100, 1200, 1300], 60, 2.0, {0: 60, 1: 70, 2: 80, 3: 90}),
+        ([1000, 1100, 1200, 1300], 110, 2.0, {0: 110, 1: None, 2: 120, 3: 180}),
+        # A recording that jumps back goes on.
+        ([1000, 1100, 100, 200], 10, 1.0, {0: 10, 1: 10, 2: 10, 3: 10}),
+    ],
+)
+def test_a_busy_method_gets_the_newest_when_it_is_done(
+    played, arrivals_ms, times_ms, rate, outcomes
+):
+    assert dict(played(arrivals_ms, [times_ms] * 8, rate)) == outcomes
 
 
 def test_every_example_has_one_outcome(played):
@@ -110,11 +102,6 @@ def test_every_example_has_one_outcome(played):
     assert sorted(number for number, _ in outcomes) == list(range(200))
     dropped = sum(latency is None for _, latency in outcomes)
     assert 0 < dropped < 200
-
-
-def test_a_recording_that_jumps_back_goes_on(played):
-    outcomes = played([1000, 1100, 100, 200], [10] * 4)
-    assert [number for number, latency in outcomes if latency is not None] == [0, 1, 2, 3]
 
 
 def test_preparation_overlaps_with_the_estimate_before_it(played):

@@ -41,11 +41,6 @@ def take(track, index):
     return None if truth is None else truth.stamp_ns, passed_over
 
 
-def test_each_sweep_gets_its_own_truth():
-    track = truth_track(range(5))
-    assert [take(track, index) for index in range(5)] == [(small.stamp(i), 0) for i in range(5)]
-
-
 def test_sweeps_without_truth_and_truth_without_sweeps():
     track = truth_track([2, 3, 6])
     assert [take(track, i) for i in (0, 1)] == [(None, 0)] * 2
