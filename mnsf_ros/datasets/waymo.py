@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Waymo Open: range images as sweeps, and the second edition, Parquet files of a segment."""
+"""Waymo Open (v2): the Parquet files of a segment, with range images of several lidars."""
 
 from __future__ import annotations
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-# The vehicle frame of Waymo Open, in which points, boxes and poses are.
-FRAME_ID: Final = "vehicle"
 _STAMP: Final = "key.frame_timestamp_micros"
 _LASER: Final = "key.laser_name"
 _OBJECT: Final = "key.laser_object_id"
@@ -101,13 +99,6 @@ class LaserReturns:
         return apply(invert(world_from_vehicle), points)
 
 
-def shaped(values: ArrayLike, shape: Sequence[int], channels: int) -> NDArray[np.float32]:
-    """Returns flat values as an image (H, W, `channels` or more), or raises a ValueError."""
-    if len(shape) != 3 or shape[2] < channels:
-        raise ValueError(f"range image of shape {list(shape)}, expected (H, W, {channels})")
-    return np.asarray(values, dtype=np.float32).reshape(tuple(shape))
-
-
 def waymo_sweep(
     stamp_ns: int,
     world_from_vehicle: FloatArray,
@@ -143,19 +134,6 @@ def waymo_sweep(
     )
 
 
-def waymo_box(
-    center: Sequence[float], size: Sequence[float], heading: float, kind: int, track_id: str
-) -> Box:
-    """Returns the box of a label: center and size (x, y, z) in metres, heading in radians."""
-    x, y, z = center
-    return Box(
-        pose=planar_pose(x, y, heading, z),
-        size_m=np.array(size, dtype=np.float64),
-        class_id=WAYMO.get(kind, UNKNOWN),
-        track_id=track_id,
-    )
-
-
 def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
     """Opens a segment, whose name is needed if there are several.
 
@@ -169,7 +147,7 @@ def open_segment(source: Path, sequence: str | None = None) -> SweepSource:
     for micros, transform in _rows(path, [_STAMP, _VEHICLE]):
         with reading(path, f"frame {micros}"):
             vehicle_poses[micros] = rigid_pose(transform)
-    return SweepSource(FRAME_ID, len(vehicle_poses), _sweeps(source, file_name, vehicle_poses))
+    return SweepSource("vehicle", len(vehicle_poses), _sweeps(source, file_name, vehicle_poses))
 
 
 def _sweeps(
@@ -205,11 +183,18 @@ def _frames(
                 raise ValueError(f"its rows are not in the order of {_STAMP!r}")
             last = micros
             images = {
-                laser: shaped(values, shape, channels)
+                laser: _image(values, shape, channels)
                 for _, laser, values, shape in frame
                 if values is not None
             }
             yield micros, images
+
+
+def _image(values: ArrayLike, shape: Sequence[int], channels: int) -> NDArray[np.float32]:
+    """Flat values as an image (H, W, `channels` or more)."""
+    if len(shape) != 3 or shape[2] < channels:
+        raise ValueError(f"range image of shape {list(shape)}, expected (H, W, {channels})")
+    return np.asarray(values, dtype=np.float32).reshape(tuple(shape))
 
 
 def _rows(path: Path, columns: Sequence[str], batch_size: int = 1000) -> Iterator[list[Any]]:
@@ -249,7 +234,8 @@ def _read_boxes(path: Path) -> Mapping[int, tuple[Box, ...]]:
     places = [f"{_BOX}.box.{part}.{axis}" for part in ("center", "size") for axis in "xyz"]
     columns = [_STAMP, _OBJECT, f"{_BOX}.box.heading", f"{_BOX}.type", *places]
     boxes: dict[int, tuple[Box, ...]] = defaultdict(tuple)
-    for micros, track_id, heading, kind, *numbers in _rows(path, columns):
+    for micros, track_id, heading, kind, x, y, z, *size in _rows(path, columns):
         with reading(path, f"frame {micros}"):
-            boxes[micros] += (waymo_box(numbers[:3], numbers[3:], heading, kind, track_id),)
+            pose, size_m = planar_pose(x, y, heading, z), np.array(size, dtype=np.float64)
+            boxes[micros] += (Box(pose, size_m, WAYMO.get(kind, UNKNOWN), track_id),)
     return boxes

@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from mnsf_ros.geometry.pose_messages import pose_quaternion
@@ -16,16 +15,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from msg_utils.cloud_layout import EncodedCloud
-
-
-def message_definition(msgtype: str) -> str:
-    """Returns the definition of a message type of ROS 2 Jazzy, nested types included.
-
-    Raises:
-        KeyError: There is no such type.
-    """
-    definition, _ = get_typestore(Stores.ROS2_JAZZY).generate_msgdef(msgtype, ros_version=2)
-    return str(definition)
 
 
 def cloud_message(

@@ -209,19 +209,6 @@ def test_files_of_a_folder_are_far_apart(tmp_path):
     assert [truth.valid.all() for truth in found.truth] == [True, True, False, True, False]
 
 
-def test_real_triplets(tmp_path):
-    source = extract("triplets")
-    found = read("triplets", source, tmp_path / "out.mcap")
-    files = sorted(source.glob("*.npz"))
-    assert len(found.stamps) == 3 * len(files)
-    with np.load(files[1]) as arrays:
-        truth = found.truth[4]
-        assert np.array_equal(found.xyz[4], arrays["pc2"])
-        assert np.array_equal(truth.valid, arrays["label_valid"])
-        assert np.array_equal(truth.flow[truth.valid], arrays["flow23"][truth.valid])
-        assert np.array_equal(truth.dynamic, arrays["is_dynamic"] & arrays["label_valid"])
-
-
 def test_triplets_that_do_not_fit_are_named(tmp_path):
     path, xyz = tmp_path / "triplet.npz", np.zeros((4, 3))
     for arrays, message in (

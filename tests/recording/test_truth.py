@@ -47,15 +47,6 @@ def assert_same(one, other):
         assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
 
 
-def test_truth_comes_back(tmp_path):
-    with BagReader(write_truth(tmp_path / "bag")) as reader:
-        truth = read_truth(reader)
-        assert list(truth) == [tiny_bags.stamp(index) for index in range(5)]
-        assert len(truth) == 5
-        for index in (4, 0, 2):
-            assert_same(truth[tiny_bags.stamp(index)], truth_of(index))
-
-
 def test_object_ids_come_back_where_they_are_known():
     truth = replace(truth_of(0), object_id=np.arange(50, dtype=np.uint32) * 80_000_000)
     cloud = truth.encode(tiny_bags.xyz(0))
@@ -67,7 +58,7 @@ def test_object_ids_come_back_where_they_are_known():
     assert truth_of(0).of_points(some).object_id is None
 
 
-def test_header_stamps_decide_not_receive_times(tmp_path):
+def test_truth_comes_back_in_the_order_of_header_stamps(tmp_path):
     same_time = [5, 5, 5, 9, 9]
     path = write_truth(tmp_path / "bag", indices=[3, 0, 4, 1, 2], received_order=same_time)
     with BagReader(path) as reader:
@@ -159,29 +150,23 @@ def test_poses_come_back_in_the_order_of_stamps(tmp_path):
             assert np.allclose(found[stamp_ns], pose, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "pose", [np.zeros((4, 4)), np.diag([2.0, 2, 2, 1]), np.diag([1, 1, -1, 1])]
-)
-def test_pose_that_is_no_rigid_motion_is_not_written(tmp_path, pose):
+def test_pose_that_is_no_rigid_motion_is_not_written(tmp_path):
     with (
         pytest.raises(RecordingError, match="pose is no rigid motion"),
         BagWriter(tmp_path / "bag") as writer,
     ):
-        writer.write_odometry("/odom", pose, 5, "odom", "lidar")
+        writer.write_odometry("/odom", np.zeros((4, 4)), 5, "odom", "lidar")
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("factor", "text"), [(0.0, "norm 0, expected 1"), (2.0, "norm 2,"), (np.nan, "norm nan")]
-)
-def test_pose_that_is_none_is_refused(tmp_path, factor, text):
+def test_pose_that_is_none_is_refused(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.write_odometry("/odom", np.eye(4), 5, "odom", "lidar")
     with BagReader(tmp_path / "bag") as reader:
         message = next(reader.messages("/odom"))
-    message.pose.pose.orientation.w = factor
+    message.pose.pose.orientation.w = 2.0
     raw = tiny_bags.JAZZY.serialize_cdr(message, "nav_msgs/msg/Odometry")
     with BagWriter(tmp_path / "bad") as writer:
         writer.write_raw("/odom", "nav_msgs/msg/Odometry", 5, raw)
-    with BagReader(tmp_path / "bad") as reader, pytest.raises(RecordingError, match=text):
+    with BagReader(tmp_path / "bad") as reader, pytest.raises(RecordingError, match="norm 2,"):
         read_sensor_poses(reader)
