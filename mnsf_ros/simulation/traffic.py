@@ -85,14 +85,14 @@ def zebra_walks(street: Street, crossing: Crossing, stop: Stop) -> Iterator[Trip
     for speed in (1.5, 1.7, 1.9):
         for lead in (0.3, 0.0, -0.3, 0.6):
             begin = stop.begin_s + lead - to_ego_lane / speed
-            yield Trip(route, _walk(begin, speed, route), 0.0)
+            yield walk(route, begin, speed)
 
 
-def _walk(begin_s: float, speed_m_s: float, route: Route) -> SpeedProfile:
-    """Returns the speeds of a walk along the whole route from rest to rest."""
+def walk(route: Route, begin_s: float, speed_m_s: float) -> Trip:
+    """Returns a walk along the whole route from rest to rest."""
     end = begin_s + route.length_m / speed_m_s
     times: FloatArray = np.array([begin_s, begin_s + _STRIDE_S, end, end + _STRIDE_S])
-    return SpeedProfile(times, speed_m_s * np.array([0.0, 1.0, 1.0, 0.0]))
+    return Trip(route, SpeedProfile(times, speed_m_s * np.array([0.0, 1.0, 1.0, 0.0])), 0.0)
 
 
 _SIDEWALK_LATERALS_M = (8.6, 9.2, 9.8)

@@ -35,7 +35,7 @@ from mnsf_ros.simulation.scene import Scene, street_scene
 from mnsf_ros.simulation.sensor import Sensor
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
-from mnsf_ros.simulation.traffic import right_turn, straight_over
+from mnsf_ros.simulation.traffic import right_turn, straight_over, walk
 
 _LEAST_S: Final = 10.0
 _APART_M: Final = 0.02
@@ -117,7 +117,7 @@ _KINDS: Final = (
     _Kind(0.03, (models.pedestrian, models.dog), (0.5, 3.0), "sidewalk", behind_m=0.9),
     _Kind(0.08, (models.pedestrian,), (0.5, 2.5), "across"),
     _Kind(0.03, (models.child,), (1.0, 3.5), "across"),
-    _Kind(0.02, (models.cyclist,), (2.0, 6.0), "across"),
+    _Kind(0.02, (models.cyclist,), (2.0, 5.0), "sidewalk"),
     _Kind(0.05, (models.car,), (3.0, 18.0), "side street"),
     _Kind(0.04, (models.van,), (3.0, 5.0), "turn"),
 )
@@ -190,6 +190,8 @@ class _World:
         self._clearance = clearance
         self._counts: Counter[str] = Counter()
         self._speed_m_s = rng.uniform(*_EGO_SPEEDS_M_S[self._ego_kind])
+        if self._place == "square" and self._ego_kind == "fast":
+            self._ego_kind, self._speed_m_s = "driving", self._speed_m_s / 3
         self.street = self._ground(rng)
         self.ego = self._ego(rng)
         self._length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
@@ -319,17 +321,22 @@ class _World:
             return straight_over(street, street.crossings[0], at_s, speed_m_s, toward_left=is_left)
         if self._place == "tunnel" and kind.way in ("sidewalk", "across"):
             return None
+        if self._place != "square" and kind.way == "across":
+            return self._walk_across(speed_m_s, rng)
         route = self._open_way(rng) if self._place == "square" else self._way(kind.way, rng)
         if kind.way == "lane" and rng.uniform() < 0.4 and self._speed_m_s > 1.0:
             speed_m_s = self._speed_m_s * rng.uniform(0.7, 1.3)
         x, y = rng.uniform((-35.0, -10.0), (55.0, 10.0))
         return Trip.starting_at(route, _profile(speed_m_s, rng), route.arc_nearest(x, y))
 
+    def _walk_across(self, speed_m_s: float, rng: np.random.Generator) -> Trip:
+        end_m = self.street.half_width_m + 2.0
+        laterals = rng.choice([-1.0, 1.0]) * np.linspace(-end_m, end_m, 60)
+        route = self.street.route(np.full(60, rng.uniform(4.0, 45.0)), laterals)
+        return walk(route, rng.uniform(-route.length_m / speed_m_s, 2.0), speed_m_s)
+
     def _way(self, way: str, rng: np.random.Generator) -> Route:
-        edge_m, side, forward = self.street.half_width_m, rng.choice([-1.0, 1.0]), None
-        if way == "across":
-            laterals = side * np.linspace(-edge_m - 2.0, edge_m + 2.0, 60)
-            return self.street.route(np.full(60, rng.uniform(4.0, 45.0)), laterals)
+        edge_m, side = self.street.half_width_m, rng.choice([-1.0, 1.0])
         if way == "lane":
             lateral, forward = side * LANE_LATERAL_M + rng.uniform(-0.3, 0.3), side < 0
         elif way == "edge":

@@ -89,7 +89,7 @@ def test_points_and_moved_points_lie_on_their_surfaces(seed):
 
 
 def test_worlds_have_every_lidar_place_ego_motion_and_kind_of_traffic():
-    scenes = [build_scene(SimulationSettings(seed=seed, scenario="random")) for seed in range(80)]
+    scenes = [build_scene(SimulationSettings(seed=seed, scenario="random")) for seed in range(60)]
     text = "\n".join(scene.text for scene in scenes)
     lidars = ("16 beams", "32 beams", "64 beams", "128 beams", "solid state", "20 Hz", "rain")
     places = ("; street", "crossing", "country road", "square", "tunnel", "slope")
@@ -103,7 +103,7 @@ def test_worlds_have_every_lidar_place_ego_motion_and_kind_of_traffic():
     assert {395.0, 360.0} < {sensor.degrees for sensor in sensors}
     trips = [body.trip for scene in scenes for body in scene.bodies if body.trip is not None]
     speeds = np.array([trip.profile.speeds_m_s[[0, -1]] for trip in trips])
-    assert {tuple(pair) for pair in np.sign(speeds).tolist()} == {(0, 1), (1, 0), (1, 1)}
+    assert {tuple(pair) for pair in np.sign(speeds).tolist()} > {(0, 1), (1, 0), (1, 1)}
     turns = np.array([np.ptp(trip.planar(np.array([0.0, 2.0]))[:, 2]) for trip in trips])
     assert 0.05 < np.mean(turns > 0.1) < 0.5
 
