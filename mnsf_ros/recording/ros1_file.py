@@ -74,33 +74,13 @@ class Ros1File:
 
 
 def _cdr(raw: bytes, msgtype: str, ros1: Typestore) -> bytes:
-    """A ROS 1 message as CDR bytes.
+    """A ROS 1 message as CDR bytes; fields that ROS 2 has not, such as `seq`, are left out.
 
     Raises:
-        ValueError: ROS 2 has no type of this name with the same fields.
+        ValueError: ROS 2 has no type of this name, or one with further fields.
     """
-    if not _same_fields(msgtype, ros1):
-        raise ValueError(f"ROS 1 type {msgtype} has no equal in ROS 2 Jazzy")
-    return bytes(jazzy().ros1_to_cdr(raw, msgtype))
-
-
-def _same_fields(msgtype: str, ros1: Typestore) -> bool:
-    if msgtype == "std_msgs/msg/Header":
-        # It lost its field `seq` in ROS 2; the conversion skips it.
-        return True
-    if msgtype not in jazzy().fielddefs or msgtype not in ros1.fielddefs:
-        return False
-    fields = jazzy().fielddefs[msgtype][1]
-    if fields != ros1.fielddefs[msgtype][1]:
-        return False
-    return all(_same_fields(name, ros1) for _, field in fields for name in _names(field))
-
-
-def _names(field: object) -> list[str]:
-    """The message type that a field, or the elements of an array field, consists of."""
-    while isinstance(field, tuple):
-        _, detail = field
-        if isinstance(detail, str):
-            return [detail]
-        field = detail[0] if isinstance(detail, tuple) else None
-    return []
+    message = ros1.deserialize_ros1(raw, msgtype)
+    try:
+        return bytes(jazzy().serialize_cdr(message, msgtype))
+    except (AttributeError, KeyError) as error:
+        raise ValueError(f"ROS 1 type {msgtype} has no equal in ROS 2 Jazzy") from error
