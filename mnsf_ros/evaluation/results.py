@@ -5,38 +5,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
+from typing import Final
 
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 
-
-class FailureKind(Enum):
-    """Why an example has no flow."""
-
-    FAILED = "failed"
-    DROPPED = "dropped"
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Reason for a missing flow.
-
-    Attributes:
-        kind: Failed, or dropped for a newer triplet.
-        text: The reason in one line.
-    """
-
-    kind: FailureKind
-    text: str
-
-    def __str__(self) -> str:
-        """Returns the text."""
-        return self.text
-
-
-# In real time a newer example replaced this one before its turn, as in the live node.
-DROPPED = Failure(FailureKind.DROPPED, "dropped: a newer triplet took its place")
+# Reason for a missing flow: a newer example replaced this one before its turn, as in the live node.
+DROPPED: Final = "dropped: a newer triplet took its place"
 
 
 @dataclass(frozen=True)
@@ -66,7 +41,7 @@ class ResultRow:
         latency_ms: From the arrival of the next sweep to the flow, in real time; else NaN.
         start: Source of the start weights (warm or cold); empty if the method has none.
         device: `cpu` or `cuda`; empty without a flow.
-        failure: Reason for a missing flow; None if there is one.
+        failure: Reason for a missing flow in one line; None if there is one.
         movers: Score of the movers, with truth, of methods that detect them; else None.
     """
 
@@ -88,7 +63,7 @@ class ResultRow:
     latency_ms: float = float("nan")
     start: str = ""
     device: str = ""
-    failure: Failure | None = None
+    failure: str | None = None
     movers: MoverRow | None = None
 
     @property
@@ -113,12 +88,12 @@ class ResultRow:
     @property
     def is_dropped(self) -> bool:
         """Whether the example was dropped for a newer one."""
-        return self.failure is not None and self.failure.kind is FailureKind.DROPPED
+        return self.failure == DROPPED
 
     @property
     def has_failed(self) -> bool:
         """Whether the method ran and gave no flow."""
-        return self.failure is not None and self.failure.kind is FailureKind.FAILED
+        return self.failure not in (None, DROPPED)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from mnsf_ros.evaluation.metrics import (
     errors_by_band,
 )
 from mnsf_ros.evaluation.movers import TrueMotion, mover_row
-from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, rigid_flow
 from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, SweepTriplet
@@ -42,10 +42,8 @@ def empty_row(example: Example, method: str) -> ResultRow:
     return ResultRow(example.recording, example.number, stamp_ns, method, num_points)
 
 
-def failed_row(example: Example, method: str, failure: Failure | str) -> ResultRow:
+def failed_row(example: Example, method: str, failure: str) -> ResultRow:
     """Returns the row of an example without a flow, failed for a reason or dropped."""
-    if isinstance(failure, str):
-        failure = Failure(FailureKind.FAILED, failure)
     return replace(empty_row(example, method), failure=failure)
 
 

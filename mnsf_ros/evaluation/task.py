@@ -16,11 +16,11 @@ from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import FlowRecorder, flow_recorder
+from mnsf_ros.evaluation.flow_recording import Record, flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
-from mnsf_ros.evaluation.results import Failure, ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import (
     cycle_distance,
     failed_row,
@@ -66,7 +66,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     scorer = _Scorer(task.method.name, options)
     with (
         recording.open() as reader,
-        flow_recorder(options.flow_folder, *task.key) as recorder,
+        flow_recorder(options.flow_folder, *task.key) as record,
     ):
         examples = islice(read_examples(reader, recording, options, findings), options.max_examples)
         wanted = (
@@ -74,7 +74,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
             for place, example in enumerate(examples)
             if example.number not in task.skipped
         )
-        yield from scorer.events(wanted, recorder)
+        yield from scorer.events(wanted, record)
     yield findings
 
 
@@ -95,14 +95,14 @@ class _Scorer:
         self._painter = Painter(options.num_pictured, has_frames=has_frames)
 
     def events(
-        self, examples: Iterator[tuple[Example, bool]], recorder: FlowRecorder
+        self, examples: Iterator[tuple[Example, bool]], record: Record
     ) -> Iterator[ResultRow | Picture]:
         """Yields a row, and before it what a report shows, for each example to be scored."""
         for outcome in self._outcomes(examples):
             example, estimate = outcome.example, outcome.result
             row = self._row(outcome)
             if isinstance(estimate, FlowEstimate) and row.failure is None:
-                recorder.write(example, estimate.flow)
+                record(example, estimate.flow)
                 yield from self._painter.drawn(row, example, estimate)
             yield row
 
@@ -119,7 +119,7 @@ class _Scorer:
 
     def _row(self, outcome: Outcome) -> ResultRow:
         example, result = outcome.example, outcome.result
-        if isinstance(result, Failure | str):
+        if isinstance(result, str):
             return failed_row(example, self._method, result)
         row = attempted(
             lambda: scored_row(example, self._method, result, self._time_ms(outcome, result))

@@ -181,9 +181,9 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
     kinds: dict[tuple[str, str], list[ResultRow]] = {}
     for row in rows:
         if row.has_failed:
-            kinds.setdefault((row.method, _NUMBER.sub("#", str(row.failure))), []).append(row)
+            kinds.setdefault((row.method, _NUMBER.sub("#", row.failure or "")), []).append(row)
     for (method, _), failed in kinds.items():
-        first, reason = failed[0], str(failed[0].failure).removesuffix(".")
+        first, reason = failed[0], (failed[0].failure or "").removesuffix(".")
         text = (
             f"{method}: examples without a flow: {len(failed):,}; the first, sweep "
             f"{first.number} of {first.recording}: {reason}."

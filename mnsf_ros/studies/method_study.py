@@ -123,7 +123,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
 
 
 def _said(row: ResultRow) -> str:
-    said = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else str(row.failure)
+    said = f"EPE {row.errors['all'].epe_m:.3f} m" if row.errors else row.failure
     return f"{row.method}, {row.recording} sweep {row.number}: {said}"
 
 

@@ -16,7 +16,7 @@ from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.recordings import named_recordings
-from mnsf_ros.evaluation.results import Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError, from_json, replace_file, to_json
 from mnsf_ros.evaluation.run_record import RunRecord
 
@@ -40,7 +40,7 @@ def full_row(number=3, method="mnsf", recording="drive"):
         sums={"CAR/0": [3.0, 0.3, 0.0]},
         start="warm",
         device="cpu",
-        failure=Failure(FailureKind.FAILED, "no points: «ä»"),
+        failure="no points: «ä»",
     )
 
 

@@ -10,7 +10,7 @@ from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.evaluation.results import DROPPED, Failure, FailureKind, ResultRow
+from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
 from mnsf_ros.presets import preset
@@ -41,8 +41,7 @@ def row(number, method, epe_m, **values):
 
 
 def failed(number, method, text, **values):
-    failure = Failure(FailureKind.FAILED, text)
-    return row(number, method, 0.0, **NOTHING, time_ms=np.nan, failure=failure, **values)
+    return row(number, method, 0.0, **NOTHING, time_ms=np.nan, failure=text, **values)
 
 
 def dropped(number, method):
