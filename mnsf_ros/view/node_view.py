@@ -121,7 +121,7 @@ class NodeView:
             self._parameters.set(checked)
 
     def _refuse(self, reason: str) -> None:
-        self._server.tell("refused", text=reason)
+        self._server.refuse(reason)
         self._publish_knobs()
 
     def _receive_settings(self, values: dict[str, Any]) -> None:

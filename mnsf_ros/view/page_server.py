@@ -88,6 +88,12 @@ class PageServer:
         """Publishes a message in JSON."""
         self.publish(kind, json.dumps({"kind": kind, **values}))
 
+    def refuse(self, reason: str) -> None:
+        """Tells the viewers of now, but no later ones, why a command is not followed."""
+        if self._loop is not None:
+            message = json.dumps({"kind": "refused", "text": reason})
+            self._loop.call_soon_threadsafe(self._send, "refused", message)
+
     @contextmanager
     def listening(self, host: str, port: int) -> Iterator[str]:
         """Lets viewers connect; gives the address of the page. A port of 0 is any free one.
@@ -134,6 +140,9 @@ class PageServer:
 
     def _publish(self, kind: str, message: Message) -> None:
         self._newest[kind] = message
+        self._send(kind, message)
+
+    def _send(self, kind: str, message: Message) -> None:
         for viewer in self._viewers:
             viewer.put(kind, message)
 

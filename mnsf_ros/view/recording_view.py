@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -39,6 +38,7 @@ _MAX_WARNINGS: Final = 20
 _SAME_S: Final = 0.001
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
+_USUAL: Final = 2**31
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +119,9 @@ class RecordingView:
             case {"do": "step", "by": 1 | -1 as by}:
                 self._is_playing = False
                 self._step(by)
-            case {"do": "seek", "to": int() | float() as to} if math.isfinite(to):
+            case {"do": "seek", "to": to} if _are_usual(to):
                 self._start_at(min(max(0.0, to), self._duration_s))
-            case {"do": "speed", "to": int() | float() as to} if _SLOWEST <= to <= _FASTEST:
+            case {"do": "speed", "to": to} if _are_usual(to) and _SLOWEST <= to <= _FASTEST:
                 self._speed = to
             case {"do": "layer", "name": str(name)} if name in self._layers:
                 self._layer = name
@@ -130,9 +130,8 @@ class RecordingView:
                 self._change(name, value)
             case {"do": "reset"}:
                 self._use(self._first_settings)
-            case {"do": "explain", "at": [int() | float() as x, int() | float() as y], **more}:
-                track = more.get("track")
-                self._asked = {"at": (x, y), "track": track if isinstance(track, int) else 0}
+            case {"do": "explain", "at": [x, y], "track": int(track)} if _are_usual(x, y, track):
+                self._asked = {"at": (x, y), "track": track}
                 self._explain()
             case {"do": "forget"}:
                 self._asked = None
@@ -143,15 +142,16 @@ class RecordingView:
         try:
             self._use(self._settings.changed({name: value}))
         except SettingsError as error:
-            self._server.tell("refused", text=str(error))
+            self._server.refuse(str(error))
             self._publish_knobs()
 
     def _use(self, settings: Settings) -> None:
         """Lets settings hold from the next sweep on; while paused, for the shown one at once."""
         self._stream.change_settings(settings)
-        self._settings = settings
+        before, self._settings = self._settings, settings
         self._publish_knobs()
-        if not self._is_playing:
+        # Sweeps are read with the settings of their times.
+        if not self._is_playing or settings.time != before.time:
             self._start_at(self._position_s)
 
     def _start_at(self, position_s: float) -> None:
@@ -213,7 +213,7 @@ class RecordingView:
             self._start_at(0.0)
             return
         self._target_s, self._is_playing = None, False
-        self._server.tell("refused", text="no sweep has a flow with these settings")
+        self._server.refuse("no sweep has a flow with these settings")
         self._publish_player()
 
     def _show(self) -> None:
@@ -277,3 +277,8 @@ class RecordingView:
         self._server.tell(
             "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
         )
+
+
+def _are_usual(*values: object) -> bool:
+    """Whether values are numbers, neither NaN nor too large for whatever is done with them."""
+    return all(isinstance(value, (int, float)) and abs(value) < _USUAL for value in values)

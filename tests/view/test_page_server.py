@@ -124,6 +124,12 @@ def test_late_viewers_get_the_newest_of_each_kind(server: PageServer, address: s
         assert {viewer.recv(timeout=PATIENCE_S) for _ in range(2)} == {b"\x04", "4"}
         server.publish("scene", b"new")
         assert viewer.recv(timeout=PATIENCE_S) == b"new"
+        server.refuse("no")
+        assert json.loads(viewer.recv(timeout=PATIENCE_S)) == {"kind": "refused", "text": "no"}
+    with joined(address) as viewer:
+        assert {viewer.recv(timeout=PATIENCE_S) for _ in range(2)} == {b"new", "4"}
+        server.publish("scene", b"end")
+        assert viewer.recv(timeout=PATIENCE_S) == b"end"
 
 
 def test_viewers_that_do_not_read_skip_messages_and_are_dropped(

@@ -198,7 +198,7 @@ def test_reasons_for_an_object_and_for_a_place(viewing) -> None:
     viewer.send(do="explain", at=item["center"][:2], track=item["id"])
     viewer.until(lambda: viewer.newest["reasons"]["lines"])
     assert any("dynamic" in line for line in viewer.newest["reasons"]["lines"])
-    viewer.send(do="explain", at=[5000, 0])
+    viewer.send(do="explain", at=[5000, 0], track=0)
     viewer.until(lambda: "no point within" in viewer.newest["reasons"]["lines"][0])
     viewer.send(do="forget")
     viewer.until(lambda: viewer.newest["reasons"]["lines"] == [])
@@ -210,10 +210,17 @@ def test_commands_that_make_no_sense_change_nothing(viewing) -> None:
     for command in (
         {"do": "seek", "to": "far"},
         {"do": "seek", "to": float("nan")},
+        {"do": "seek", "to": 10**400},
         {"do": "speed", "to": 0},
+        {"do": "speed", "to": 10**400},
+        {"do": "explain", "at": [10**400, 0], "track": 0},
+        {"do": "explain", "at": [0, float("nan")], "track": 0},
+        {"do": "explain", "at": [0, 0], "track": -(10**400)},
+        {"do": "set", "name": "crop.max_range_m", "value": 10**400},
+        {"do": "set", "name": "crop.max_range_m", "value": {"a": []}},
         {"do": "step", "by": 10**9},
         {"do": "layer", "name": "nothing"},
-        {"do": "explain", "at": [1]},
+        {"do": "explain", "at": [1], "track": 0},
         {"do": "set"},
         {"do": "dance"},
     ):
