@@ -130,7 +130,8 @@ def _play(options: argparse.Namespace) -> None:
             known_topic(reader.path, reader.topics, topic)
         total = sum(reader.topics[topic].count for topic in topics or reader.topics)
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
-        with counting_progress(console) as progress:
+        # Ctrl-C is no failure, also for ros2 launch.
+        with suppress(KeyboardInterrupt), counting_progress(console) as progress:
             task = progress.add_task(
                 f"playing on ROS domain {domain}", total=None if options.loop else total
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+from contextlib import suppress
 from pathlib import Path
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand
@@ -65,7 +66,8 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
         topics = used_topics(options.bag, reader.topics, options.points)
         server = PageServer()
         view = RecordingView(server, reader, topics, preset(options.preset), options.rate)
-        with server.listening(options.host, options.port) as address:
+        # Ctrl-C is how it ends, also for ros2 launch.
+        with server.listening(options.host, options.port) as address, suppress(KeyboardInterrupt):
             _say_where(console, address)
             view.run()
 
@@ -97,6 +99,7 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
     with (
         NodeView(server, options.node) as view,
         server.listening(options.host, options.port) as address,
+        suppress(KeyboardInterrupt),
     ):
         _say_where(console, address)
         view.run()

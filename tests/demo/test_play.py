@@ -153,9 +153,10 @@ def test_the_command_is_heard_over_the_real_middleware(street: Path, own_domain:
         give_up_s = time.monotonic() + 120
         while not is_round() and process.poll() is None and time.monotonic() < give_up_s:
             ros.spin_for(0.05)
-        process.kill()
+        process.terminate()
         _, said = process.communicate()
     assert is_round(), said
+    assert process.returncode == 0
 
 
 @pytest.mark.parametrize(
