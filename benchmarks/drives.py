@@ -129,14 +129,20 @@ def random_world(seed: int, num_sweeps: int, scenario: str = "random") -> World:
 
 
 def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> World:
-    """Returns a random world from a folder, where it is kept; another simulator makes it anew."""
+    """Returns a random world from a folder, where it is kept; another simulator makes it anew.
+
+    Raises:
+        PermissionError: The folder belongs to another user: pickled objects are programs.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.stat().st_uid != os.getuid():
+        raise PermissionError(f"{folder}: belongs to another user, name one of your own")
     path = folder / f"{_SIMULATOR}_{scenario}_{seed}_{duration_s:g}s.pickle"
     if path.exists():
         kept: World = pickle.loads(path.read_bytes())  # noqa: S301 - written by this program
         return kept
     settings = SimulationSettings(seed=seed, scenario=scenario, duration_s=duration_s)
     world = random_world(seed, SweepSimulator(settings).num_sweeps, scenario)
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     unfinished = path.with_suffix(f".{os.getpid()}")
     unfinished.write_bytes(pickle.dumps(world))
     unfinished.rename(path)

@@ -19,7 +19,7 @@ from mnsf_ros.simulation.routes import (
     drive_with_stops,
 )
 from mnsf_ros.simulation.sensor import Sensor, knee_elevations_deg
-from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
+from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Street
 from mnsf_ros.simulation.traffic import Traffic
 
 if TYPE_CHECKING:
@@ -91,10 +91,5 @@ def _street(rng: np.random.Generator, speed_m_s: float, reach_x: float) -> Stree
     )
     first = _STOP_LINE_M + speed_m_s * rng.uniform(3.5, 4.5) + braking_distance(speed_m_s)
     places = np.arange(first, max(reach_x, first) + 1.0, _CROSSING_SPACING_M)
-    crossings = tuple(
-        Crossing(float(x), float(y), float(heading))
-        for x, y, heading in zip(
-            places, centerline.offset(places), centerline.heading(places), strict=True
-        )
-    )
+    crossings = centerline.crossings(places)
     return Street(centerline, -_MARGIN_M, max(reach_x, first) + _MARGIN_M, crossings)

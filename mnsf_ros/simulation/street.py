@@ -72,6 +72,11 @@ class Centerline:
         sideways: FloatArray = np.reshape(lateral, (-1, 1)) * left
         return np.stack([x, self.offset(x)], axis=1) + sideways
 
+    def crossings(self, x: FloatArray) -> tuple[Crossing, ...]:
+        """Returns side streets at (T,) x, metres."""
+        places = np.stack([x, self.offset(x), self.heading(x)], axis=1)
+        return tuple(Crossing(*place) for place in places.tolist())
+
 
 @dataclass(frozen=True)
 class Crossing:

@@ -42,9 +42,11 @@ _APART_M: Final = 0.02
 _CLEAR_OF_CROSSING_M: Final = 14.0
 # Movers that would meet something are left out; so many are tried for each that is wanted.
 _TRIES: Final = 4
+
 Maker = Callable[[np.random.Generator], Model]
 Item = TypeVar("Item")
 
+# Name to share.
 _LIDARS: Final = {"16": 0.2, "32": 0.2, "64": 0.2, "128": 0.2, "raster": 0.1, "rosette": 0.1}
 _COLUMNS: Final = {900: 0.3, 1024: 0.3, 1800: 0.4}
 _PLACES: Final = {
@@ -84,7 +86,9 @@ _EGO_SPEEDS_M_S: Final = {
 }
 # Sway over that of a car on its springs.
 _SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
+# Of ego vehicle and traffic.
 _BEHAVIOURS: Final = {"steady": 0.5, "brakes": 0.2, "starts": 0.15, "changes": 0.15}
+# Mean number of movers, to share.
 _NUMBERS: Final = {0: 0.1, 4: 0.3, 12: 0.35, 30: 0.25}
 
 
@@ -194,8 +198,8 @@ class _World:
             self._ego_kind, self._speed_m_s = "driving", self._speed_m_s / 3
         self.street = self._ground(rng)
         self.ego = self._ego(rng)
-        self._length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
-        clearance.accept(self.ego.trip, self._length_m, min(self._length_m, EGO_WIDTH_M))
+        length_m = 0.8 if self._ego_kind == "on foot" else EGO_LENGTH_M
+        clearance.accept(self.ego.trip, length_m, min(length_m, EGO_WIDTH_M))
         self.bodies = list(self._things(rng))
 
     def __str__(self) -> str:
@@ -212,15 +216,14 @@ class _World:
         bend = Centerline(rng.uniform(0.0, most_m), wavelength_m, rng.uniform(0.0, 2 * math.pi))
         slope = Slope(rng.uniform(-10.0, 50.0), rng.uniform(-0.1, 0.1))
         half_width_m = {"square": 100.0, "tunnel": 5.0}.get(self._place, rng.uniform(5.2, 8.0))
-        crossings: tuple[Crossing, ...] = ()
-        if self._place == "tunnel":
-            bend = replace(bend, amplitude_m=0.0)
-        if self._place == "crossing":
-            at = np.array([rng.uniform(14.0, 40.0)])
-            crossings = (Crossing(*(float(v[0]) for v in (at, bend.offset(at), bend.heading(at)))),)
-        if self._place == "tunnel" or rng.uniform() < 0.7:
-            slope = LEVEL
         end_x = 10 * self._speed_m_s + 110.0
+        if self._place == "tunnel":
+            return Street(replace(bend, amplitude_m=0.0), -90.0, end_x, (), half_width_m)
+        crossings: tuple[Crossing, ...] = ()
+        if self._place == "crossing":
+            crossings = bend.crossings(rng.uniform(14.0, 40.0, 1))
+        if rng.uniform() < 0.7:
+            slope = LEVEL
         return Street(bend, -90.0, end_x, crossings, half_width_m, slope)
 
     def _ego(self, rng: np.random.Generator) -> EgoMotion:
@@ -293,20 +296,13 @@ class _World:
             first = self._trip(kind, rng)
             if first is None or self._counts.total() >= number:
                 continue
-            second = replace(
-                first,
-                route=first.route.beside(kind.beside_m),
-                start_arc_m=first.start_arc_m - kind.behind_m,
-            )
-            bodies = [
-                Body(maker(rng), trip)
-                for maker, trip in zip(kind.makers, (first, second), strict=False)
-            ]
+            route, arc_m = first.route.beside(kind.beside_m), first.start_arc_m - kind.behind_m
+            both = (first, replace(first, route=route, start_arc_m=arc_m))
+            group = [(maker(rng), trip) for maker, trip in zip(kind.makers, both, strict=False)]
             if self._clearance.accept_together(
-                (trip, body.model.length_m, body.model.width_m)
-                for body, trip in zip(bodies, (first, second), strict=False)
+                (trip, model.length_m, model.width_m) for model, trip in group
             ):
-                self.bodies += bodies
+                self.bodies += [Body(model, trip) for model, trip in group]
                 self._counts[" with ".join(maker.__name__ for maker in kind.makers)] += 1
 
     def _trip(self, kind: _Kind, rng: np.random.Generator) -> Trip | None:
