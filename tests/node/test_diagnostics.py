@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from node_harness import stamp_of
 from synthetic_clouds import over_ground
 
 from mnsf_ros.core.flow_estimate import (
@@ -251,27 +250,8 @@ class TestValues:
         }
         assert expected.items() <= values.items()
 
-    def test_count_each_event_in_one_of_the_statuses(self, story):
-        events = ("sweeps_gap", "clouds_empty", "triplets_formed", "callback_errors")
-        story.receive(*events)
-        of_input, of_flow, of_ego_motion = (values_of(status) for status in story.statuses())
-        assert not set(events) & set(of_ego_motion)
-        assert [event in of_input for event in events] == [True, True, False, False]
-        assert [event in of_flow for event in events] == [False, False, True, True]
-
 
 class TestOnTheTopic:
-    def test_of_a_node_at_work(self, peer, drive):
-        peer.flow_amid(drive.sweeps(*range(4)))
-        peer.wait_until_settled()
-        assert peer.status("input").level == peer.status("flow").level == OK
-        assert peer.status("flow").message == "estimating"
-        assert float(peer.values("input")["rate [Hz]"]) > 0
-        assert float(peer.values("flow")["prepare median [ms]"]) > 0
-        ego_motion = peer.status("ego motion")
-        assert (ego_motion.level, ego_motion.message) == (OK, "registration")
-        assert stamp_of(peer.diagnostics[-1]["message"]) > 0
-
     def test_of_a_node_without_input(self, peer):
         assert peer.set({"node.stale_after_s": 0.2})[0].successful
         peer.spin_until(lambda: peer.status("input").level == STALE, "silence to be noticed")

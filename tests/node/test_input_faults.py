@@ -109,25 +109,6 @@ def test_bytes_that_are_no_message_do_no_harm(peer, drive, size):
     peer.flow_of(sweeps[1])
 
 
-@pytest.mark.slow
-def test_random_damage_does_not_end_the_node(peer, drive):
-    random = np.random.default_rng(0)
-    whole = serialize_message(drive.sweep(0, num_points=60))
-    peer.send(whole.replace(b"lidar\x00", b"\xff\xfe\xc3\x28\xc3\x00"))
-    for index in range(100):
-        damaged = np.frombuffer(whole, np.uint8).copy()
-        stamp = np.array([drive.stamp_ns(index) // 10**9, index * 10**6], "<u4")
-        damaged[4:12] = stamp.view(np.uint8)
-        # Behind the four bytes that say how the rest is encoded.
-        places = random.integers(4, len(damaged), random.integers(1, 8))
-        damaged[places] = random.integers(0, 256, len(places))
-        peer.publish(damaged.tobytes())
-        peer.spin_for(0.001)
-    peer.flow_amid(drive.sweeps(100, 101, 102))
-    peer.wait_until_settled()
-    assert peer.num_open_triplets == 0
-
-
 class TestStamps:
     @pytest.fixture
     def under_way(self, peer, drive):

@@ -49,11 +49,6 @@ class TestCloud:
         assert column(message, "vy").tolist() == [5, 5]
         np.testing.assert_allclose(column(message, "cov_vy_vy"), 0.2, rtol=1e-6)
 
-    def test_without_objects_has_the_same_fields(self):
-        message = objects_message([])
-        assert (message.height, message.width, len(message.data)) == (1, 0, 0)
-        assert message.fields == objects_message([tracked()]).fields
-
 
 def turn_of(marker):
     turn = marker.pose.orientation
@@ -103,14 +98,6 @@ class TestMarkers:
         assert {item.id for item in second if item.action == Marker.ADD} == {2, 3}
         assert {item.id for item in markers.message(HEADER, []).markers} == {2, 3}
         assert markers.message(HEADER, []).markers == []
-
-    def test_keep_the_colour_of_an_object_and_differ_between_two(self):
-        markers = ObjectMarkers()
-        first = markers.message(HEADER, [tracked(1), tracked(2)]).markers
-        later = markers.message(HEADER, [tracked(2), tracked(1)]).markers
-        colors = {(item.ns, item.id): item.color for item in first}
-        assert colors == {(item.ns, item.id): item.color for item in later}
-        assert colors["box", 1] != colors["box", 2]
 
 
 def message_type(name, **fields):
