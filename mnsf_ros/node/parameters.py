@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -60,7 +61,9 @@ class NodeParameters:
     def _set(self, parameters: list[Parameter]) -> SetParametersResult:
         """Changes the settings after `ros2 param set`, or refuses with the reason."""
         try:
-            settings = _changed(self.settings, parameters)
+            own = {setting.name for setting in declared_settings()}
+            changes = {item.name: item.value for item in parameters if item.name in own}
+            settings = self.settings.changed(changes)
             if self._on_change is not None:
                 _check_fixed(self.settings, settings)
                 self._on_change(settings)
@@ -101,12 +104,6 @@ def undeclared_overrides(node: Node) -> list[str]:
     return sorted(name for name in _overrides(node) if not node.has_parameter(name))
 
 
-def _changed(settings: Settings, parameters: list[Parameter]) -> Settings:
-    """The settings after `ros2 param set`; other parameters are skipped."""
-    names = {setting.name for setting in declared_settings()}
-    return settings.changed({item.name: item.value for item in parameters if item.name in names})
-
-
 def _overrides(node: Node) -> dict[str, Parameter]:
     """Parameters of the command line and of files."""
     # rclpy drops unknown ones without a word and offers no public way to see them.
@@ -125,18 +122,12 @@ def _in_declared_types(node: Node, parameters: list[Parameter]) -> list[Paramete
     for item in parameters:
         if not node.has_parameter(item.name):
             raise UnknownParameterError(item.name)
-        setting = settings.get(item.name)
-        value = item.value if setting is None else _in_type_of(setting, item.value)
+        value = item.value
+        if item.name in settings:
+            with suppress(SettingsError):  # what does not fit is refused later
+                value = settings[item.name].checked(value)
         typed.append(item if value is item.value else Parameter(item.name, value=value))
     return typed
-
-
-def _in_type_of(setting: Setting, value: Any) -> Any:  # noqa: ANN401 - whatever the user gave
-    """The value in the type of the setting; unchanged if it does not fit, and refused later."""
-    try:
-        return setting.checked(value)
-    except SettingsError:
-        return value
 
 
 def _descriptor(setting: Setting, *, is_read_only: bool) -> ParameterDescriptor:

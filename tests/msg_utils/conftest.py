@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import array
+import struct
 import warnings
 from types import SimpleNamespace
 
@@ -97,3 +98,39 @@ def make_cloud():
         return SimpleNamespace(**{**values, "fields": fields})
 
     return make
+
+
+LETTERS = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
+
+
+@pytest.fixture
+def random_cloud(make_cloud):
+    """A cloud of random bytes: fields of all types that overlap, padding, either byte order."""
+
+    def make(chance):
+        height, width = chance.randint(1, 3), chance.randint(1, 4)
+        fields, point_step = [], 1
+        for index in range(chance.randint(1, 6)):
+            code, count, offset = (chance.randint(*ends) for ends in ((1, 8), (0, 3), (0, 30)))
+            size = struct.calcsize(f"<{max(count, 1)}{LETTERS[code]}")
+            point_step = max(point_step, offset + size)
+            fields.append((f"f{index}", offset, code, count))
+        point_step += chance.choice([0, 0, 5])
+        row_step = width * point_step + chance.choice([0, 3])
+        shape = {"width": width, "height": height, "is_bigendian": chance.random() < 0.5}
+        data = chance.randbytes(height * row_step)
+        return make_cloud(fields, data, point_step=point_step, row_step=row_step, **shape)
+
+    return make
+
+
+@pytest.fixture
+def bytes_of():
+    """Bytes and format of a field of one point in a cloud, or in an encoded one."""
+
+    def bytes_of(cloud, field, row, column):
+        text = f"{'>' if cloud.is_bigendian else '<'}{max(field.count, 1)}{LETTERS[field.datatype]}"
+        start = row * cloud.row_step + column * cloud.point_step + field.offset
+        return bytes(cloud.data)[start : start + struct.calcsize(text)], text
+
+    return bytes_of

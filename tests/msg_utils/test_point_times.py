@@ -53,14 +53,6 @@ def test_drivers_are_understood_without_settings(driver):
     assert np.dtype(scalar).name in times.source
 
 
-def test_only_the_wanted_points_count():
-    values = SWEEP_S.astype(np.float32)
-    values[::7] = np.nan
-    wanted = np.isfinite(values)
-    times = decoded(wanted=wanted, time=values)
-    np.testing.assert_array_equal(times.times_s, values[wanted])
-
-
 def test_stamp_of_another_clock_is_taken_for_the_first_point():
     times = decoded(timestamp=SWEEP_S + 35.0)
     np.testing.assert_allclose(times.times_s, SWEEP_S, atol=1e-6)
