@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import secrets
 from dataclasses import replace
@@ -33,7 +32,7 @@ from mnsf_ros.online.watches import busy_text
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.report.tables import errors_table
-from mnsf_ros.report.text_table import TextTable, format_number
+from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
@@ -65,7 +64,6 @@ def run_demo(
     folder.mkdir(parents=True, exist_ok=True)
     flow_bag, picture = folder / "flow", folder / "flow.png"
     log = _replayed(recording, flow_bag, settings, folder, console)
-    console.print(figures_table(log))
     console.print("scoring and drawing the flow")
     errors = _score_and_draw(recording, flow_bag, settings, picture)
     if errors is not None:
@@ -181,21 +179,6 @@ def _errors_table(rows: list[ResultRow]) -> TextTable | None:
     }
     title = f"Errors against the truth of the recording, mean over {len(rows) // 2} flows"
     return errors_table(pd.DataFrame(errors).T, title, "points")
-
-
-def figures_table(log: ReplayLog) -> TextTable:
-    """Returns the numbers of sweeps and flows, and the latency."""
-    latencies_ms = log.latencies_ms or [math.nan]
-    rows = [
-        ("sweeps in", str(len(log.published_s))),
-        ("flows out", str(len(log.arrived_s))),
-        ("dropped for a newer sweep", str(log.num_dropped)),
-    ]
-    rows += [(name, str(count)) for name, count in log.losses.items() if count]
-    for name, percentile in (("median", 50), ("p95", 95)):
-        latency_ms = float(np.percentile(latencies_ms, percentile))
-        rows.append((f"latency {name} (ms)", format_number(latency_ms, 0)))
-    return TextTable(("figure", "value"), rows, "Replay")
 
 
 def verdict(log: ReplayLog) -> str:

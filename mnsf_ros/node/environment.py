@@ -20,8 +20,10 @@ from mnsf_ros.errors import MnsfError
 # Of a lidar driver, and of the node where sockets cannot hold a cloud.
 TRANSPORT_PROFILE: Final = Path(__file__).with_name("fastdds.xml")
 UDP_PROFILE: Final = TRANSPORT_PROFILE.with_name("fastdds_udp.xml")
-# As in both profiles; Linux allows 0.2 MB unless it is told otherwise.
-_SOCKET_BYTES: Final = 4 * 2**20
+# A usual cloud; Linux allows 0.2 MB unless it is told otherwise.
+_CLOUD_BYTES: Final = 4 * 2**20
+# As in the profile: several clouds of 128 beams.
+_SOCKET_BYTES: Final = 32 * 2**20
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 # Makes the ROS layer read the profiles of readers and writers, too.
 _READS_PROFILE: Final = "RMW_FASTRTPS_USE_QOS_FROM_XML"
@@ -60,34 +62,39 @@ def require_ros() -> None:
         )
 
 
-def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
+def prepare_environment(
+    environment: MutableMapping[str, str] = os.environ, *, is_node: bool = False
+) -> None:
     """Sets the variables that the user has not set, before ROS and torch are loaded.
 
-    The Fast DDS profile lets clouds of several megabytes through and gives their memory back.
+    The Fast DDS profile lets clouds of several megabytes through and gives their memory back. The
+    node itself hears drivers that have no profile, too.
     """
+    profile = UDP_PROFILE if is_node and sockets_hold_clouds() else TRANSPORT_PROFILE
     given = [name for name in _PROFILE_VARIABLES if environment.get(name)]
     for name in given or _PROFILE_VARIABLES[:1]:
-        # The user may have set that of the driver for all programs.
+        # A user may have set that of drivers for all programs.
         if environment.get(name) in (None, "", str(TRANSPORT_PROFILE)):
-            profile = UDP_PROFILE if sockets_hold_clouds() else TRANSPORT_PROFILE
             environment[name] = str(profile)
             environment.setdefault(_READS_PROFILE, "1")
     let_threads_sleep(environment)
 
 
-def sockets_hold_clouds() -> bool:
-    """Whether the system allows receive buffers of megabytes."""
+def sockets_hold_clouds(num_bytes: int = _CLOUD_BYTES) -> bool:
+    """Whether the system allows receive buffers of so many bytes."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SOCKET_BYTES)
-        return probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= _SOCKET_BYTES
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, num_bytes)
+        return probe.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= num_bytes
 
 
 def advice_on_lost_clouds() -> str:
     """What to do where best-effort clouds are lost between programs; the end of a message."""
-    sysctl = f"sudo sysctl -w net.core.rmem_max={_SOCKET_BYTES} and start this node again"
-    profile = f"start its driver with {_PROFILE_VARIABLES[0]}={TRANSPORT_PROFILE}"
-    ways = ["publish it reliable", profile]
-    return f"{' or '.join(ways if sockets_hold_clouds() else [sysctl, *ways])}"
+    profile = f"start the driver with {_PROFILE_VARIABLES[0]}={TRANSPORT_PROFILE}"
+    ways = ["publish reliable", profile]
+    if not sockets_hold_clouds(_SOCKET_BYTES):
+        sysctl = f"sudo sysctl -w net.core.rmem_max={_SOCKET_BYTES} and start this node again"
+        ways = [sysctl, *ways]
+    return " or ".join(ways)
 
 
 def keep_memory(environment: Mapping[str, str] = os.environ) -> None:

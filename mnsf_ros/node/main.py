@@ -66,7 +66,7 @@ def main(leave_signals: Callable[[], None], *, has_life_cycle: bool) -> None:
     1 if the middleware hangs at the end.
     """
     _refuse_options(sys.argv[1:], has_life_cycle=has_life_cycle)
-    prepare_environment()
+    prepare_environment(is_node=True)
     keep_memory()
     try:
         require_ros()

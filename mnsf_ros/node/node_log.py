@@ -78,16 +78,16 @@ class FaultLog:
 
     def unexpected(self, what: str, error: Exception) -> None:
         """Logs an error that is a defect, with its traceback; one of ROS alone is one line."""
-        frames = list(traceback.walk_tb(error.__traceback__))
+        frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+        where = ", ".join(frame.f_code.co_name for frame in frames[-_FRAMES_SHOWN:])
+        name = type(error).__name__
         # The first one has caught it.
-        is_own = any(_PACKAGE in frame.f_globals.get("__name__", "") for frame, _ in frames[1:])
-        if is_own:
+        if any(_PACKAGE in frame.f_globals.get("__name__", "") for frame in frames[1:]):
             details = "".join(traceback.format_exception(error))
             text = f"unexpected error\n{details}"
         else:
-            where = ", ".join(frame.f_code.co_name for frame, _ in frames[-_FRAMES_SHOWN:])
-            text = f"refused by ROS in {where}: {type(error).__name__}: {error}"
-        self.error(f"{what.partition(' ')[0]} {type(error).__name__}", f"{what}: {text}")
+            text = f"refused by ROS in {where}: {name}: {error}"
+        self.error(f"{where} {name}", f"{what}: {text}")
 
     def _logger(self, kind: str) -> Logger:
         # rclpy throttles each line of a program, and each logger by itself.
