@@ -216,6 +216,7 @@ canvas.onpointerup = (event) => {
   if (drag && drag.travel < CLICK_PX && !drag.pans) pick(event.offsetX, event.offsetY);
   drag = null;
 };
+canvas.onpointercancel = () => { drag = null; };
 canvas.oncontextmenu = (event) => event.preventDefault();
 canvas.onwheel = (event) => {
   event.preventDefault();
