@@ -90,10 +90,10 @@ export class Overlay {
   }
 
   drawPath(places, color, width, alpha) {
-    const moved_ = places.map((place) => moved(this.frameFromWorld, place));
-    for (let k = 1; k < moved_.length; k++)
-      this.stroke(color, width, alpha * (0.15 + 0.85 * k / moved_.length),
-        () => this.line(moved_[k - 1], moved_[k]));
+    const drawn = places.map((place) => moved(this.frameFromWorld, place));
+    for (let k = 1; k < drawn.length; k++)
+      this.stroke(color, width, alpha * (0.15 + 0.85 * k / drawn.length),
+        () => this.line(drawn[k - 1], drawn[k]));
   }
 
   drawSensor(groundZ) {

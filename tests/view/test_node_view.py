@@ -1,0 +1,150 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""A node's messages on the page: scenes of one stamp, and only while somebody watches."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from threading import Thread
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+pytest.importorskip("rclpy")
+from std_msgs.msg import Header
+
+from mnsf_ros.core.flow_columns import object_columns
+from mnsf_ros.core.flow_estimate import TrackedObject
+from mnsf_ros.node.raw_topics import RawTopics
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
+from mnsf_ros.recording.ros1_file import jazzy
+from mnsf_ros.view.node_view import NodeView
+from mnsf_ros.view.page_server import PageServer
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import encoding_of_columns
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def address(own_domain: None) -> Iterator[str]:
+    """Where the page of the node /front is."""
+    server = PageServer()
+    with NodeView(server, "front") as view, server.listening("127.0.0.1", 0) as address:
+        is_over = False
+
+        def run() -> None:
+            while not is_over:
+                view.work()
+
+        thread = Thread(target=run, daemon=True)
+        thread.start()
+        yield address
+        is_over = True
+        server.commands.put({"do": "nothing"})
+        thread.join()
+
+
+class Front:
+    """The outputs of a node."""
+
+    def __init__(self, ros: RawTopics) -> None:
+        self.ros = ros
+        self.outputs = {
+            name: ros.publisher(f"/front/{name}", msgtype)
+            for name, msgtype in (
+                ("flow", CLOUD_TYPE),
+                ("objects", CLOUD_TYPE),
+                ("ego_motion", ODOMETRY_TYPE),
+            )
+        }
+
+    def until(self, condition: Callable[[], object]) -> None:
+        give_up_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up_s
+            self.ros.spin_for(0.05)
+
+    def num_subscriptions(self) -> int:
+        return sum(output.get_subscription_count() for output in self.outputs.values())
+
+    def publish(self, stamp_s: int, *, without: str = "") -> None:
+        header = Header(frame_id="lidar")
+        header.stamp.sec = stamp_s
+        columns = {axis: np.arange(3, dtype=np.float32) for axis in "xyz"}
+        columns |= {"dynamic": np.array([0, 1, 0], np.uint8)}
+        columns |= {"rgb": np.array([1, 0xFF0000, 2], np.uint32).view(np.float32)}
+        columns.pop(without, None)
+        item = TrackedObject(
+            7, np.ones(3), np.ones(3), 0.0, np.array([3.0, 4.0, 0.0]), np.eye(6), 1.0, 1
+        )
+        messages = {
+            "flow": serialized_cloud(header, encoding_of_columns(columns, 1, 3), is_dense=True),
+            "objects": serialized_cloud(
+                header, encoding_of_columns(object_columns([item]), 1, 1), is_dense=True
+            ),
+            "ego_motion": odometry(stamp_s),
+        }
+        for name, raw in messages.items():
+            if name != without:
+                self.outputs[name].publish(raw)
+
+
+def odometry(stamp_s: int) -> bytes:
+    types = jazzy().types
+
+    def made(name: str, **values: object) -> object:
+        return types[name](**values)
+
+    stamp = made("builtin_interfaces/msg/Time", sec=stamp_s, nanosec=0)
+    zero = made("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    place = made("geometry_msgs/msg/Point", x=float(stamp_s), y=0.0, z=0.0)
+    turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    pose = made("geometry_msgs/msg/Pose", position=place, orientation=turn)
+    twist = made("geometry_msgs/msg/Twist", linear=zero, angular=zero)
+    unknown = np.zeros(36)
+    message = made(
+        ODOMETRY_TYPE,
+        header=made("std_msgs/msg/Header", stamp=stamp, frame_id="odom"),
+        child_frame_id="lidar",
+        pose=made("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
+        twist=made("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+    return bytes(jazzy().serialize_cdr(message, ODOMETRY_TYPE))
+
+
+def test_scenes_of_a_node_while_somebody_watches(address: str) -> None:
+    with RawTopics("node_of_the_test") as ros:
+        front = Front(ros)
+        with closing(connect(f"ws://{urlsplit(address).netloc}/socket")) as viewer:
+
+            def scene() -> dict:
+                while isinstance(raw := viewer.recv(timeout=PATIENCE_S), str):
+                    pass
+                length = int.from_bytes(raw[:4], "little")
+                found = json.loads(raw[4 : 4 + length])
+                colors = np.frombuffer(raw, "<u4", 3, len(raw) - 12)
+                assert colors.tolist() == [1, 0x1FF0000, 2]
+                return found
+
+            front.until(lambda: front.num_subscriptions() == 3)
+            front.publish(10)
+            seen = scene()
+            assert seen["stamp"] == "10.000"
+            assert seen["ego"][-1] == [10.0, 0.0, 0.0]
+            assert (seen["objects"][0]["id"], seen["objects"][0]["speed"]) == (7, 5.0)
+            # Clouds of others are left out; scenes without objects are shown late.
+            front.publish(11, without="dynamic")
+            front.publish(12, without="objects")
+            front.publish(13, without="objects")
+            assert scene()["stamp"] == "12.000"
+            # A recording that starts again; topics have no order among each other.
+            ros.spin_for(0.5)
+            front.publish(5)
+            seen = scene()
+            assert (seen["stamp"], len(seen["objects"][0]["path"])) == ("5.000", 1)
+        front.until(lambda: front.num_subscriptions() == 0)
