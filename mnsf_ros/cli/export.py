@@ -60,9 +60,12 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.options import EvaluationOptions
     from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
 
+    named = named_recordings(options.bags)
+    for name, path in named:
+        if "/" in name:
+            raise DatasetError(f"{path}: has the name of another recording; export them apart")
     recordings = [
-        choose_topics(path, name, options.points, odometry=options.odometry)
-        for name, path in named_recordings(options.bags)
+        choose_topics(path, name, options.points, odometry=options.odometry) for name, path in named
     ]
     _FORMATS[options.format](options, recordings, EvaluationOptions(chosen_settings(options)))
 

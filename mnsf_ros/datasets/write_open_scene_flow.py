@@ -58,6 +58,8 @@ class OpenSceneFlowWriter:
         # Stamp to the name of its group: stamps of some data sets are microseconds.
         self._groups = {nanoseconds(int(name)): name for name in file}
         self._is_new = not self._groups
+        # Object to its number in the file, which has 16 bits for it.
+        self._instances = {0: 0}
 
     def write(self, sweep: ExportedSweep) -> None:
         """Adds a sweep, or its estimate to the sweep of the same stamp.
@@ -74,8 +76,12 @@ class OpenSceneFlowWriter:
             arrays[self._key] = sweep.in_rows(sweep.motion.flow)
             if self._labels:
                 arrays |= _labels(sweep, sweep.motion)
-            elif self._is_new and sweep.motion.truth is not None:
-                arrays |= _truth(sweep, sweep.motion, sweep.motion.truth)
+                arrays |= self._of_objects(sweep, sweep.motion.track_ids)
+            elif self._is_new and (truth := sweep.motion.truth) is not None:
+                arrays |= _truth(sweep, sweep.motion, truth)
+                unknown = np.zeros(len(truth), np.uint32)
+                objects = unknown if truth.object_id is None else truth.object_id
+                arrays |= self._of_objects(sweep, objects)
         for name, values in arrays.items():
             if name in group:
                 if not self._overwrite:
@@ -85,6 +91,12 @@ class OpenSceneFlowWriter:
                     )
                 del group[name]
             group.create_dataset(name, data=values)
+
+    def _of_objects(self, sweep: ExportedSweep, objects: NDArray[np.integer[Any]]) -> _Arrays:
+        known, places = np.unique(np.append(objects, 0), return_inverse=True)
+        numbers = [self._instances.setdefault(one, len(self._instances)) for one in known.tolist()]
+        instances = np.array(numbers).astype(np.int16)[places[:-1]]
+        return {"flow_instance_id": sweep.in_rows(instances)}
 
     def _known_group(self, sweep: ExportedSweep) -> Any:  # noqa: ANN401 - h5py.Group
         name = self._groups.get(sweep.stamp_ns)
@@ -145,12 +157,10 @@ def _sweep_arrays(sweep: ExportedSweep) -> _Arrays:
 
 
 def _truth(sweep: ExportedSweep, motion: ExportedFlow, truth: FlowTruth) -> _Arrays:
-    objects = np.zeros(len(truth), np.int64) if truth.object_id is None else truth.object_id
     return {
         "flow": sweep.in_rows(np.where(truth.valid[:, None], truth.flow, np.float32(0.0))),
         "flow_is_valid": sweep.in_rows(truth.valid),
         "flow_category_indices": sweep.in_rows(argoverse2_numbers(truth.class_id)),
-        "flow_instance_id": sweep.in_rows(objects.astype(np.int64)),
         "ego_motion": motion.next_from_current.astype(np.float32),
     }
 
@@ -163,7 +173,6 @@ def _labels(sweep: ExportedSweep, motion: ExportedFlow) -> _Arrays:
         "flow": sweep.in_rows(motion.flow),
         "flow_is_valid": sweep.in_rows(motion.is_estimated),
         "flow_category_indices": sweep.in_rows(argoverse2_numbers(kinds)),
-        "flow_instance_id": sweep.in_rows(motion.track_ids),
         "ego_motion": motion.next_from_current.astype(np.float32),
         "dufo": sweep.in_rows(motion.dynamic.astype(np.uint8)),
         "dufocluster": sweep.in_rows(clusters[:-1].astype(np.int16)),

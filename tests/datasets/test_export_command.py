@@ -51,12 +51,16 @@ def test_a_new_file_has_sweeps_poses_truth_and_estimates(street, exported, truth
     assert [sweep.stamp_ns for sweep in read] == stamps
     with BagReader(street) as reader:
         poses = read_sensor_poses(reader)
+    numbers = set()
     for stamp, after, sweep in zip(stamps, stamps[1:], read, strict=False):
         known, found = truth[stamp], arrays(exported, stamp)
         np.testing.assert_array_equal(sweep.given.valid, known.valid)
         np.testing.assert_array_equal(sweep.given.flow[known.valid], known.flow[known.valid])
         np.testing.assert_array_equal(sweep.ground, known.ground)
-        np.testing.assert_array_equal(found["flow_instance_id"], known.object_id)
+        assert found["flow_instance_id"].dtype == np.int16
+        numbers |= set(
+            zip(found["flow_instance_id"].tolist(), known.object_id.tolist(), strict=True)
+        )
         cars = (known.class_id == 6) == (sweep.given.class_id == 6)
         assert cars.all()
         np.testing.assert_allclose(found["pose"], poses[stamp], atol=1e-5)
@@ -64,6 +68,9 @@ def test_a_new_file_has_sweeps_poses_truth_and_estimates(street, exported, truth
         np.testing.assert_allclose(found["ego_motion"], motion, atol=1e-5)
         static = known.valid & ~known.dynamic
         np.testing.assert_allclose(found["ego"][static], known.flow[static], atol=1e-3)
+    # One number for each object, the same in all sweeps.
+    assert (0, 0) in numbers
+    assert len(dict(numbers)) == len(numbers) == len({known for _, known in numbers})
     assert set(arrays(exported, stamps[-1])) == {"lidar", "pose", "ground_mask"}
     indexes = [exported.with_name(name) for name in ("index_total.pkl", "index_flow.pkl")]
     total, with_flow = (pickle.loads(index.read_bytes()) for index in indexes)  # noqa: S301
@@ -189,6 +196,15 @@ def test_masks_that_do_not_fit_are_refused(street, tmp_path, truth, masks, words
     assert run([*command, "--mask", str(path)]) == EXIT_USAGE
     assert words in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_recordings_of_one_name_are_refused(street, tmp_path, capsys):
+    other = tmp_path / street.name
+    other.mkdir()
+    (other / "points.mcap").write_bytes((street / f"{street.name}.mcap").read_bytes()[:-1])
+    command = ["export", "opensceneflow", str(street), str(other), "--out", str(tmp_path / "out")]
+    assert run(command) == EXIT_USAGE
+    assert "has the name of another recording" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
