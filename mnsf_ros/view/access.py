@@ -48,11 +48,10 @@ class Access:
         return "" if is_own else f"foreign Host {hosts[0]!r}"
 
     def _refusal_by_token(self, path: str) -> str:
-        url = urlsplit(path)
-        given = parse_qs(url.query).get("token", [""])[0]
-        if url.path not in ("/", SOCKET) or secrets.compare_digest(
-            given.encode(), self._token.encode()
-        ):
+        file, _, query = path.partition("?")
+        given = parse_qs(query).get("token", [""])[0]
+        is_right = secrets.compare_digest(given.encode(), self._token.encode())
+        if is_right or file not in ("/", SOCKET):
             return ""
         return "the token is missing or wrong: open the address that mnsf view prints"
 

@@ -13,7 +13,6 @@ from importlib.resources import files
 from queue import Full, Queue
 from threading import Thread
 from typing import Any, Final
-from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -148,7 +147,7 @@ class PageServer:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Returns a file of the page or a refusal; None lets a viewer in."""
-        path = urlsplit(request.path).path
+        path = request.path.partition("?")[0]
         if refusal := self._access.refusal(request):
             return connection.respond(HTTPStatus.FORBIDDEN, f"{refusal}\n")
         if path == SOCKET:

@@ -78,7 +78,8 @@ def test_the_page_refers_to_its_own_files_only(address: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/nothing", "/../page_server.py", "/%2e%2e/page_server.py", "//etc/passwd", "/?x=1/.."]
+    "path",
+    ["/nothing", "/../page_server.py", "/%2e%2e/page_server.py", "//etc/passwd", "//[", "/?x=1/.."],
 )
 def test_only_files_of_the_page_are_served(address: str, path: str) -> None:
     assert status(address, path) == (200 if path.startswith("/?") else 404)

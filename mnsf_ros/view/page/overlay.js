@@ -190,7 +190,7 @@ export class Overlay {
 
   drawLegend(layer) {
     const context = this.context, half = WHEEL_PX / 2;
-    const [x, y] = [this.width - half - 30, this.height - half - 92];
+    const [x, y] = [this.width - half - 30, this.bottom - half - 40];
     if (layer === "error") {
       const ramp = context.createLinearGradient(x - 60, 0, x + half, 0);
       ["#343a48", "#e2b02c", "#ff3a28"].forEach((color, k) => ramp.addColorStop(k / 2, color));

@@ -17,7 +17,7 @@ void main() {
   gl_PointSize = clamp(size_px, is_large > 0.5 ? 3.2 : 1.4, is_large > 0.5 ? 14.0 : 6.0);
   color = vec3(packed_color >> 16u & 255u, packed_color >> 8u & 255u, packed_color & 255u) / 255.0;
   if (is_large < 0.5)  // static points fade into the distance, and are lighter above the ground
-    color *= clamp(1.0 + 0.16 * position.z, 0.5, 1.45) * clamp(1.3 - 0.35 * depth / distance, 0.4, 1.1);
+    color *= clamp(1.25 + 0.18 * position.z, 0.7, 1.8) * clamp(1.35 - 0.35 * depth / distance, 0.4, 1.1);
 }`;
 const FRAGMENT = `#version 300 es
 precision mediump float;
