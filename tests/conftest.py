@@ -141,6 +141,7 @@ def own_domain(monkeypatch, tmp_path):
 
 
 _DRAWN = ("curve_chart", "share_bars", "stage_bars")
+_PICTURES = ("evaluation.pictures.example_picture", "evaluation.pictures.frame")
 
 
 @pytest.fixture
@@ -148,5 +149,5 @@ def without_drawing(monkeypatch):
     """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
     for name in _DRAWN:
         monkeypatch.setattr(f"mnsf_ros.report.charts.{name}", lambda *_: "<svg></svg>")
-    for name in ("drawing.example_pictures.png_bytes", "drawing.study_charts.png_bytes"):
+    for name in ("drawing.study_charts.png_bytes", *_PICTURES):
         monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

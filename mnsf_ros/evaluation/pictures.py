@@ -55,26 +55,31 @@ class Picture:
 
 
 class Painter:
-    """Draws frames of the first sweeps of one task, and those that are its worst so far."""
+    """Draws the first sweeps of one task as they come, and its worst ones at its end."""
 
     def __init__(self, number: int, *, has_frames: bool = True) -> None:
         """Draws so many of the worst sweeps; if any, also frames."""
         self._number = number
         self._num_frames = _NUM_FRAMES if number and has_frames else 0
-        self._largest_m: list[float] = []
+        self._worst: list[tuple[float, int, ResultRow, Example, NDArray[np.float32]]] = []
 
-    def drawn(self, row: ResultRow, example: Example, estimate: FlowEstimate) -> Iterator[Picture]:
-        """Yields the pictures of an example that the report would show by now."""
+    def frames(self, row: ResultRow, example: Example, estimate: FlowEstimate) -> Iterator[Picture]:
+        """Yields the frame of an example, if it gets one; it may be among the worst, too."""
+        if self._number and not math.isnan(row.badness_m):
+            # Of equals the first ones, as in the report.
+            item = (row.badness_m, -row.number, row, example, estimate.flow)
+            heapq.heappush(self._worst, item)
+            if len(self._worst) > self._number:
+                heapq.heappop(self._worst)
         if self._num_frames:
             self._num_frames -= 1
             yield Picture(row.recording, row.method, row.number, _frame(example, estimate))
-        if self._number == 0 or math.isnan(row.badness_m):
-            return
-        heapq.heappush(self._largest_m, row.badness_m)
-        is_full = len(self._largest_m) > self._number
-        if not is_full or heapq.heappop(self._largest_m) < row.badness_m:
-            image = sweep_picture(row.method, example, estimate.flow)
-            yield Picture(row.recording, row.method, row.number, image, row.badness_m)
+
+    def worst(self) -> Iterator[Picture]:
+        """Yields the pictures of the worst sweeps, which take most of a second each."""
+        for badness_m, _, row, example, flow in self._worst:
+            image = sweep_picture(row.method, example, flow)
+            yield Picture(row.recording, row.method, row.number, image, badness_m)
 
 
 def _frame(example: Example, estimate: FlowEstimate) -> bytes:

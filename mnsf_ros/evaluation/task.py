@@ -55,8 +55,8 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     """Evaluates one method on one recording.
 
     Yields:
-        A row for each example as it gets ready, before it what a report would show of it by now,
-        and at the very end what was noticed.
+        A row for each example as it gets ready, pictures for a report, and at the very end what was
+        noticed.
 
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
@@ -97,14 +97,15 @@ class _Scorer:
     def events(
         self, examples: Iterator[tuple[Example, bool]], record: Record
     ) -> Iterator[ResultRow | Picture]:
-        """Yields a row, and before it what a report shows, for each example to be scored."""
+        """Yields a row for each example to be scored, and pictures."""
         for outcome in self._outcomes(examples):
             example, estimate = outcome.example, outcome.result
             row = self._row(outcome)
             if isinstance(estimate, FlowEstimate) and row.failure is None:
                 record(example, estimate.flow)
-                yield from self._painter.drawn(row, example, estimate)
+                yield from self._painter.frames(row, example, estimate)
             yield row
+        yield from self._painter.worst()
 
     def _outcomes(self, examples: Iterator[tuple[Example, bool]]) -> Iterator[Outcome]:
         rate = self._options.realtime_rate

@@ -24,7 +24,7 @@ from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
-pytestmark = pytest.mark.usefixtures("without_drawing")
+without_drawing = pytest.mark.usefixtures("without_drawing")
 
 METHODS = ["ego", "zero"]
 
@@ -67,6 +67,7 @@ def worst_of(folder, method):
     return [row.number for row in sorted(rows, key=lambda row: -row.badness_m)]
 
 
+@without_drawing
 def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
     folder = evaluate(street, tmp_path / "run", num_pictured=2)
     worst = {method: worst_of(folder, method)[:2] for method in METHODS}
@@ -87,10 +88,12 @@ def test_the_worst_sweeps_of_each_method_are_drawn(street, tmp_path):
         report_of(folder, focus="mnfs")
 
 
+@without_drawing
 def test_killed_and_resumed_run_has_the_same_pictures(street, tmp_path):
-    whole = evaluate(street, tmp_path / "whole", methods=["ego"], num_pictured=2)
-    evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, num_events=3)
-    resumed = evaluate(street, tmp_path / "run", methods=["ego"], num_pictured=2, resume=True)
+    known = {"methods": ["ego-estimated"], "num_pictured": 2}
+    whole = evaluate(street, tmp_path / "whole", **known)
+    evaluate(street, tmp_path / "run", **known, num_events=3)
+    resumed = evaluate(street, tmp_path / "run", **known, resume=True)
     assert files(resumed) == files(whole)
     assert len(list(resumed.rows)) == len(list(whole.rows))
 

@@ -59,6 +59,12 @@ def options(tmp_path, street):
     return options_in(tmp_path, street)
 
 
+@pytest.fixture(autouse=True)
+def without_pictures_of_sweeps(monkeypatch):
+    for name in ("example_picture", "frame"):
+        monkeypatch.setattr(f"mnsf_ros.evaluation.pictures.{name}", lambda *_: b"PNG")
+
+
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory, street):
     """Does a study by its name, once for all tests; returns its result and its files."""
