@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from moving_boxes import surfaces
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
@@ -14,8 +15,6 @@ from mnsf_ros.core.flow_estimate import OverGround, TrackedObject
 from msg_utils.cdr import serialized_cloud
 from msg_utils.point_cloud2 import decode_points, encoding_of_columns
 
-# Metres per sweep.
-MOTION = np.array([0.3, 0.1, 0.0], np.float32)
 INTERVAL_NS = 100_000_000
 
 # What the node adds to a point: name to datatype, each of count 1.
@@ -29,28 +28,6 @@ ADDED_FIELDS = {
 }
 # The byte of `dynamic` is followed by three that align `confidence`.
 ADDED_BYTES = 10 * 4
-
-_BOXES = (
-    # center x, y, size x, y, z
-    (8, 3, 4, 2, 2),
-    (12, -4, 4, 2, 2),
-    (5, -6, 1, 1, 2),
-    (-9, 5, 5, 2, 3),
-    (-7, -7, 2, 4, 2),
-    (15, 6, 2, 2, 4),
-)
-
-
-def surfaces(sweep_index=0, num_points=1200):
-    """(num_points, 3) float32: the same points of the boxes' surfaces in each sweep, moved."""
-    random = np.random.default_rng(0)
-    parts = []
-    for x, y, *size in _BOXES:
-        num = num_points // len(_BOXES)
-        unit = random.uniform(-0.5, 0.5, (num, 3))
-        unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
-        parts.append(unit * size + (x, y, size[2] / 2))
-    return np.concatenate(parts).astype(np.float32) + np.float32(sweep_index) * MOTION
 
 
 def cloud_message(columns, *, stamp_ns, frame_id="lidar"):

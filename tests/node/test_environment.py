@@ -11,8 +11,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from moving_boxes import surfaces
 from node_harness import PREPARED
-from synthetic_clouds import ADDED_BYTES, surfaces, xyz_message
+from synthetic_clouds import ADDED_BYTES, xyz_message
 
 from mnsf_ros.node import environment
 from mnsf_ros.node.environment import TRANSPORT_PROFILE, UDP_PROFILE

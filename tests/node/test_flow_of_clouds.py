@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import numpy as np
+from moving_boxes import MOTION, surfaces
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from synthetic_clouds import (
     ADDED_FIELDS,
-    MOTION,
     cloud_message,
     column,
     flow_columns,
-    surfaces,
     velocity_columns,
     xyz_columns,
     xyz_message,

@@ -7,9 +7,10 @@ import itertools
 
 import numpy as np
 import pytest
+from moving_boxes import MOTION, surfaces
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
-from synthetic_clouds import MOTION, cloud_message, flow_columns, surfaces, xyz_message
+from synthetic_clouds import cloud_message, flow_columns, xyz_message
 
 # Makes a cloud one that cannot be decoded; of each kind of check one.
 SPOILERS = {

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import pytest
 import rclpy
+from moving_boxes import surfaces
 from node_harness import SceneFlowPeer, Spinner
 from rclpy.context import Context
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
-from synthetic_clouds import surfaces, xyz_message
+from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.cloud_topics import only_cloud_topic

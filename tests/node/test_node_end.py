@@ -10,10 +10,11 @@ import time
 
 import pytest
 import rclpy
+from moving_boxes import surfaces
 from node_harness import ENDLESS, LONG_CALLS, PATIENCE_S, QUICK
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from synthetic_clouds import Drive, surfaces, xyz_message
+from synthetic_clouds import Drive, xyz_message
 
 from mnsf_ros.node.main import spin
 

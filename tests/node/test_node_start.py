@@ -9,10 +9,11 @@ import sys
 
 import numpy as np
 import pytest
+from moving_boxes import MOTION
 from node_harness import PATIENCE_S, QUICK
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Float64
-from synthetic_clouds import MOTION, flow_columns
+from synthetic_clouds import flow_columns
 
 # Arguments of ROS, and a part of the one line of answer.
 _UNUSABLE = {

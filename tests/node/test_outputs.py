@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from moving_boxes import surfaces
 from node_harness import Spinner
 from sensor_msgs.msg import PointCloud2, PointField
-from synthetic_clouds import column, over_ground, surfaces, tracked, xyz_columns, xyz_message
+from synthetic_clouds import column, over_ground, tracked, xyz_columns, xyz_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate

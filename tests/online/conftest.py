@@ -5,35 +5,13 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
 import pytest
+from moving_boxes import MOTION, surfaces
 from pipelines import PATIENCE_S, Recorder
 
 from mnsf_ros.online.online_pipeline import OnlinePipeline
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep
-
-# Metres per sweep.
-MOTION = np.array([0.3, 0.1, 0.0], np.float32)
-
-_BOXES = (
-    # center x, y, size x, y, z
-    (8, 3, 4, 2, 2),
-    (12, -4, 4, 2, 2),
-    (-9, 5, 5, 2, 3),
-    (-7, -7, 2, 4, 2),
-)
-
-
-def _surfaces(num_points):
-    random = np.random.default_rng(0)
-    parts = []
-    for x, y, *size in _BOXES:
-        num = num_points // len(_BOXES)
-        unit = random.uniform(-0.5, 0.5, (num, 3))
-        unit[np.arange(num), random.integers(0, 3, num)] = random.choice((-0.5, 0.5), num)
-        parts.append(unit * size + (x, y, size[2] / 2))
-    return np.concatenate(parts).astype(np.float32)
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +19,7 @@ def make_sweep():
     """Sweeps by their number: the same points of the boxes' surfaces, moved a little further."""
 
     def make(index, *, num_points=400, frame_id="lidar"):
-        xyz = _surfaces(num_points) + np.float32(index) * MOTION
+        xyz = surfaces(index, num_points)
         return Sweep(xyz, stamp_ns=10**9 + round(index * 10**8), frame_id=frame_id)
 
     return make
