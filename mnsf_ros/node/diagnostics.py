@@ -29,6 +29,7 @@ from mnsf_ros.online.watches import (
     FlowWatch,
 )
 from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import Start
 
 _LOST_SHARE: Final = 0.2  # of clouds lost to sweeps received; above it is an error
 
@@ -207,23 +208,23 @@ def _counts(snapshot: StatisticsSnapshot, *, of_input: bool) -> dict[str, int]:
 
 
 def _recent_values(snapshot: StatisticsSnapshot) -> dict[str, object]:
-    newest = snapshot.recent[-1]
+    estimates = [item.estimate for item in snapshot.recent]
+    newest = estimates[-1]
     values: dict[str, object] = {
         "device": newest.device,
         "distance": newest.distance_kind,
         "precision": newest.precision,
-        "start": newest.start,
-        "cold starts, recent": sum(item.start != "warm" for item in snapshot.recent),
+        "start": newest.start.value,
+        "cold starts, recent": sum(item.start is not Start.WARM for item in estimates),
+        "estimate median [ms]": _number(snapshot.estimate_ms),
     }
-    values["estimate median [ms]"] = _number(snapshot.estimate_ms)
     for stage in newest.times_ms:
-        times = [item.times_ms[stage] for item in snapshot.recent if stage in item.times_ms]
+        times = [item.times_ms[stage] for item in estimates if stage in item.times_ms]
         values[f"{stage} median [ms]"] = _number(float(np.median(times)))
-    for stage, iterations in newest.iterations.items():
-        reasons = Counter(
-            item.stop_reasons[stage] for item in snapshot.recent if stage in item.stop_reasons
-        )
-        values[f"{stage} iterations, last"] = iterations
+    for stage, fit in newest.fits.items():
+        fits = (item.fits[stage] for item in estimates if stage in item.fits)
+        reasons = Counter(one.stop_reason.value for one in fits)
+        values[f"{stage} iterations, last"] = fit.iterations
         values[f"{stage} stop reasons, recent"] = ", ".join(
             f"{reason} {count}" for reason, count in reasons.most_common()
         )

@@ -14,6 +14,7 @@ import numpy as np
 from mnsf_ros.core.flow_estimate import FlowEstimate
 
 _WINDOW = 100
+_NO_POINT = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -22,19 +23,13 @@ class RecentEstimate:
 
     finished_s: float  # of the steady clock
     latency_ms: float  # from the arrival of the next sweep to the publication of the flow
-    times_ms: dict[str, float]
-    iterations: dict[str, int]
-    stop_reasons: dict[str, str]
-    start: str
-    device: str
-    distance_kind: str
-    precision: str
-    ego_source: str
+    estimate: FlowEstimate  # of no point
 
     @property
-    def time_ms(self) -> float:
-        """Run time with the preparation of its newest sweep."""
-        return sum(self.times_ms.values())
+    def ego_source(self) -> str:
+        """Source of the ego motion; empty if it is not known."""
+        known = self.estimate.over_ground
+        return "" if known is None else known.source
 
 
 @dataclass(frozen=True)
@@ -55,7 +50,7 @@ class StatisticsSnapshot:
     @property
     def estimate_ms(self) -> float:
         """Median run time of recent estimates; NaN if there are none."""
-        times_ms = [item.time_ms for item in self.recent]
+        times_ms = [item.estimate.time_ms for item in self.recent]
         return float(np.median(times_ms)) if times_ms else float("nan")
 
     def flow_rate_hz(self, now_s: float) -> float:
@@ -107,18 +102,7 @@ class OnlineStatistics:
 
     def add_estimate(self, latency_ms: float, estimate: FlowEstimate) -> None:
         """Notes that the flow of an estimate was published now."""
-        item = RecentEstimate(
-            finished_s=time.monotonic(),
-            latency_ms=latency_ms,
-            times_ms=estimate.times_ms,
-            iterations={stage: fit.iterations for stage, fit in estimate.fits.items()},
-            stop_reasons=estimate.stop_reasons,
-            start=estimate.start.value,
-            device=estimate.device,
-            distance_kind=estimate.distance_kind,
-            precision=estimate.precision,
-            ego_source=estimate.over_ground.source if estimate.over_ground else "",
-        )
+        item = RecentEstimate(time.monotonic(), latency_ms, estimate.part(_NO_POINT))
         with self._lock:
             self._recent.append(item)
             self._failures_in_a_row = 0

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
 import pytest
 
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.online import watches
 from mnsf_ros.online.online_statistics import RecentEstimate, StatisticsSnapshot
 from mnsf_ros.online.watches import FlowWatch, MissedClouds
@@ -89,7 +91,8 @@ def snapshot(flows=0, dropped=0, estimate_ms=None):
     recent = ()
     if estimate_ms is not None:
         times_ms = {"prepare": estimate_ms - 50.0, "search": 50.0}
-        recent = (RecentEstimate(9.9, 0.0, times_ms, {}, {}, "warm", *[""] * 4),)
+        none = np.zeros((0, 3), np.float32)
+        recent = (RecentEstimate(9.9, 0.0, FlowEstimate(none, none[:, 0] > 0, times_ms)),)
     counts = Counter(flows_out=flows, triplets_dropped=dropped)
     arrivals_s = tuple(index / 10 for index in range(101)) if recent else ()
     return StatisticsSnapshot(counts, recent, arrivals_s)
