@@ -132,7 +132,7 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
             until(lambda: values)
             browser.until(f"{KNOB}?.value === '36'")
             browser.value(f"{KNOB}.value = 20; {KNOB}.onchange()")
-            until(lambda: values["objects.max_speed_m_s"] == 20.0)
+            until(lambda: values.get("objects.max_speed_m_s") == 20.0)
             parameters.set({"objects.max_speed_m_s": 30.0})
             until(lambda: browser.value(f"{KNOB}.value") == "30")
             browser.value(f"{KNOB}.value = 999; {KNOB}.onchange()")
