@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import by_motion, end_point_errors
-from mnsf_ros.evaluation.movers import STOPPED_M_S, ObjectRow, TrueMotion, mover_row
+from mnsf_ros.evaluation.movers import ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import empty_row, true_motion
 from mnsf_ros.evaluation.summary import summarize
@@ -33,6 +33,7 @@ NUM_FIRST: Final = 3
 _SCRATCH_EVERY: Final = 6
 _LEAST_PRECISION: Final = 0.95
 _MIN_POINTS: Final = 20
+_MIN_FALSE_POINTS: Final = 10
 _MAX_RANGE_M: Final = 50.0
 # Points between this speed and that of dynamic points are neither wrong nor missed.
 _CREEPING_M_S: Final = 0.25
@@ -50,6 +51,7 @@ class Scored:
     Attributes:
         row: Its row; movers also over ground points where their truth is known.
         truth: True motion of the M points that are judged.
+        has_stopped: (M,) whether they moved lately, and may still be called dynamic.
         called: (M,) whether they are called dynamic.
         confidence: (M,) of them.
         ego_error_m: Error of the translation of the ego motion.
@@ -57,9 +59,15 @@ class Scored:
 
     row: ResultRow
     truth: TrueMotion
+    has_stopped: NDArray[np.bool_]
     called: NDArray[np.bool_]
     confidence: NDArray[np.float32]
     ego_error_m: float
+
+    @property
+    def is_static(self) -> NDArray[np.bool_]:
+        """Whether the points (M,) must not be called dynamic."""
+        return (self.speed_m_s <= _CREEPING_M_S) & ~self.has_stopped
 
     @property
     def speed_m_s(self) -> NDArray[np.float64]:
@@ -117,20 +125,35 @@ def _scored(
     rows, over_ground = np.flatnonzero(known), estimate.over_ground
     known_motion, _ = true_motion(example, truth, rows)
     errors_m = end_point_errors(estimate.flow[rows], current.flow[rows])
+    has_stopped = np.isin(known_motion.object_id, _moved_lately(sweeps, index) + 1)
+    has_stopped &= np.linalg.norm(known_motion.velocity, axis=1) <= _CREEPING_M_S
+    judged = ~has_stopped
+    names = ("xyz", "velocity", "dynamic", "class_id", "object_id")
+    judged_motion = replace(known_motion, **{n: getattr(known_motion, n)[judged] for n in names})
     above = np.flatnonzero(current.scored & inside)
     row = replace(
         empty_row(example, name),
         errors=by_motion(estimate.flow[above], current.flow[above], current.dynamic[above]),
-        movers=mover_row(known_motion, over_ground, rows, errors_m, estimate.reason_of),
+        movers=mover_row(
+            judged_motion, over_ground, rows[judged], errors_m[judged], estimate.reason_of
+        ),
     )
     off = np.linalg.inv(motion) @ over_ground.next_from_current
     return Scored(
         row,
         known_motion,
+        has_stopped,
         over_ground.dynamic[rows],
         over_ground.confidence[rows],
         float(np.linalg.norm(off[:3, 3])),
     )
+
+
+def _moved_lately(sweeps: Sequence[TrueSweep], index: int) -> NDArray[np.int64]:
+    """Numbers of the bodies that moved within half a second before a sweep."""
+    since_ns = sweeps[index].sweep.stamp_ns - _GRACE_S * NANOSECONDS
+    lately = [one for one in sweeps[:index] if one.sweep.stamp_ns >= since_ns]
+    return np.unique(np.concatenate([one.body[one.dynamic] for one in lately])).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +216,8 @@ def _called_points(one: Scored) -> _Called:
     truth, near = one.truth, one.range_m <= _MAX_RANGE_M
     sizes = np.bincount(truth.object_id[near], minlength=int(truth.object_id.max()) + 1)
     is_large = sizes[truth.object_id] >= _MIN_POINTS
-    is_mover, stands = truth.dynamic & is_large, one.speed_m_s <= _CREEPING_M_S
-    called = near & one.called & (is_mover | stands)
+    is_mover = truth.dynamic & is_large
+    called = near & one.called & (is_mover | one.is_static)
     return one.confidence[called], is_mover[called], int(np.count_nonzero(is_mover & near))
 
 
@@ -262,13 +285,13 @@ def _faults(run: Sequence[Scored]) -> list[str]:
 def _faults_of(one: Scored) -> Iterator[tuple[str, int, float, float]]:
     """Name, number of the sweep, x and y of each fault."""
     for item in one.row.movers.objects:
-        name = f"{item.kind} {item.object_id}"
         if item.moves and not item.is_found and item.range_m <= _MAX_RANGE_M:
             stage = "" if item.lost_by is None else f" ({item.lost_by.value})"
-            yield f"missed {name}{stage}", one.row.number, *item.place_m
-        elif item.is_found and item.speed_m_s < STOPPED_M_S:
-            yield f"false {name}", one.row.number, *item.place_m
-    on_ground = one.called & (one.truth.object_id == 0)
-    if np.count_nonzero(on_ground) >= _MIN_POINTS / 2:
-        x_m, y_m = np.median(one.truth.xyz[on_ground, :2], axis=0).tolist()
-        yield "false ground", one.row.number, x_m, y_m
+            yield f"missed {item.kind} {item.object_id}{stage}", one.row.number, *item.place_m
+    false = one.called & one.is_static
+    numbers, counts = np.unique(one.truth.object_id[false], return_counts=True)
+    for number in numbers[counts >= _MIN_FALSE_POINTS].tolist():
+        own = false & (one.truth.object_id == number)
+        kind = SurfaceClass(int(one.truth.class_id[own][0])).name.lower().replace("_", " ")
+        x_m, y_m = np.median(one.truth.xyz[own, :2], axis=0).tolist()
+        yield f"false {kind} {number}" if number else "false ground", one.row.number, x_m, y_m

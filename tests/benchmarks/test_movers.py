@@ -100,3 +100,16 @@ def test_a_kept_world_is_the_same_world(load, tmp_path):
     assert np.array_equal(made.sweeps[3].flow, kept.sweeps[3].flow)
     assert len(list((tmp_path / "cache").iterdir())) == 1
     assert drives.kept_world(18, 0.2, "standing", tmp_path / "cache").text != made.text
+
+
+def test_what_moved_lately_is_no_false_mover(load):
+    """A car that has just stopped may still be called a mover for half a second."""
+    drives, scores = load("drives"), load("world_scores")
+    sweeps = drives.random_world(22, 9).sweeps
+    car = np.unique(sweeps[2].body[sweeps[2].dynamic])[0]
+    stopped = [
+        replace(one, dynamic=one.dynamic & (one.body != car)) if index > 2 else one
+        for index, one in enumerate(sweeps)
+    ]
+    moved = [car in scores._moved_lately(stopped, index) for index in (2, 3, 7, 8)]
+    assert moved == [True, True, True, False]
