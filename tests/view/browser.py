@@ -17,7 +17,8 @@ import numpy as np
 from PIL import Image
 from websockets.sync.client import connect
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next(filter(None, map(shutil.which, NAMES)), None)
 # WebGL without a graphics card, nothing but this machine, and none of the browser's own errands.
 OPTIONS = (
     "--headless=new",
