@@ -93,7 +93,7 @@ def _nodes(context: LaunchContext) -> list[Action]:
         *(_transitions(node) if is_started else ()),
         node,
         *rviz,
-        *([_mnsf("view", "--node", _full_name(context, given))] if given["view"] == "true" else ()),
+        *([_view(context, given)] if given["view"] == "true" else ()),
         *([_mnsf("play", given["bag"], "--clock", "--wait")] if given["bag"] else ()),
     ]
 
@@ -157,6 +157,13 @@ def _points(topics: str, bag: str) -> str:
 def _mnsf(*words: str) -> Action:
     program = ExecutableInPackage(package="mnsf_ros", executable="mnsf")
     return ExecuteProcess(cmd=[program, *words], output="screen")
+
+
+def _view(context: LaunchContext, given: dict[str, str]) -> Action:
+    name, flow = _full_name(context, given), given["flow"]
+    if flow and not flow.startswith("/"):
+        flow = f"{name.rpartition('/')[0]}/{flow}"
+    return _mnsf("view", "--node", name, *(("--flow", flow) if flow else ()))
 
 
 def _full_name(context: LaunchContext, given: dict[str, str]) -> str:

@@ -103,11 +103,12 @@ def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
 
 
 def test_several_lidars_and_a_flow_that_takes_its_parts_along(prefix: Path) -> None:
-    words = ("use_sim_time:=True", "flow:=motion", "log_level:=debug")
+    words = ("use_sim_time:=True", "flow:=motion", "log_level:=debug", "view:=true")
     status, output = launched(prefix, "points:=/front/points,rear/points", *words)
     assert status == 0
     for word in ("~/flow:=motion ", "~/flow/moving:=motion/moving", "~/flow/standing:=motion/stan"):
         assert word in output
+    assert "started mnsf view --node /scene_flow --flow /motion" in output
     assert "--log-level debug" in output
     assert "~/points:=/front/points " in output
     assert "~/points_2:=rear/points " in output

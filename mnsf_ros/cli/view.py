@@ -30,6 +30,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
     arguments.value("--node", "full name of the node", default="/scene_flow")
+    arguments.value("--flow TOPIC", "its flow, if that has another name than ~/flow")
     arguments.value(
         "--host",
         "address to listen on; on 0.0.0.0 other computers connect, with a token",
@@ -97,7 +98,7 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
 
     server = PageServer()
     with (
-        NodeView(server, options.node) as view,
+        NodeView(server, options.node, options.flow) as view,
         server.listening(options.host, options.port) as address,
         suppress(KeyboardInterrupt),
     ):

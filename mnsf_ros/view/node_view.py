@@ -55,9 +55,18 @@ Self = TypeVar("Self", bound="NodeView")
 class NodeView:
     """Subscribes to a node while there are viewers; use it as a context manager."""
 
-    def __init__(self, server: PageServer, node: str) -> None:
-        """Joins the ROS graph; `node` is a full name such as `/scene_flow`."""
+    def __init__(self, server: PageServer, node: str, flow: str | None = None) -> None:
+        """Joins the ROS graph.
+
+        Args:
+            server: Has the viewers.
+            node: Full name such as `/scene_flow`.
+            flow: Topic of the flow, if it is not `flow` below that name.
+        """
         self._server, self._name = server, f"/{node.strip('/')}"
+        self._topics = {part: f"{self._name}{part}" for part in _PARTS}
+        if flow is not None:
+            self._topics["/flow"] = f"/{flow.strip('/')}"
         self._ros = RawTopics("mnsf_view")
         self._settings = Settings()
         self._parameters: RemoteParameters | None = None
@@ -104,7 +113,7 @@ class NodeView:
     def _look_for_node(self) -> None:
         if self._parameters is not None:
             self._parameters.ask()
-        is_there = self._ros.num_publishers(f"{self._name}/flow") > 0
+        is_there = self._ros.num_publishers(self._topics["/flow"]) > 0
         if self._is_there and not is_there:
             text = f"{self._name} does not run, or has another name: mnsf view --node NAME"
             warnings = [{"level": "error", "text": text}]
@@ -146,7 +155,7 @@ class NodeView:
             self._ros.node, self._name, self._receive_settings, self._refuse
         )
         for part, msgtype in _PARTS.items():
-            self._add(f"{self._name}{part}", msgtype, self._receiver(part))
+            self._add(self._topics[part], msgtype, self._receiver(part))
         self._add(f"{self._name}{_LATENCY[0]}", _LATENCY[1], self._receive_latency)
         self._add(*_DIAGNOSTICS, self._receive_diagnostics)
 

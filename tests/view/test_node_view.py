@@ -32,9 +32,12 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def address(own_domain: None) -> Iterator[str]:
-    """Where the page of the node /front is."""
+    """Where the page of the node /front is, whose flow has another name."""
     server = PageServer()
-    with NodeView(server, "front") as view, server.listening("127.0.0.1", 0) as address:
+    with (
+        NodeView(server, "front", "moved/flow") as view,
+        server.listening("127.0.0.1", 0) as address,
+    ):
         is_over = False
 
         def run() -> None:
@@ -55,11 +58,11 @@ class Front:
     def __init__(self, ros: RawTopics) -> None:
         self.ros = ros
         self.outputs = {
-            name: ros.publisher(f"/front/{name}", msgtype)
-            for name, msgtype in (
-                ("flow", CLOUD_TYPE),
-                ("objects", CLOUD_TYPE),
-                ("ego_motion", ODOMETRY_TYPE),
+            name: ros.publisher(topic, msgtype)
+            for name, topic, msgtype in (
+                ("flow", "/moved/flow", CLOUD_TYPE),
+                ("objects", "/front/objects", CLOUD_TYPE),
+                ("ego_motion", "/front/ego_motion", ODOMETRY_TYPE),
             )
         }
 
