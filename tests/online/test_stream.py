@@ -13,7 +13,6 @@ from mnsf_ros.core import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods import make_method
 from mnsf_ros.online import stream as stream_module
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.sweeps.sweep import Start, SweepTriplet
@@ -68,16 +67,6 @@ def test_flow_of_the_sweep_before_the_newest(quick_settings, make_sweep, motion)
         flow = stream.push(sweeps[newest]).flow
         assert stream.triplet.sweeps == tuple(sweeps[newest - 2 : newest + 1])
         assert np.median(np.linalg.norm(flow - motion, axis=1)) < 0.1
-
-
-def test_both_halves_give_the_flow_of_the_method_itself(quick_settings, make_sweep):
-    stream, method = Stream(quick_settings), make_method("online", quick_settings)
-    sweeps = [make_sweep(index) for index in range(6)]
-    for first in range(4):
-        triplet = SweepTriplet(*sweeps[first : first + 3])
-        found, expected = stream.flow_of(triplet), method.estimate(triplet)
-        np.testing.assert_array_equal(found.flow, expected.flow)
-        assert found.start is expected.start
 
 
 class TestStretch:

@@ -209,18 +209,6 @@ def test_settings_change_nothing_under_a_sweep_that_is_being_prepared(
 
 
 class TestReset:
-    def test_abandons_a_triplet_that_is_being_prepared_and_the_one_that_waits(
-        self, pipeline, script, add, held, wait_until
-    ):
-        held(script.at_prepare, pipeline, 0, 1, 2)
-        add(pipeline, 3)
-        pipeline.reset()
-        script.at_prepare.let_go()
-        wait_until(lambda: pipeline.load == 0)
-        assert script.estimated == []
-        assert counts_of(pipeline)["triplets_abandoned"] == 2
-        assert_balanced(pipeline)
-
     def test_abandons_all_that_is_under_way(self, pipeline, script, add, held, wait_until):
         held(script.at_estimate, pipeline, 0, 1, 2)
         add(pipeline, 3)

@@ -104,32 +104,27 @@ def _load(monkeypatch):
     monkeypatch.setattr(watches.os, "cpu_count", lambda: 2)
 
 
-def test_nothing_is_said_without_drops():
-    watch = FlowWatch()
-    assert watch.look(snapshot(), 0.0, PATIENCE_S).busy == ""
-    assert watch.look(snapshot(flows=60), 6.0, PATIENCE_S).busy == ""
+def busy(watch, now, now_s):
+    return watch.look(now, now_s, PATIENCE_S).busy
 
 
 def test_number_reason_and_remedy():
-    text = FlowWatch().look(snapshot(18, 42, estimate_ms=170.0), 10.0, PATIENCE_S).busy
-    assert text == (
+    assert busy(FlowWatch(), snapshot(18, 42, estimate_ms=170.0), 10.0) == (
         "CPU busy: 18 of 60 flows (an estimate takes 170 ms, sweeps come every 100 ms, load 4.3 on "
         "2 cores). Close other programs, or lower crop.max_range_m."
     )
 
 
 def test_drops_are_told_once():
-    watch = FlowWatch()
-    assert watch.look(snapshot(5, 5), 1.0, PATIENCE_S).busy
-    assert watch.look(snapshot(15, 5), 2.0, PATIENCE_S).busy == ""
-    assert watch.look(snapshot(15, 6), 3.0, PATIENCE_S).busy
+    watch, asked = FlowWatch(), ((5, 0), (5, 5), (15, 5), (15, 6))
+    said = [busy(watch, snapshot(*counts), float(s)) for s, counts in enumerate(asked)]
+    assert [bool(text) for text in said] == [False, True, False, True]
 
 
 def test_numbers_are_those_of_the_last_ten_seconds():
     watch = FlowWatch()
-    for second in range(30):
-        text = watch.look(snapshot(7 * second, 3 * second), float(second), PATIENCE_S).busy
-    assert text.startswith("CPU busy: 70 of 100 flows")
+    said = [busy(watch, snapshot(7 * second, 3 * second), float(second)) for second in range(30)]
+    assert said[-1].startswith("CPU busy: 70 of 100 flows")
 
 
 INTERVAL_NS = 10**8
