@@ -163,14 +163,12 @@ def world_tables(scores: Sequence[WorldScore]) -> Iterator[Table]:
 
 def _spreads(scores: Sequence[WorldScore], names: Iterable[str]) -> list[str]:
     spreads = (spread(scores, name) for name in names)
-    return [
-        "" if math.isnan(median) else f"{median:.3f} / {worst:.3f}" for median, worst in spreads
-    ]
+    return ["" if math.isnan(median) else f"{median:.3f}/{worst:.3f}" for median, worst in spreads]
 
 
 def _stops(scores: Sequence[WorldScore]) -> str:
     number, held, released = (total(scores, each) for each in ("stops", "held", "released"))
-    return f"{held:.0f}, {released:.0f} of {number:.0f}" if number else ""
+    return f"{held:.0f}/{number:.0f}, {released:.0f}/{number:.0f}" if number else ""
 
 
 def _off(scores: Sequence[WorldScore]) -> list[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.metrics import by_motion, end_point_errors
-from mnsf_ros.evaluation.movers import ObjectRow, TrueMotion, mover_row
+from mnsf_ros.evaluation.movers import MoverRow, ObjectRow, TrueMotion, mover_row
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.scoring import empty_row, true_motion
 from mnsf_ros.evaluation.summary import summarize
@@ -106,10 +106,31 @@ def scored(
 def _scored(
     name: str, index: int, sweeps: Sequence[TrueSweep], estimate: FlowEstimate, *, with_ground: bool
 ) -> Scored:
-    current, next_ = sweeps[index : index + 2]
+    current, over_ground = sweeps[index], estimate.over_ground
     # With points that the method takes for ground, such as the bottoms of vehicles.
     inside = crop_mask(current.sweep.xyz, preset("online").crop)
+    above = np.flatnonzero(current.scored & inside)
     known = (current.scored | current.ground if with_ground else current.scored) & inside
+    example, rows = _example(name, index, sweeps, known), np.flatnonzero(known)
+    truth, _ = true_motion(example, example.truth, rows)
+    has_stopped = np.isin(truth.object_id, _moved_lately(sweeps, index) + 1)
+    has_stopped &= np.linalg.norm(truth.velocity, axis=1) <= _CREEPING_M_S
+    row = replace(
+        empty_row(example, name),
+        errors=by_motion(estimate.flow[above], current.flow[above], current.dynamic[above]),
+        movers=_movers(truth, ~has_stopped, estimate, rows, current.flow[rows]),
+    )
+    off = np.linalg.inv(example.triplet.next_from_current) @ over_ground.next_from_current
+    called, confidence = over_ground.dynamic[rows], over_ground.confidence[rows]
+    ego_error_m = float(np.linalg.norm(off[:3, 3]))
+    return Scored(row, truth, has_stopped, called, confidence, ego_error_m)
+
+
+def _example(
+    name: str, index: int, sweeps: Sequence[TrueSweep], known: NDArray[np.bool_]
+) -> Example:
+    """A sweep with its truth, valid where it is known."""
+    current, next_ = sweeps[index : index + 2]
     truth = FlowTruth(
         current.sweep.stamp_ns,
         current.flow,
@@ -121,32 +142,21 @@ def _scored(
     )
     motion = np.linalg.inv(next_.pose) @ current.pose
     triplet = SweepTriplet(None, current.sweep, next_.sweep, next_from_current=motion)
-    example = Example(name, index, triplet, truth)
-    rows, over_ground = np.flatnonzero(known), estimate.over_ground
-    known_motion, _ = true_motion(example, truth, rows)
-    errors_m = end_point_errors(estimate.flow[rows], current.flow[rows])
-    has_stopped = np.isin(known_motion.object_id, _moved_lately(sweeps, index) + 1)
-    has_stopped &= np.linalg.norm(known_motion.velocity, axis=1) <= _CREEPING_M_S
-    judged = ~has_stopped
+    return Example(name, index, triplet, truth)
+
+
+def _movers(
+    truth: TrueMotion,
+    judged: NDArray[np.bool_],
+    estimate: FlowEstimate,
+    rows: NDArray[np.int64],
+    flow: NDArray[np.float32],
+) -> MoverRow:
+    """Scores the movers of the judged ones among the points with truth."""
     names = ("xyz", "velocity", "dynamic", "class_id", "object_id")
-    judged_motion = replace(known_motion, **{n: getattr(known_motion, n)[judged] for n in names})
-    above = np.flatnonzero(current.scored & inside)
-    row = replace(
-        empty_row(example, name),
-        errors=by_motion(estimate.flow[above], current.flow[above], current.dynamic[above]),
-        movers=mover_row(
-            judged_motion, over_ground, rows[judged], errors_m[judged], estimate.reason_of
-        ),
-    )
-    off = np.linalg.inv(motion) @ over_ground.next_from_current
-    return Scored(
-        row,
-        known_motion,
-        has_stopped,
-        over_ground.dynamic[rows],
-        over_ground.confidence[rows],
-        float(np.linalg.norm(off[:3, 3])),
-    )
+    truth = replace(truth, **{name: getattr(truth, name)[judged] for name in names})
+    errors_m = end_point_errors(estimate.flow[rows], flow)[judged]
+    return mover_row(truth, estimate.over_ground, rows[judged], errors_m, estimate.reason_of)
 
 
 def _moved_lately(sweeps: Sequence[TrueSweep], index: int) -> NDArray[np.int64]:
