@@ -6,8 +6,9 @@ from __future__ import annotations
 import heapq
 import math
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +24,7 @@ from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.flow_recording import folder_name
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import TaskKey
+from mnsf_ros.evaluation.outcomes import attempted
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
@@ -73,13 +75,21 @@ class Painter:
                 heapq.heappop(self._worst)
         if self._num_frames:
             self._num_frames -= 1
-            yield Picture(row.recording, row.method, row.number, _frame(example, estimate))
+            yield from _drawn(row, partial(_frame, example, estimate))
 
     def worst(self) -> Iterator[Picture]:
         """Yields the pictures of the worst sweeps, which take most of a second each."""
         for badness_m, _, row, example, flow in self._worst:
-            image = sweep_picture(row.method, example, flow)
-            yield Picture(row.recording, row.method, row.number, image, badness_m)
+            yield from _drawn(row, partial(sweep_picture, row.method, example, flow), badness_m)
+
+
+def _drawn(
+    row: ResultRow, draw: Callable[[], bytes], badness_m: float | None = None
+) -> Iterator[Picture]:
+    """The picture of a row; none where it cannot be drawn, which must not cost results."""
+    image = attempted(draw)
+    if isinstance(image, bytes):
+        yield Picture(row.recording, row.method, row.number, image, badness_m)
 
 
 def _frame(example: Example, estimate: FlowEstimate) -> bytes:

@@ -112,6 +112,15 @@ def test_report_begins_with_the_first_sweeps_beside_their_truth(street, tmp_path
     assert "data:image/webp" not in report_of(folder, 0)
 
 
+def test_pictures_that_cannot_be_drawn_cost_no_results(street, tmp_path, monkeypatch):
+    for name in ("example_picture", "frame"):
+        monkeypatch.setattr(f"mnsf_ros.evaluation.pictures.{name}", lambda *_: 1 / 0)
+    folder = evaluate(street, tmp_path / "run", methods=["online"], num_pictured=1)
+    assert len(list(folder.rows)) == 3
+    assert len(folder.finished()) == 1
+    assert "1 of 1 sweeps have no picture" in report_of(folder, 1)
+
+
 def picture(method, number, badness_m, recording="street"):
     return Picture(recording, method, number, b"PNG", badness_m)
 
