@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Named sets of settings: `online`, the default; `neural`, the networks of the paper made fast.
+"""Named sets of settings: `online`, the default; `neural`, the paper's method live.
 
 For comparison: `paper`, the published method, and `authors`, their released code.
 """
@@ -40,22 +40,6 @@ _PAPER: dict[str, SettingValue] = {
     "warm_start.enabled": False,
 }
 
-# The networks of the paper, live: ego motion removed, a fixed number of steps in each sweep.
-_NEURAL: dict[str, SettingValue] = {
-    "method.name": "mnsf",
-    "ego_motion.removed": True,
-    "distance.kind": "auto",
-    "distance.cell_size_m": 0.2,
-    "distance.dead_zone_m": 0.1,
-    "field.zero_start": True,
-    "fusion.zero_start": True,
-    "field.rest_is_static": True,
-    "field.cell_size_m": 0.3,
-    "optimization.stacked": True,
-    "optimization.time_budget_ms": 0.0,
-    "warm_start.time_budget_ms": 0.0,
-}
-
 # The released code of the authors where it does something else than the paper says.
 _AUTHORS: dict[str, SettingValue] = _PAPER | {
     "optimization.joint": True,
@@ -68,7 +52,7 @@ _AUTHORS: dict[str, SettingValue] = _PAPER | {
 
 _PRESETS: dict[str, dict[str, SettingValue]] = {
     "online": {},
-    "neural": _NEURAL,
+    "neural": {"method.name": "neural"},
     "paper": _PAPER,
     "authors": _AUTHORS,
 }

@@ -31,6 +31,7 @@ from mnsf_ros.errors import (
     library_missing,
     one_line,
 )
+from mnsf_ros.methods.neural.neural_estimator import NeuralEstimator
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
@@ -111,6 +112,7 @@ def _command(maker: str, text: str, settings: Settings) -> SceneFlowEstimator:
 # A new method is one line here or above; docs/extending.md has the recipe.
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,
+    "neural": NeuralEstimator,
     "zero": ZeroEstimator,
     "ego": EgoMotionEstimator,
     "ego-estimated": EstimatedEgoMotionEstimator,
