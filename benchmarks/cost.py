@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Cost of `online` and of the node: CPU beside KISS-ICP in one run, memory, start.
+"""Cost of `online`, `neural` and the node: CPU beside KISS-ICP in one run, memory, start.
 
     python benchmarks/cost.py [--quick] [--document FILE]
 
@@ -43,6 +43,7 @@ _SWEEP_TIMEOUT_S: Final = 10
 _SUBSCRIBE_TIMEOUT_S: Final = 60
 _NUM_LARGE: Final = 2_000_000
 _MAX_ESTIMATE: Final = 0.5
+_MAX_NEURAL: Final = 3.0
 # On the few planes of a street a registration is cheap.
 _MAX_ON_STREET: Final = 0.8
 _MAX_NODE: Final = 0.75
@@ -72,6 +73,7 @@ def tables(*, quick: bool) -> Iterator[Table]:
     targets = [
         _estimate_target("CPU of an estimate", full, _MAX_ESTIMATE),
         _estimate_target("CPU of an estimate, street", street, _MAX_ON_STREET),
+        _estimate_target("CPU of an estimate of `neural`", full, _MAX_NEURAL, "neural"),
         *_node_targets([item.sweep for item in full], 1 if quick else _NUM_ROUNDS),
     ]
     title = f"{len(full[0].sweep):,} points"
@@ -107,10 +109,12 @@ def _ratio_target(name: str, own_ms: float, ratio: float, limit: float) -> Targe
     return Target(f"{name} over KISS-ICP's, one thread", limit, ratio, text=text)
 
 
-def _estimate_target(name: str, sweeps: Sequence[TrueSweep], limit: float) -> Target:
+def _estimate_target(
+    name: str, sweeps: Sequence[TrueSweep], limit: float, method: str = "online"
+) -> Target:
     """CPU of one estimate over that of one registration, in turns."""
     kiss = _kiss_icp()
-    estimator = make_method("online", preset("online").changed({"compute.num_threads": 1}))
+    estimator = make_method(method, preset(method).changed({"compute.num_threads": 1}))
     ours, theirs = [], []
     for index in range(1, len(sweeps) - 1):
         triplet = triplet_at(sweeps, index)

@@ -292,8 +292,8 @@ class DistanceSettings:
     kind: str = declared(
         "tree",
         "grid: distance transform, as in the paper; tree: exact nearest neighbour, faster on a "
-        "CPU for few points; auto: grid on CUDA, tree on a CPU",
-        choices=("grid", "tree", "auto"),
+        "CPU for few points",
+        choices=("grid", "tree"),
     )
     cell_size_m: float = declared(0.1, "Cell size of the distance transform", 0.01, 10)
     max_cells: int = declared(
@@ -304,9 +304,6 @@ class DistanceSettings:
     )
     truncation_m: float = declared(
         2.0, "Larger distances count as this value, against outliers; 0: unlimited", 0, 1000
-    )
-    dead_zone_m: float = declared(
-        0.0, "Smaller distances count as this value: the spacing of points on one surface", 0, 10
     )
 
 
@@ -363,48 +360,25 @@ class FieldSettings:
 
     num_hidden_layers: int = declared(8, "Number of hidden layers, each with a ReLU", 1, 64)
     hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
-    zero_start: bool = declared(
-        False,
-        "Start from zero flow, which is that of static points where the ego motion is removed; "
-        "false: from a random one",
-    )
-    rest_is_static: bool = declared(
-        False,
-        "With ego_motion.removed: ground and points beyond the crop are static; false: they have "
-        "the flow of the fields",
-    )
-    cell_size_m: float = declared(
-        0.0, "Evaluate the fitted networks once per cell of this size; 0: for each point", 0, 10
-    )
 
 
 @dataclass(frozen=True)
 class OptimizationSettings:
     """Fit of a field to a pair of sweeps, by Adam."""
 
-    learning_rate: float = declared(0.008, "Learning rate of Adam after a cold start", 1e-7, 1)
+    learning_rate: float = declared(0.008, "Learning rate of Adam", 1e-7, 1)
     decay: bool = declared(True, "Let the learning rate decay to zero along a cosine")
     joint: bool = declared(
         False,
         "Fit both fields together, from the same initial weights, until the forward loss stops "
         "falling (the authors' code); false: fit each on its own (the paper)",
     )
-    stacked: bool = declared(
-        False,
-        "Fit all fields in the same steps as one stack of networks, to the same random points. On"
-        " CUDA always",
-    )
-    max_iterations: int = declared(
-        150, "Maximum number of iterations per field after a cold start", 1, 100_000
-    )
+    max_iterations: int = declared(150, "Maximum number of iterations per field", 1, 100_000)
     max_points: int = declared(
         0, "Fit to this many random points of the cropped sweep; 0: all", 0, 10_000_000
     )
-    batch_points: int = declared(
-        1024, "Random points per iteration; 0: all points in every iteration", 0, 10_000_000
-    )
     time_budget_ms: float = declared(
-        3000.0, "Time limit of the optimization after a cold start; 0: none", 0, 3_600_000
+        3000.0, "Time limit of the optimization; 0: none", 0, 3_600_000
     )
 
 
@@ -446,10 +420,7 @@ class FusionSettings:
     )
     num_hidden_layers: int = declared(3, "Number of hidden layers of the fusion network", 1, 64)
     hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
-    zero_start: bool = declared(False, "Start the mlp from zero flow; false: from a random one")
-    max_iterations: int = declared(
-        100, "Maximum number of iterations after a cold start", 1, 100_000
-    )
+    max_iterations: int = declared(100, "Maximum number of iterations", 1, 100_000)
     patience: int = declared(
         0, "Stop after this many iterations without improvement; 0: never", 0, 100_000
     )
@@ -457,23 +428,13 @@ class FusionSettings:
 
 @dataclass(frozen=True)
 class WarmStartSettings:
-    """Start from the last estimate: its motions, networks and optimizer states."""
+    """Start from the last estimate, with the methods `online` and `neural`."""
 
     enabled: bool = declared(
-        True, "Start from the motions or networks of the last estimate; false: from scratch"
-    )
-    max_iterations: int = declared(
-        30, "Maximum number of iterations per network after a warm start", 1, 100_000
-    )
-    learning_rate: float = declared(0.002, "Learning rate of Adam after a warm start", 1e-7, 1)
-    time_budget_ms: float = declared(
-        800.0, "Time limit of the optimization after a warm start; 0: none", 0, 3_600_000
+        True, "Start from the motions of the last estimate; false: from scratch"
     )
     max_gap_s: float = declared(
         10.0, "Start cold if the last estimate is older than this", 0.01, 3600
-    )
-    max_loss_ratio: float = declared(
-        2.0, "Start cold if the loss of a warm-started field has grown by more than this", 1, 1000
     )
 
 
@@ -502,7 +463,7 @@ class ComputeSettings:
     cuda_graphs: bool = declared(
         True, "On CUDA, record the steps of a fit once and replay them; false: one call each"
     )
-    seed: int = declared(0, "Seed of initial weights and random batches", 0, 2_147_483_647)
+    seed: int = declared(0, "Seed of initial weights and random points", 0, 2_147_483_647)
 
 
 @dataclass(frozen=True)

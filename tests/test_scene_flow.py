@@ -21,7 +21,6 @@ SHORT = Settings().changed(
         "field.hidden_width": 16,
         "optimization.max_iterations": 5,
         "optimization.time_budget_ms": 0,
-        "warm_start.time_budget_ms": 0,
         "fusion.max_iterations": 5,
     }
 )
@@ -129,7 +128,8 @@ def test_no_finite_flow(scene):
             "optimization.learning_rate": 1,
             "optimization.decay": False,
             "optimization.max_iterations": 10,
-            "optimization.batch_points": 100,
+            # The best weights would be finite.
+            "fusion.fields": "last",
             "field.num_hidden_layers": 30,
             "field.hidden_width": 64,
         }

@@ -153,7 +153,7 @@ def test_mapping_and_back(name):
 def test_presets():
     assert preset("online") == Settings()
     methods = {name: preset(name).method.name for name in PRESET_NAMES}
-    assert methods == {"online": "online", "neural": "mnsf", "paper": "mnsf", "authors": "mnsf"}
+    assert methods == {"online": "online", "neural": "neural", "paper": "mnsf", "authors": "mnsf"}
 
 
 def test_paper_preset_is_the_paper():
@@ -165,7 +165,7 @@ def test_paper_preset_is_the_paper():
     assert (settings.early_stopping.patience, settings.early_stopping.min_delta_m) == (10, 0.001)
     assert (settings.optimization.learning_rate, settings.optimization.decay) == (0.01, False)
     # Every point in every step, no time limit, and nothing carried from one triplet to the next.
-    assert settings.optimization.batch_points == settings.optimization.max_points == 0
+    assert settings.optimization.max_points == 0
     assert settings.optimization.time_budget_ms == 0
     assert not settings.warm_start.enabled
     assert settings.ground.remove

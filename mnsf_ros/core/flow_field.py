@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
 import torch
@@ -11,6 +10,9 @@ from torch import nn
 from torch.nn import functional
 
 from mnsf_ros.settings import FieldSettings, FusionSettings
+
+# Rows at once; on a CPU few enough for the layers to stay in the cache of a core.
+_ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
 
 class Perceptron(nn.Module):
@@ -34,8 +36,7 @@ class Perceptron(nn.Module):
         """Makes a fresh network.
 
         Args:
-            settings: Number and width of the hidden layers, and whether the initial output is
-                zero.
+            settings: Number and width of the hidden layers.
             generator: Source of the start weights, on the CPU.
             num_inputs: Columns of the input.
             precision: Of the products between hidden layers.
@@ -46,8 +47,6 @@ class Perceptron(nn.Module):
             _linear(before, after, generator) for before, after in pairwise(widths)
         )
         self.precision = precision
-        if settings.zero_start:
-            nn.init.zeros_(self.linear_layers[-1].weight)
 
     @property
     def linear_layers(self) -> list[nn.Linear]:
@@ -55,9 +54,20 @@ class Perceptron(nn.Module):
         return [layer for layer in self._layers if isinstance(layer, nn.Linear)]
 
     def forward(self, rows: torch.Tensor) -> torch.Tensor:
-        """The output for each row."""
-        layers = [(layer.weight, layer.bias) for layer in self.linear_layers]
-        return _through(rows, layers, functional.linear, self.precision)
+        """The output for each row.
+
+        The first layer, which takes metres, and the last, which gives them, are as precise as
+        their weights; those between have the precision.
+        """
+        first, *hidden, last = ((layer.weight, layer.bias) for layer in self.linear_layers)
+        values = functional.linear(rows, *first)
+        for weights, biases in hidden:
+            values = functional.relu(values, inplace=True).to(self.precision)
+            values = functional.linear(
+                values, weights.to(self.precision), biases.to(self.precision)
+            )
+        values = functional.relu(values, inplace=True).to(last[0].dtype)
+        return functional.linear(values, *last)
 
 
 def _linear(num_inputs: int, num_outputs: int, generator: torch.Generator) -> nn.Linear:
@@ -74,51 +84,7 @@ class FlowField(Perceptron):
     """
 
 
-class StackedFields(nn.Module):
-    """K fields of one shape as one network, computed at once: (M, 3) in, (K, M, 3) out, metres.
-
-    It shares its weights with the fields.
-    """
-
-    def __init__(self, fields: Sequence[FlowField]) -> None:
-        """Takes over the weights of the fields, which are on their device already."""
-        super().__init__()
-        self._precision = fields[0].precision
-        self._weights, self._biases = nn.ParameterList(), nn.ParameterList()
-        for layers in zip(*(field.linear_layers for field in fields), strict=True):
-            weights = torch.stack([layer.weight.detach().T for layer in layers])  # [K, in, out]
-            biases = torch.stack([layer.bias.detach() for layer in layers])[:, None]
-            self._weights.append(nn.Parameter(weights))
-            self._biases.append(nn.Parameter(biases))
-            for layer, weight, bias in zip(layers, weights, biases, strict=True):
-                layer.weight.data, layer.bias.data = weight.T, bias[0]
-
-    def forward(self, positions: torch.Tensor) -> torch.Tensor:
-        """Flow of each field at the positions."""
-        values = positions.expand(len(self._weights[0]), -1, -1)
-        layers = zip(self._weights, self._biases, strict=True)
-        return _through(values, layers, _products, self._precision)
-
-
-def _products(values: torch.Tensor, weights: torch.Tensor, biases: torch.Tensor) -> torch.Tensor:
-    return torch.baddbmm(biases, values, weights)
-
-
-def _through(
-    values: torch.Tensor,
-    layers: Iterable[tuple[torch.Tensor, torch.Tensor]],
-    linear: Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor],
-    precision: torch.dtype,
-) -> torch.Tensor:
-    """Values through linear layers (weights, biases), with a ReLU after each but the last.
-
-    The first layer, which takes metres, and the last, which gives them, are as precise as their
-    weights; those between have the precision.
-    """
-    first, *hidden, last = layers
-    values = linear(values, *first)
-    for weights, biases in hidden:
-        values = functional.relu(values, inplace=True).to(precision)
-        values = linear(values, weights.to(precision), biases.to(precision))
-    values = functional.relu(values, inplace=True).to(last[0].dtype)
-    return linear(values, *last)
+@torch.no_grad()
+def evaluate(network: nn.Module, rows: torch.Tensor) -> torch.Tensor:
+    """Applies a network to rows (N, C), in pieces that bound the memory; (N, 3)."""
+    return torch.cat([network(part) for part in rows.split(_ROWS_AT_ONCE[rows.device.type])])

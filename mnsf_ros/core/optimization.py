@@ -2,8 +2,7 @@
 """The one Adam loop of the project: make a network's loss small, keep the best weights.
 
 Losses are judged on the device that computes them, so that no step on CUDA waits for the host to
-read a number; there the steps are recorded once as a graph and replayed. Several networks in one
-stack are optimized in the same steps, each with its own loss, best weights and end.
+read a number; there the steps are recorded once as a graph and replayed.
 """
 
 from __future__ import annotations
@@ -12,88 +11,81 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
-from typing import cast
 
 import torch
+from torch import nn
 
-from mnsf_ros.core.batches import Batches, preload
 from mnsf_ros.core.compute_device import copy_to
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
-from mnsf_ros.core.learner import Learner, LossOf, PartlyJudgedLoss
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import CancelledError, OptimizationError
 
-# Steps until the host asks whether all networks have converged, and draws new batches.
+# Steps until the host asks whether the network has converged.
 _STEPS_AT_ONCE = {"cpu": 1, "cuda": 10}
 # Steps before the recording: a library may allocate at its first calls.
 _UNRECORDED_STEPS = 3
 
 
+@dataclass(frozen=True)
+class PartlyJudgedLoss:
+    """Sum of losses, and the one loss for early stopping.
+
+    Attributes:
+        total: The sum to minimize; the weights of its lowest value are the best ones.
+        judged: The loss for early stopping.
+    """
+
+    total: torch.Tensor
+    judged: torch.Tensor
+
+
+# Computes the loss of a network as it is now, a scalar.
+LossOf = Callable[[], torch.Tensor | PartlyJudgedLoss]
+
+
 def minimize(
-    learner: Learner,
+    network: nn.Module,
     loss_of: LossOf,
     schedule: Schedule,
     *,
     keep_best: bool,
-    sources: Sequence[Batches] = (),
+    weight_decay: float = 0.0,
 ) -> OptimizationResult:
-    """Optimizes one network in place, see `minimize_stack`. One without weights stays as it is."""
-    if learner.optimizer is None:
-        loss, _ = _parts(loss_of())
-        return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
-    (result,) = minimize_stack(learner, loss_of, schedule, keep_best=keep_best, sources=sources)
-    return result
-
-
-def minimize_stack(
-    learner: Learner,
-    losses_of: LossOf,
-    schedule: Schedule,
-    *,
-    keep_best: bool,
-    sources: Sequence[Batches] = (),
-) -> list[OptimizationResult]:
-    """Optimizes the networks of a learner in place.
+    """Optimizes a network in place; one without weights stays as it is.
 
     Args:
-        learner: One network, or a stack of K. Gets the final loss of the first as `last_loss`.
-        losses_of: Computes the current loss of each network, (K,), or one scalar, as a rule in
-            metres. It must not read a value of the device.
+        network: The network, or a list of several.
+        loss_of: Computes the current loss, as a rule in metres. It must not read a value of the
+            device.
         schedule: Number and size of the steps, and when to stop.
-        keep_best: Whether to return to the weights of the lowest loss. Meaningful only if
-            `losses_of` computes the same thing at each call, not for random batches.
-        sources: The batches that `losses_of` draws from, in the order of drawing.
-
-    Returns:
-        The result of each network.
+        keep_best: Whether to return to the weights of the lowest loss.
+        weight_decay: Of Adam.
 
     Raises:
         OptimizationError: If a loss is not finite and there are no better weights to return to.
         CancelledError: If the schedule's `cancelled` says so.
     """
-    fit = _Fit(learner, losses_of, schedule, keep_best=keep_best)
-    try:
-        if fit.device.type == "cuda":
-            with _recorder().on_its_stream():
-                _take_steps(fit, schedule, sources)
-        else:
-            _take_steps(fit, schedule, sources)
-    finally:
-        for source in sources:
-            source.unload()
-    results = fit.results()
-    learner.last_loss = results[0].loss_m
-    return results
+    weights = list(network.parameters())
+    if not weights:
+        loss, _ = _parts(loss_of())
+        return OptimizationResult(_checked(loss.item()), 0, StopReason.CONVERGED)
+    fit = _Fit(weights, loss_of, schedule, keep_best=keep_best, weight_decay=weight_decay)
+    if fit.device.type == "cuda":
+        with _recorder().on_its_stream():
+            _take_steps(fit, schedule)
+    else:
+        _take_steps(fit, schedule)
+    return fit.result()
 
 
-def _take_steps(fit: _Fit, schedule: Schedule, sources: Sequence[Batches]) -> None:
-    """Takes steps until the schedule or all losses end it."""
+def _take_steps(fit: _Fit, schedule: Schedule) -> None:
+    """Takes steps until the schedule or the loss ends it."""
     advance, is_on_cpu = fit.step, fit.device.type == "cpu"
     at_once = _STEPS_AT_ONCE[fit.device.type]
     while fit.num_steps < schedule.max_iterations:
         number = min(at_once, schedule.max_iterations - fit.num_steps)
-        preload(sources, number, at_once)
         fit.load_rates(number)
         for _ in range(number):
             if schedule.cancelled():
@@ -107,7 +99,7 @@ def _take_steps(fit: _Fit, schedule: Schedule, sources: Sequence[Batches]) -> No
             fit.num_steps += 1
         # The one place that waits for CUDA, and only where something depends on it.
         must_know = is_on_cpu or schedule.patience or schedule.deadline < math.inf
-        if must_know and fit.have_all_stopped():
+        if must_know and fit.has_stopped():
             return
 
 
@@ -115,14 +107,23 @@ class _Fit:
     """One optimization under way."""
 
     def __init__(
-        self, learner: Learner, losses_of: LossOf, schedule: Schedule, *, keep_best: bool
+        self,
+        weights: list[nn.Parameter],
+        loss_of: LossOf,
+        schedule: Schedule,
+        *,
+        keep_best: bool,
+        weight_decay: float,
     ) -> None:
-        # A network without weights is never optimized.
-        self._optimizer = cast(torch.optim.Adam, learner.optimizer)
-        self._losses_of = losses_of
+        self._parameters = weights
+        self._loss_of = loss_of
         self._schedule = schedule
-        self._parameters = list(learner.network.parameters())
-        self.device = device = self._parameters[0].device
+        self.device = device = weights[0].device
+        # Fused: one pass over all weights; for networks this small that is a tenth of a step.
+        # Capturable: on CUDA a step can be recorded.
+        self._optimizer = torch.optim.Adam(
+            weights, weight_decay=weight_decay, fused=True, capturable=weights[0].is_cuda
+        )
         self.num_steps = 0
         self.is_late = False
         # Adam on CUDA reads its step size as float32.
@@ -130,9 +131,9 @@ class _Fit:
         self._rates = torch.zeros(_STEPS_AT_ONCE[device.type], device=device, dtype=precision)
         self._turn = torch.zeros(1, dtype=torch.int64, device=device)
         self._rate = torch.zeros((), device=device, dtype=precision)
-        self._losses = torch.full((learner.num_networks,), math.nan, device=device).double()
+        self._loss = torch.full((), math.nan, device=device).double()
         self._judge = (
-            _Judge(self._parameters, self._losses, schedule, keep_best=keep_best)
+            _Judge(self._parameters, self._loss, schedule, keep_best=keep_best)
             if keep_best or schedule.patience
             else None
         )
@@ -152,12 +153,12 @@ class _Fit:
         self._turn.zero_()
 
     def step(self) -> None:
-        """Computes the losses and takes one step. Only the device knows the values."""
-        total, judged = _parts(self._losses_of())
-        gradients = torch.autograd.grad(total.sum(), self._parameters)
-        own = total.detach().reshape(-1).double()
+        """Computes the loss and takes one step. Only the device knows the value."""
+        total, judged = _parts(self._loss_of())
+        gradients = torch.autograd.grad(total, self._parameters)
+        own = total.detach().double()
         if self._judge is None:
-            self._losses.copy_(own)
+            self._loss.copy_(own)
         else:
             self._judge.before_step(own)
         self._rate.copy_(self._rates.index_select(0, self._turn)[0])
@@ -168,59 +169,58 @@ class _Fit:
             parameter.grad = _in_layout_of(parameter, gradient)
         self._optimizer.step()
         if self._judge is not None:
-            self._judge.after_step(judged.detach().reshape(-1).double())
+            self._judge.after_step(judged.detach().double())
 
-    def have_all_stopped(self) -> bool:
-        """Waits for the device; whether no network needs another step."""
-        return self._judge is not None and not bool(self._judge.is_active.any())
+    def has_stopped(self) -> bool:
+        """Waits for the device; whether the network needs no other step."""
+        return self._judge is not None and not bool(self._judge.is_active)
 
-    def results(self) -> list[OptimizationResult]:
-        """The result of each network, which gets its final weights."""
+    def result(self) -> OptimizationResult:
+        """The result; the network gets its final weights."""
         for parameter in self._parameters:
             parameter.grad = None
         end = StopReason.TIME_BUDGET if self.is_late else StopReason.ITERATION_LIMIT
         if self._judge is not None:
-            return self._judge.results(end)
-        losses = self._losses.tolist()
-        return [OptimizationResult(_checked(loss), self.num_steps, end) for loss in losses]
+            return self._judge.result(end)
+        return OptimizationResult(_checked(self._loss.item()), self.num_steps, end)
 
 
 class _Judge:
-    """Early stopping and the best weights of K networks, on their device."""
+    """Early stopping and the best weights of a network, on its device."""
 
     def __init__(
         self,
         parameters: Sequence[torch.Tensor],
-        losses: torch.Tensor,
+        loss: torch.Tensor,
         schedule: Schedule,
         *,
         keep_best: bool,
     ) -> None:
         self._parameters = parameters
-        self._losses = losses  # [K], the last ones
+        self._loss = loss  # the last one
         self._schedule = schedule
         self._keeps_best = keep_best
-        self._best = torch.full_like(losses, math.inf)
-        self._fallen_to = torch.full_like(losses, math.inf)
-        self._num_waited = torch.zeros_like(losses, dtype=torch.int64)
-        self._num_steps = torch.zeros_like(losses, dtype=torch.int64)
+        self._best = torch.full_like(loss, math.inf)
+        self._fallen_to = torch.full_like(loss, math.inf)
+        self._num_waited = torch.zeros_like(loss, dtype=torch.int64)
+        self._num_steps = torch.zeros_like(loss, dtype=torch.int64)
         self._kept = [parameter.detach().clone() for parameter in parameters]
-        self.is_active = torch.ones_like(losses, dtype=torch.bool)
+        self.is_active = torch.ones_like(loss, dtype=torch.bool)
 
     @torch.no_grad()
-    def before_step(self, losses: torch.Tensor) -> None:
-        """Takes the losses (K,) of the current weights."""
-        self._losses.copy_(torch.where(self.is_active, losses, self._losses))
-        self.is_active.logical_and_(torch.isfinite(losses))
+    def before_step(self, loss: torch.Tensor) -> None:
+        """Takes the loss of the current weights."""
+        self._loss.copy_(torch.where(self.is_active, loss, self._loss))
+        self.is_active.logical_and_(torch.isfinite(loss))
         if self._keeps_best:
-            is_better = self.is_active & (losses < self._best)
-            self._best.copy_(torch.where(is_better, losses, self._best))
+            is_better = self.is_active & (loss < self._best)
+            self._best.copy_(torch.where(is_better, loss, self._best))
             self._keep(is_better)
         self._num_steps.add_(self.is_active)
 
     @torch.no_grad()
     def after_step(self, judged: torch.Tensor) -> None:
-        """Counts the steps without improvement of the losses (K,) from before the step."""
+        """Counts the steps without improvement of the loss from before the step."""
         if not self._schedule.patience:
             return
         if not self._keeps_best:
@@ -233,28 +233,22 @@ class _Judge:
 
     def _keep(self, which: torch.Tensor) -> None:
         for kept, parameter in zip(self._kept, self._parameters, strict=True):
-            kept.copy_(torch.where(_like(which, kept), parameter, kept))
+            kept.copy_(torch.where(which, parameter, kept))
 
     @torch.no_grad()
-    def results(self, end: StopReason) -> list[OptimizationResult]:
-        """The result of each network; puts the kept weights into the networks."""
-        has_kept = self._num_steps > 0
-        for parameter, kept in zip(self._parameters, self._kept, strict=True):
-            parameter.copy_(torch.where(_like(has_kept, kept), kept, parameter))
-        known = (self._losses, self._best, self._num_steps.double(), self._num_waited.double())
-        return [
-            OptimizationResult(
-                _checked(best if best < math.inf else last),
-                int(number),
-                self._reason(last, int(waited), end),
-            )
-            for last, best, number, waited in torch.stack(known, dim=1).tolist()
-        ]
+    def result(self, end: StopReason) -> OptimizationResult:
+        """The result; puts the kept weights into the network."""
+        if self._num_steps > 0:
+            for parameter, kept in zip(self._parameters, self._kept, strict=True):
+                parameter.copy_(kept)
+        last, best = self._loss.item(), self._best.item()
+        loss_m = _checked(best if best < math.inf else last)
+        return OptimizationResult(loss_m, int(self._num_steps), self._reason(last, end))
 
-    def _reason(self, last: float, num_waited: int, end: StopReason) -> StopReason:
+    def _reason(self, last: float, end: StopReason) -> StopReason:
         if not math.isfinite(last):
             return StopReason.NOT_FINITE
-        has_converged = 0 < self._schedule.patience <= num_waited
+        has_converged = 0 < self._schedule.patience <= int(self._num_waited)
         return StopReason.CONVERGED if has_converged else end
 
 
@@ -275,11 +269,6 @@ def _in_layout_of(parameter: torch.Tensor, gradient: torch.Tensor) -> torch.Tens
     if gradient.stride() == parameter.stride():
         return gradient
     return torch.empty_like(parameter).copy_(gradient)
-
-
-def _like(which: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-    """One value for each network (K,), in the shape of weights that begins with K."""
-    return which.view(-1, *(1,) * (weights.ndim - 1))
 
 
 class _Recorder:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -50,8 +49,6 @@ class PreparedSweep:
             )
         self._xyz = sweep.xyz
         self._settings = settings.distance
-        self._field = settings.field
-        self._is_ego_motion_removed = settings.ego_motion.removed
         self.points = on_device(sweep.xyz[self.kept], compute_device(settings.compute))
 
     @cached_property
@@ -74,45 +71,6 @@ class PreparedSweep:
             return torch.arange(len(self.points))
         return torch.from_numpy(self.kept).nonzero().view(-1)
 
-    def everywhere(
-        self, flow_at: Callable[[torch.Tensor], torch.Tensor], rows: torch.Tensor
-    ) -> torch.Tensor:
-        """Returns the flow at `positions`, (P, 3), of a function of rows (M, C) to (M, 3).
-
-        With `field.cell_size_m` all positions in a cell have the flow of one of them; with
-        `field.rest_is_static` points that are not kept are static.
-
-        Args:
-            flow_at: The function.
-            rows: (P, C) its input for each position.
-        """
-        if self._places is None:
-            return flow_at(rows)
-        chosen, place_of = self._places
-        found = flow_at(rows[chosen])
-        return torch.cat([found, found.new_zeros(1, 3)])[place_of]
-
-    @cached_property
-    def _places(self) -> tuple[torch.Tensor, torch.Tensor] | None:
-        """Rows of `positions` (Q,) at which functions are evaluated; None: all.
-
-        And for each position the number of the row with its flow (P,); Q for static ones.
-        """
-        cell_size_m = self._field.cell_size_m
-        rest_is_static = self._field.rest_is_static and self._is_ego_motion_removed
-        if not cell_size_m and not rest_is_static:
-            return None
-        device, number = self.points.device, len(self.positions)
-        chosen = torch.arange(number, device=device)
-        if rest_is_static:
-            chosen = self.kept_positions.to(device)
-        first = cell_of = torch.arange(len(chosen), device=device)
-        if cell_size_m:
-            first, cell_of = _cells_of(self.positions[chosen], cell_size_m)
-        place_of = torch.full((number,), len(first), device=device)
-        place_of[chosen] = cell_of
-        return chosen[first], place_of
-
     def whole(self, flow: torch.Tensor) -> NDArray[np.float32]:
         """Returns the flow (P, 3) at `positions` for all points (N, 3), NaN for others."""
         if not self._is_chosen:
@@ -125,19 +83,6 @@ class PreparedSweep:
     def distance(self) -> TargetDistance:
         """D(p, S) with this sweep as the target S."""
         return TargetDistance.to_points(self.points, self._settings)
-
-
-def _cells_of(positions: torch.Tensor, cell_size_m: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """The first row of each cell with positions (Q,), and the cell of each position (P,)."""
-    low = positions.min(dim=0).values
-    # A millimetre: the number of cells must be an int64.
-    cells = ((positions - low) / max(cell_size_m, 0.001)).long()
-    _, ny, nz = cells.max(dim=0).values + 1
-    flat = (cells[:, 0] * ny + cells[:, 1]) * nz + cells[:, 2]
-    found, cell_of = flat.unique(return_inverse=True)
-    rows = torch.arange(len(flat), device=flat.device)
-    first = torch.full_like(found, len(flat)).scatter_reduce_(0, cell_of, rows, "amin")
-    return first, cell_of
 
 
 class SweepPreparation:

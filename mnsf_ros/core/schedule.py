@@ -51,22 +51,18 @@ class Schedules:
 
     Attributes:
         settings: Iterations, steps, patience and time budget.
-        is_warm: Whether the networks were carried over, so that fewer steps are needed.
         cancelled: Asked before each step.
         started_s: `time.monotonic()` value at which the time budget began to run.
     """
 
     settings: Settings
-    is_warm: bool
     cancelled: Callable[[], bool]
     started_s: float
 
     @classmethod
-    def start_now(
-        cls, settings: Settings, *, is_warm: bool, cancelled: Callable[[], bool]
-    ) -> Schedules:
+    def start_now(cls, settings: Settings, cancelled: Callable[[], bool]) -> Schedules:
         """The schedules of an estimate whose time budget begins to run now."""
-        return cls(settings, is_warm, cancelled, time.monotonic())
+        return cls(settings, cancelled, time.monotonic())
 
     def fields(self, number: int) -> tuple[Schedule, ...]:
         """Of some fields that are fitted one after the other, before the fusion."""
@@ -89,15 +85,14 @@ class Schedules:
         return self._schedule(fusion.max_iterations, fusion.patience, 1.0)
 
     def _schedule(self, max_iterations: int, patience: int, done: float) -> Schedule:
-        optimization, warm = self.settings.optimization, self.settings.warm_start
-        budget_ms = warm.time_budget_ms if self.is_warm else optimization.time_budget_ms
+        optimization = self.settings.optimization
         return Schedule(
-            max_iterations=warm.max_iterations if self.is_warm else max_iterations,
-            learning_rate=warm.learning_rate if self.is_warm else optimization.learning_rate,
+            max_iterations=max_iterations,
+            learning_rate=optimization.learning_rate,
             decay=optimization.decay,
             patience=patience,
             min_delta_m=self.settings.early_stopping.min_delta_m,
-            deadline=self.started_s + done * (budget_ms / 1e3 or math.inf),
+            deadline=self.started_s + done * (optimization.time_budget_ms / 1e3 or math.inf),
             cancelled=self.cancelled,
             records_steps=self.settings.compute.cuda_graphs,
         )

@@ -33,11 +33,9 @@ class TargetDistance:
         self,
         lookup: DistanceTransform | NearestNeighborDistance,
         truncation_m: float = 0.0,
-        dead_zone_m: float = 0.0,
     ) -> None:
         self._lookup = lookup
-        # None where nothing is limited.
-        self._limits = (dead_zone_m or None, truncation_m or None)
+        self._truncation_m = truncation_m
 
     @classmethod
     def to_points(cls, points: torch.Tensor, settings: DistanceSettings) -> TargetDistance:
@@ -48,16 +46,16 @@ class TargetDistance:
 
         Args:
             points: (N, 3) float32, metres, the target sweep.
-            settings: Kind, cell size, the largest grid allowed, the limits of the distances.
+            settings: Kind, cell size, the largest grid allowed, the truncation.
         """
-        limits = settings.truncation_m, settings.dead_zone_m
-        is_grid = settings.kind == "grid" or (settings.kind == "auto" and points.is_cuda)
-        if is_grid:
+        if settings.kind == "grid":
             box = GridBox.around(points, settings.cell_size_m)
             if box.num_cells <= settings.max_cells:
                 reach_m = settings.truncation_m or math.inf
-                return cls(DistanceTransform.from_points(points, box, reach_m), *limits)
-        return cls(NearestNeighborDistance(points), *limits)
+                return cls(
+                    DistanceTransform.from_points(points, box, reach_m), settings.truncation_m
+                )
+        return cls(NearestNeighborDistance(points), settings.truncation_m)
 
     @property
     def kind(self) -> str:
@@ -67,7 +65,7 @@ class TargetDistance:
     def __call__(self, positions: torch.Tensor) -> torch.Tensor:
         """(M, 3) metres, in the target's frame, to (M,) metres."""
         distances = self._lookup(positions)
-        return distances.clamp(*self._limits) if any(self._limits) else distances
+        return distances.clamp(max=self._truncation_m) if self._truncation_m else distances
 
     def mean(self, positions: torch.Tensor) -> torch.Tensor:
         """The loss of the paper: mean distance of the moved points to the sweep, metres."""

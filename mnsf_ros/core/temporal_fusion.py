@@ -10,10 +10,8 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.flow_field import Perceptron
-from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
@@ -101,20 +99,16 @@ def fusion_network(
 
 
 def fit_fusion(
-    fusion: Learner, batches: Batches, target: TargetDistance, schedule: Schedule
+    fusion: nn.Module, rows: torch.Tensor, target: TargetDistance, schedule: Schedule
 ) -> OptimizationResult:
     """Makes the fused flow move the current points onto the next sweep.
 
-    Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed. The batches are rows
-    (M, 3 + 3 K): point, forward flow and inverted backward flows, metres.
+    Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed. The rows are (M, 3 + 3 K):
+    point, forward flow and inverted backward flows, metres.
 
     Raises:
         OptimizationError: If the loss is not finite.
         CancelledError: If the schedule says so.
     """
-
-    def loss_of() -> torch.Tensor:
-        rows = batches.draw()
-        return target.mean(rows[:, :3] + fusion.network(rows[:, 3:]))
-
-    return minimize(fusion, loss_of, schedule, keep_best=batches.are_whole, sources=[batches])
+    points, flows = rows[:, :3], rows[:, 3:]
+    return minimize(fusion, lambda: target.mean(points + fusion(flows)), schedule, keep_best=True)

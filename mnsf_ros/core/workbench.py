@@ -5,23 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from functools import partial
 
 import torch
 from torch import nn
 
-from mnsf_ros.core.batches import Batches, evaluate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
-from mnsf_ros.core.flow_field import Perceptron
-from mnsf_ros.core.learner import Learner, LossOf
-from mnsf_ros.core.optimization import minimize
+from mnsf_ros.core.flow_field import Perceptron, evaluate
+from mnsf_ros.core.optimization import LossOf, minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.temporal_fusion import fit_fusion
-from mnsf_ros.core.warm_start import Learners, WarmStart
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.sweep import Start, Sweep, SweepTriplet
+from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 
 class Workbench:
@@ -35,20 +31,14 @@ class Workbench:
         current: The sweep whose flow is estimated.
         next: The sweep at t+1.
         before: The sweeps at t-1, t-2 ..., `num_before` of them.
-        rows_to_fit: (M, 3) metres, points of the current sweep for fits.
-        points: The same, in batches.
+        points: (M, 3) metres, points of the current sweep for fits.
         fits: Stage to result of its optimization.
-        warm_start: Networks carried from the last triplet to the next.
-        start: Source of the first weights.
-        learners: The networks of MNSF, once it has begun.
     """
 
     current: PreparedSweep
     next: PreparedSweep
     before: list[PreparedSweep]
-    rows_to_fit: torch.Tensor
-    points: Batches
-    learners: Learners
+    points: torch.Tensor
 
     def __init__(
         self,
@@ -57,7 +47,6 @@ class Workbench:
         device: torch.device,
         preparation: SweepPreparation,
         num_before: int = 0,
-        warm_start: WarmStart | None = None,
     ) -> None:
         """Prepares the sweeps and chooses the points to fit to.
 
@@ -67,7 +56,6 @@ class Workbench:
             device: Device of the networks.
             preparation: Keeps prepared sweeps from triplet to triplet.
             num_before: Number of sweeps before the current one.
-            warm_start: For methods that start from the networks of the last triplet.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
@@ -76,11 +64,8 @@ class Workbench:
         self.triplet = triplet
         self.settings = settings
         self.device = device
-        self._sources: list[Batches] = []
         self._precision = ""
         self.fits: dict[str, OptimizationResult] = {}
-        self.warm_start = warm_start or WarmStart()
-        self.start = Start.COLD_BY_SETTING
         self._clock = StageClock(self._wait_for_gpu)
         # A generator of its own: the same triplet gives the same flow whatever came before.
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
@@ -88,18 +73,11 @@ class Workbench:
             sweeps = (triplet.current, triplet.next, *_sweeps_before(triplet, num_before))
             self.current, self.next, *self.before = preparation.prepare(*sweeps)
             self._indices_to_fit = self._sampled(self.current.kept_positions).to(device)
-            self.rows_to_fit = self.current.positions[self._indices_to_fit]
-            self.points = self.batches(self.rows_to_fit)
+            self.points = self.current.positions[self._indices_to_fit]
 
     def stage(self, name: str) -> AbstractContextManager[None]:
         """Adds the time of the block to the stage's time."""
         return self._clock.stage(name)
-
-    def batches(self, rows: torch.Tensor) -> Batches:
-        """Batches of rows (M, C), of the size in the settings."""
-        batches = Batches(rows, self.settings.optimization.batch_points, self.generator)
-        self._sources.append(batches)
-        return batches
 
     def sampled_points(self, sweep: PreparedSweep) -> torch.Tensor:
         """(M, 3) metres, points of another sweep for fits."""
@@ -108,25 +86,22 @@ class Workbench:
     def fit(
         self,
         stage: str,
-        learner: Learner,
+        network: nn.Module,
         loss_of: LossOf,
         schedule: Schedule,
-        *,
-        keep_best: bool | None = None,
+        weight_decay: float = 0.0,
     ) -> None:
-        """Optimizes a network in place; its time and result go under the name of the stage.
+        """Optimizes a network in place, to its best weights.
 
-        With `keep_best` the best weights are kept; the default is to do so where `points` are
-        whole, so that losses can be compared.
+        Its time and result go under the name of the stage.
 
         Raises:
             OptimizationError: If the loss is not finite.
             CancelledError: If the schedule says so.
         """
         with self.stage(stage):
-            keep_best = self.points.are_whole if keep_best is None else keep_best
             self.fits[stage] = minimize(
-                learner, loss_of, schedule, keep_best=keep_best, sources=self._sources
+                network, loss_of, schedule, keep_best=True, weight_decay=weight_decay
             )
 
     def flow(
@@ -144,7 +119,7 @@ class Workbench:
                 if isinstance(part, Perceptron):
                     self._precision = str(part.precision).removeprefix("torch.")
             rows = self.current.positions if rows is None else rows
-            flow = self.current.everywhere(partial(evaluate, network), rows)
+            flow = evaluate(network, rows)
             # The loss may be finite all the same: it is that of the step before, or truncated.
             if not torch.isfinite(flow).all():
                 raise OptimizationError(
@@ -153,16 +128,14 @@ class Workbench:
             return flow
 
     def fused_flow(
-        self, fusion: Learner, flows: Sequence[torch.Tensor], schedule: Schedule
+        self, fusion: nn.Module, flows: Sequence[torch.Tensor], schedule: Schedule
     ) -> torch.Tensor:
         """Fits g_fusion to f and f' ..., each (P, 3); (P, 3) finite metres, from t to t+1."""
         with self.stage("fusion"):
             side_by_side = torch.cat(list(flows), dim=1)  # [N, 3 K]
             rows = torch.cat([self.current.positions, side_by_side], dim=1)[self._indices_to_fit]
-            self.fits["fusion"] = fit_fusion(
-                fusion, self.batches(rows), self.next.distance, schedule
-            )
-        return self.flow("fusion", fusion.network, side_by_side)
+            self.fits["fusion"] = fit_fusion(fusion, rows, self.next.distance, schedule)
+        return self.flow("fusion", fusion, side_by_side)
 
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:
         """Makes the result of the flow at the positions, (P, 3) metres from t to t+1.
@@ -174,7 +147,6 @@ class Workbench:
             kept=self.current.kept,
             times_ms=self._clock.times_ms,
             fits=self.fits,
-            start=self.start,
             device=self.device.type,
             distance_kind=distance_kind or self.next.distance.kind,
             precision=self._precision,

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import torch
 
-from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field, penalty, schedule_for
@@ -22,11 +21,11 @@ def fnsf(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
     field = fresh_field(bench, is_linear=is_linear)
 
     def loss_of() -> torch.Tensor:
-        points = bench.points.draw()
+        points = bench.points
         return bench.next.distance.mean(points + field(points)) + penalty(field, bench)
 
     schedule = schedule_for(field, schedules.field(), bench)
-    bench.fit("forward", Learner.fresh(field), loss_of, schedule)
+    bench.fit("forward", field, loss_of, schedule)
     return bench.flow("forward", field)
 
 
@@ -38,16 +37,15 @@ def fnsf_joint(bench: Workbench, schedules: Schedules, *, has_time: bool = False
     """
     field = fresh_field(bench, num_inputs=4 if has_time else 3)
     (previous,) = bench.before
-    earlier_points = bench.batches(bench.sampled_points(previous))
+    points, earlier = bench.points, bench.sampled_points(previous)
 
     def at(time: float, positions: torch.Tensor) -> torch.Tensor:
         times = torch.full_like(positions[:, :1], time)
         return torch.cat([positions, times], dim=1) if has_time else positions
 
     def loss_of() -> torch.Tensor:
-        points, earlier = bench.points.draw(), earlier_points.draw()
         to_next = bench.next.distance.mean(points + field(at(_NOW, points)))
         return to_next + bench.current.distance.mean(earlier + field(at(_BEFORE, earlier)))
 
-    bench.fit("forward", Learner.fresh(field), loss_of, schedules.field())
+    bench.fit("forward", field, loss_of, schedules.field())
     return bench.flow("forward", field, at(_NOW, bench.current.positions))

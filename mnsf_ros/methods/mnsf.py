@@ -7,22 +7,21 @@ settings and the number of fields; `mnsf_cycle` has another loss.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 
 import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly, fit_stacked, still_fits
-from mnsf_ros.core.learner import Learner
+from mnsf_ros.core.flow_field import FlowField
+from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly
 from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
 from mnsf_ros.core.temporal_fusion import fusion_network, invert_motion
-from mnsf_ros.core.warm_start import Learners
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field
-from mnsf_ros.sweeps.sweep import Start
 
 
 def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:
@@ -36,60 +35,68 @@ def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.T
         schedules: Steps and time limit of each network.
         num_fields: The forward field, and a backward field for each sweep before the current one.
     """
-    learners = bench.learners = _starting_learners(bench, num_fields)
-    schedules = replace(schedules, is_warm=bench.start is Start.WARM)
+    return fitted_mnsf(bench, schedules, num_fields)[0]
+
+
+@dataclass(frozen=True)
+class Networks:
+    """The networks of the method.
+
+    Attributes:
+        fields: The forward field and the backward fields: to t-1, t-2 ...
+        fusion: The fusion of their flows.
+    """
+
+    fields: tuple[FlowField, ...]
+    fusion: nn.Module
+
+    @classmethod
+    def fresh(cls, bench: Workbench, num_fields: int) -> Networks:
+        """Networks with random weights; fields that are fitted jointly have the same."""
+        settings, precision = bench.settings, layer_precision(bench.settings.compute)
+
+        def field() -> FlowField:
+            return FlowField(settings.field, bench.generator, precision=precision).to(bench.device)
+
+        if settings.optimization.joint:
+            first = field()
+            fields = (first, *(copy.deepcopy(first) for _ in range(num_fields - 1)))
+        else:
+            fields = tuple(field() for _ in range(num_fields))
+        fusion = fusion_network(settings.fusion, bench.generator, num_fields, precision)
+        return cls(fields, fusion.to(bench.device))
+
+
+def fitted_mnsf(
+    bench: Workbench, schedules: Schedules, num_fields: int = 2
+) -> tuple[torch.Tensor, Networks]:
+    """The same, and the fitted networks."""
+    with bench.stage("prepare"):
+        networks = Networks.fresh(bench, num_fields)
     if len(bench.before) < num_fields - 1:
-        return _fitted_flows(bench, schedules.fields(2)[:1], keep_best=True)[0]
+        one = schedules.fields(2)[:1]
+        return _fitted_flows(bench, networks, one, keep_best=True)[0], networks
     # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
-    forward_flow, *backward_flows = _field_flows(bench, schedules)
+    forward_flow, *backward_flows = _field_flows(bench, networks, schedules)
     # 3.: the backward flow is inverted.
     inverted_flows = _inverted(bench, backward_flows)
     # 4.: the fusion makes one flow of both.
-    flow = bench.fused_flow(learners.fusion, [forward_flow, *inverted_flows], schedules.fusion)
-    bench.warm_start.keep(learners, bench.triplet)
-    return flow
+    flow = bench.fused_flow(networks.fusion, [forward_flow, *inverted_flows], schedules.fusion)
+    return flow, networks
 
 
-def _starting_learners(bench: Workbench, num_fields: int) -> Learners:
-    """The networks of the last triplet if they still fit, else fresh ones."""
-    with bench.stage("prepare"):
-        carried, bench.start = bench.warm_start.carried(bench.triplet, bench.settings)
-        # Until the estimate is complete, its half-fitted networks are no start for the next one.
-        bench.warm_start.forget()
-        if carried and _still_fit(carried, bench):
-            return carried
-        bench.start = Start.COLD_LOSS if carried else bench.start
-        return Learners.fresh(bench.settings, bench.generator, bench.device, num_fields)
-
-
-def _still_fit(carried: Learners, bench: Workbench) -> bool:
-    # A cold start after this must not differ from any other: give back what was drawn.
-    state = bench.generator.get_state()
-    ratio = bench.settings.warm_start.max_loss_ratio
-    fits = still_fits(carried.fields[0], bench.points, bench.next.distance, ratio)
-    bench.generator.set_state(state)
-    return fits
-
-
-def _field_flows(bench: Workbench, schedules: Schedules) -> list[torch.Tensor]:
+def _field_flows(bench: Workbench, networks: Networks, schedules: Schedules) -> list[torch.Tensor]:
     """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
-    fields, stack = bench.learners.fields, bench.learners.stack
-    keep_best = bench.settings.fusion.fields == "best"
-    if stack is None and not bench.settings.optimization.joint:
-        return _fitted_flows(bench, schedules.fields(len(fields)), keep_best=keep_best)
-    # All fields are fitted in the same steps.
+    fields, keep_best = networks.fields, bench.settings.fusion.fields == "best"
+    if not bench.settings.optimization.joint:
+        return _fitted_flows(bench, networks, schedules.fields(len(fields)), keep_best=keep_best)
     targets = [sweep.distance for sweep in (bench.next, *bench.before)]
     (schedule,) = schedules.fields(1)
     with bench.stage("fields"):
-        if stack is None:
-            result = fit_jointly(fields, bench.points, targets, schedule, keep_best=keep_best)
-            bench.fits["fields"] = result
-        else:
-            results = fit_stacked(
-                stack, fields, bench.points, targets, schedule, keep_best=keep_best
-            )
-            bench.fits.update(zip(_field_stages(len(fields)), results, strict=True))
-    return [bench.flow("fields", field.network) for field in fields]
+        bench.fits["fields"] = fit_jointly(
+            fields, bench.points, targets, schedule, keep_best=keep_best
+        )
+    return [bench.flow("fields", field) for field in fields]
 
 
 def _field_stages(number: int) -> list[str]:
@@ -97,11 +104,11 @@ def _field_stages(number: int) -> list[str]:
 
 
 def _fitted_flows(
-    bench: Workbench, schedules: Sequence[Schedule], *, keep_best: bool
+    bench: Workbench, networks: Networks, schedules: Sequence[Schedule], *, keep_best: bool
 ) -> list[torch.Tensor]:
     """The flows of as many fields as there are schedules, each fitted by itself."""
     flows = []
-    fields = bench.learners.fields[: len(schedules)]
+    fields = networks.fields[: len(schedules)]
     targets = (bench.next, *bench.before)[: len(schedules)]
     stages = _field_stages(len(fields))
     for stage, field, target, schedule in zip(stages, fields, targets, schedules, strict=True):
@@ -109,7 +116,7 @@ def _fitted_flows(
             bench.fits[stage] = fit_field(
                 field, bench.points, target.distance, schedule, keep_best=keep_best
             )
-        flows.append(bench.flow(stage, field.network))
+        flows.append(bench.flow(stage, field))
     return flows
 
 
@@ -129,9 +136,10 @@ def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
     backward_flow = _cycle_flow("backward", bench, previous, second)
     inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
     precision = layer_precision(bench.settings.compute)
-    network = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
-    fusion = Learner.fresh(network.to(bench.device))
-    return bench.fused_flow(fusion, [forward_flow, inverted_flow], schedules.fusion)
+    fusion = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
+    return bench.fused_flow(
+        fusion.to(bench.device), [forward_flow, inverted_flow], schedules.fusion
+    )
 
 
 def _cycle_flow(
@@ -145,10 +153,10 @@ def _cycle_flow(
     there, back = (fresh_field(bench) for _ in range(2))
 
     def loss_of() -> torch.Tensor:
-        points = bench.points.draw()
+        points = bench.points
         moved = points + there(points)
         returned = moved + back(moved)
         return target.distance.mean(moved) + weight * bench.current.distance.mean(returned)
 
-    bench.fit(stage, Learner.fresh(nn.ModuleList([there, back])), loss_of, schedule)
+    bench.fit(stage, nn.ModuleList([there, back]), loss_of, schedule)
     return bench.flow(stage, there)

@@ -21,7 +21,6 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.core.schedule import Schedules
-from mnsf_ros.core.warm_start import WarmStart
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
@@ -32,7 +31,7 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 _DYNAMIC_SPEED_M_S: Final = 0.5
 _SETTINGS_GROUPS: Final = (
     *("distance", "nsfp", "mnsf_cycle", "linear", "field"),
-    *("optimization", "early_stopping", "fusion", "warm_start"),
+    *("optimization", "early_stopping", "fusion"),
 )
 
 FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
@@ -47,14 +46,12 @@ class NetworkMethod:
             metres from t to t+1.
         num_sweeps: Sweeps that the method looks at.
         distance_kind: Kind of the distances, if not that of `Workbench.next.distance`.
-        starts_warm: Whether the method can start where the last triplet ended.
         needs_previous: False if a method of three sweeps can do with two.
     """
 
     flow_of: FlowOf
     num_sweeps: int = 2
     distance_kind: str | None = None
-    starts_warm: bool = False
     needs_previous: bool = True
 
 
@@ -77,19 +74,16 @@ class NetworkEstimator:
         """
         self.settings = settings
         self._method = method
-        gaps_s = [settings.ego_motion.max_gap_s] if settings.ego_motion.removed else []
-        if method.starts_warm and settings.warm_start.enabled:
-            gaps_s.append(settings.warm_start.max_gap_s)
+        is_removed = settings.ego_motion.removed
         self.traits = MethodTraits(
             method.num_sweeps,
-            carries_state=bool(gaps_s),
-            max_gap_s=min(gaps_s, default=math.inf),
+            carries_state=is_removed,
+            max_gap_s=settings.ego_motion.max_gap_s if is_removed else math.inf,
             settings_groups=_SETTINGS_GROUPS,
         )
         self._device = compute_device(settings.compute)
         check_memory(settings)
         self._preparation = SweepPreparation(settings)
-        self._warm_start = WarmStart()
         self._poses = SensorPoses(settings.ego_motion)
 
     def with_settings(self, settings: Settings) -> NetworkEstimator:
@@ -100,11 +94,8 @@ class NetworkEstimator:
                 than there is.
         """
         other, old = NetworkEstimator(settings, self._method), self.settings
-        if settings.compute == old.compute:
-            if _networks(settings) == _networks(old):
-                other._warm_start = self._warm_start
-            if _preparing(settings) == _preparing(old):
-                other._preparation = self._preparation
+        if _preparing(settings) == _preparing(old):
+            other._preparation = self._preparation
         if settings.ego_motion == old.ego_motion:
             other._poses = self._poses
         return other
@@ -143,25 +134,14 @@ class NetworkEstimator:
         """The flow in the coordinates of the sweeps as they are."""
         is_pair = triplet.previous is None and not self._method.needs_previous
         num_before = 0 if is_pair else self._method.num_sweeps - 2
-        bench = Workbench(
-            triplet, self.settings, self._device, self._preparation, num_before, self._warm_start
-        )
-        schedules = Schedules.start_now(self.settings, is_warm=False, cancelled=cancelled)
+        bench = Workbench(triplet, self.settings, self._device, self._preparation, num_before)
+        schedules = Schedules.start_now(self.settings, cancelled)
         return bench.finish(self._method.flow_of(bench, schedules), self._method.distance_kind)
-
-
-def _networks(settings: Settings) -> tuple[object, ...]:
-    """The settings on which carried networks depend."""
-    # In another frame the flow is another one.
-    is_removed = settings.ego_motion.removed
-    optimization = settings.optimization
-    return settings.field, settings.fusion, optimization.joint, optimization.stacked, is_removed
 
 
 def _preparing(settings: Settings) -> tuple[object, ...]:
     """The settings on which prepared sweeps depend."""
-    is_removed = settings.ego_motion.removed
-    return settings.crop, settings.ground, settings.distance, settings.field, is_removed
+    return settings.compute, settings.crop, settings.ground, settings.distance
 
 
 def _in_frame_of_current(triplet: SweepTriplet, poses: dict[Sweep, SensorPose]) -> SweepTriplet:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench
@@ -19,10 +18,9 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
     """NSFP (Li 2021), by minimizing Chamfer(p + g(p), S3) + Chamfer(p', S2); (N, 3) metres.
 
     p' = q + h(q) with q = p + g(p) is where the inverse field h takes the moved points back to.
-    Both directions of the distance need all moved points, so there are no random batches. A linear
-    field is one on a Kronecker product of encodings.
+    A linear field is one on a Kronecker product of encodings.
     """
-    points = bench.rows_to_fit
+    points = bench.points
     there, back = (fresh_field(bench, is_linear=is_linear) for _ in range(2))
     settings = bench.settings.nsfp
     to_next = ChamferDistance(bench.sampled_points(bench.next), settings.truncation_m)
@@ -34,7 +32,7 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
         smoothness = penalty(there, bench) + penalty(back, bench)
         return to_next(moved) + to_current(returned) + smoothness
 
-    both = Learner.fresh(nn.ModuleList([there, back]), settings.weight_decay)
+    both = nn.ModuleList([there, back])
     schedule = replace(
         schedules.field(),
         learning_rate=settings.learning_rate,
@@ -42,7 +40,7 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
         min_delta_m=settings.min_delta_m2,
     )
     schedule = schedule_for(there, schedule, bench)
-    bench.fit("forward", both, loss_of, schedule, keep_best=True)
+    bench.fit("forward", both, loss_of, schedule, settings.weight_decay)
     return bench.flow("forward", there)
 
 

@@ -81,7 +81,6 @@ def _mnsf(num_sweeps: int) -> MethodMaker:
         "mnsf:mnsf",
         {"num_fields": num_sweeps - 1},
         num_sweeps=num_sweeps,
-        starts_warm=True,
         # The method as published makes do with two sweeps where there is no previous one.
         needs_previous=num_sweeps != 3,
     )

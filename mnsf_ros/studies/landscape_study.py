@@ -27,7 +27,7 @@ from mnsf_ros.core.temporal_fusion import invert_motion
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.study_charts import height_maps
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.methods.mnsf import mnsf
+from mnsf_ros.methods.mnsf import Networks, fitted_mnsf
 from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.settings import Settings
 from mnsf_ros.studies.study import StudyOptions, StudyResult, first_example
@@ -61,9 +61,9 @@ def run_landscape_study(options: StudyOptions) -> StudyResult:
         )
     example = first_example(options)
     options.say("fitting FNSF and MNSF")
-    bench = _fitted_workbench(example.triplet, options.evaluation().settings)
+    bench, networks = _fitted(example.triplet, options.evaluation().settings)
     found = {}
-    for name, (network, loss_of) in _losses(bench).items():
+    for name, (network, loss_of) in _losses(bench, networks).items():
         options.say(f"looking around {name}")
         found[name] = landscape(network, loss_of, options)
     num_points = len(example.triplet.current.kept_xyz)
@@ -161,23 +161,20 @@ def losses_along(
     return np.array(losses)
 
 
-def _fitted_workbench(triplet: SweepTriplet, settings: Settings) -> Workbench:
-    """A workbench on which MNSF, and with it FNSF, was fitted to a triplet."""
-    settings = settings.changed(
-        {"warm_start.enabled": False, "fusion.inversion": True, "fusion.kind": "mlp"}
-    )
+def _fitted(triplet: SweepTriplet, settings: Settings) -> tuple[Workbench, Networks]:
+    """MNSF, and with it FNSF, fitted to a triplet, and the workbench."""
+    settings = settings.changed({"fusion.inversion": True, "fusion.kind": "mlp"})
     limit_threads(settings.compute)
     device, preparation = compute_device(settings.compute), SweepPreparation(settings)
     bench = Workbench(triplet, settings, device, preparation, num_before=1)
-    mnsf(bench, Schedules.start_now(settings, is_warm=False, cancelled=never))
-    return bench
+    return bench, fitted_mnsf(bench, Schedules.start_now(settings, never))[1]
 
 
-def _losses(bench: Workbench) -> dict[str, tuple[nn.Module, Loss]]:
+def _losses(bench: Workbench, networks: Networks) -> dict[str, tuple[nn.Module, Loss]]:
     """Name to network and loss, over all points at once."""
     points, target = bench.current.points, bench.next.distance
-    forward_field, backward_field = (field.network for field in bench.learners.fields)
-    fusion = bench.learners.fusion.network
+    forward_field, backward_field = networks.fields
+    fusion = networks.fusion
 
     def fused_flow(points: torch.Tensor) -> torch.Tensor:
         inverted = invert_motion(backward_field(points), bench.triplet.interval_ratio)

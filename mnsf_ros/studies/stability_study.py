@@ -39,7 +39,6 @@ STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
     "distance.kind": "tree",
     "optimization.max_iterations": 60,
     "optimization.decay": True,
-    "optimization.batch_points": 0,
     "fusion.max_iterations": 60,
     "early_stopping.patience": 0,
     "fusion.patience": 0,

@@ -119,7 +119,6 @@ class Start(Enum):
     COLD_GAP = "cold: gap since the last triplet"
     COLD_TIME_JUMP = "cold: time went back"
     COLD_FRAME = "cold: frame_id changed"
-    COLD_LOSS = "cold: the carried fields no longer fit"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The network of a field: depth, first weights, stacks and precision."""
+"""The network of a field: depth, first weights and precision."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import math
 import pytest
 import torch
 
-from mnsf_ros.core.batches import evaluate
-from mnsf_ros.core.flow_field import FlowField, Perceptron, StackedFields
+from mnsf_ros.core.flow_field import FlowField, Perceptron, evaluate
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import FieldSettings
 
@@ -45,9 +44,6 @@ def test_weights_start_after_xavier_and_biases_at_zero(generator):
         bound = math.sqrt(6 / (layer.in_features + layer.out_features))
         assert 0.8 * bound < layer.weight.abs().max() <= bound
         assert not layer.bias.any()
-    field = FlowField(FieldSettings(2, 8, zero_start=True), generator)
-    assert not field(torch.rand(20, 3)).any()
-    assert any(layer.weight.any() for layer in field.linear_layers)
 
 
 @pytest.mark.parametrize("num_rows", [0, 1, 4_097, 40_000])
@@ -57,20 +53,6 @@ def test_rows_in_pieces_give_the_same_as_at_once(num_rows, device, generator):
     flow = evaluate(network, rows)
     assert not flow.requires_grad
     torch.testing.assert_close(flow, network(rows).detach())
-
-
-def test_stack_shares_its_weights_with_the_fields(device, generator):
-    fields = [FlowField(SMALL, generator).to(device) for _ in range(3)]
-    points = torch.rand(20, 3, device=device)
-    before = torch.stack([field(points) for field in fields]).detach()
-    stack = StackedFields(fields)
-    torch.testing.assert_close(stack(points).detach(), before)
-    optimizer = torch.optim.Adam(stack.parameters(), lr=0.1, fused=True)
-    stack(points).square().sum().backward()
-    optimizer.step()
-    after = torch.stack([field(points) for field in fields])
-    assert not torch.allclose(after[1], before[1])
-    torch.testing.assert_close(stack(points), after)
 
 
 def precise_pair(num_hidden_layers):

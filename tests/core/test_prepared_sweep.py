@@ -96,37 +96,3 @@ def test_refused_sweep_does_not_spoil_the_others(sweeps):
     with pytest.raises(SweepError):
         preparation.prepare(sweeps[1], Sweep.from_array(np.zeros((0, 3))))
     assert preparation.prepare(*sweeps[:2]) == [first, second]
-
-
-def test_networks_are_evaluated_once_for_each_cell(sweep):
-    prepared = PreparedSweep(sweep, NO_GROUND.changed({"field.cell_size_m": 0.5}))
-    seen = []
-
-    def flow_at(rows):
-        seen.append(len(rows))
-        return rows.clone()
-
-    flow = prepared.everywhere(flow_at, prepared.positions)
-    (number,) = seen
-    assert 10 < number == len(flow.unique(dim=0)) < len(sweep)
-    # The position that was evaluated is in the same cell.
-    assert (flow - prepared.positions).abs().max() <= 0.5
-    at_each = PreparedSweep(sweep, NO_GROUND).everywhere(flow_at, prepared.positions)
-    assert torch.equal(at_each, prepared.positions)
-
-
-def test_cells_that_are_far_too_small(sweep):
-    prepared = PreparedSweep(sweep, NO_GROUND.changed({"field.cell_size_m": 1e-12}))
-    flow = prepared.everywhere(torch.clone, prepared.positions)
-    assert (flow - prepared.positions).abs().max() <= 0.001
-
-
-@pytest.mark.parametrize("cell_size_m", [0.0, 0.5])
-@pytest.mark.parametrize("removed", [False, True])
-def test_points_that_fields_are_not_fitted_to_may_be_static(sweep, removed, cell_size_m):
-    names = ("field.rest_is_static", "field.cell_size_m", "ego_motion.removed")
-    settings = ON_CPU.changed(dict(zip(names, (True, cell_size_m, removed), strict=True)))
-    prepared = PreparedSweep(sweep, settings)
-    flow = prepared.whole(prepared.everywhere(lambda rows: rows + 1000.0, prepared.positions))
-    assert flow[prepared.kept].all()
-    assert flow[~prepared.kept].any() != removed

@@ -16,9 +16,9 @@ def never():
     return False
 
 
-def schedules(is_warm=False, **changes):
+def schedules(**changes):
     settings = Settings().changed({name.replace("__", "."): v for name, v in changes.items()})
-    return Schedules.start_now(settings, is_warm=is_warm, cancelled=never)
+    return Schedules.start_now(settings, never)
 
 
 def test_decay_is_a_cosine_to_zero():
@@ -30,24 +30,20 @@ def test_decay_is_a_cosine_to_zero():
     assert {constant.learning_rate_at(iteration) for iteration in range(12)} == {0.4}
 
 
-@pytest.mark.parametrize(("is_warm", "rate"), [(False, 0.03), (True, 0.001)])
-def test_warm_start_is_shorter_and_gentler(is_warm, rate):
+def test_fields_and_fusion_have_their_own_steps_and_patience():
     chosen = schedules(
-        is_warm,
         optimization__max_iterations=70,
         optimization__learning_rate=0.03,
-        warm_start__max_iterations=7,
-        warm_start__learning_rate=0.001,
         early_stopping__patience=5,
         early_stopping__min_delta_m=0.25,
         fusion__max_iterations=30,
         fusion__patience=9,
     )
     parts = (*chosen.fields(2), chosen.fusion)
-    assert [part.max_iterations for part in parts] == ([7, 7, 7] if is_warm else [70, 70, 30])
+    assert [part.max_iterations for part in parts] == [70, 70, 30]
     assert [part.patience for part in parts] == [5, 5, 9]
     for part in parts:
-        assert (part.learning_rate, part.min_delta_m) == (rate, 0.25)
+        assert (part.learning_rate, part.min_delta_m) == (0.03, 0.25)
         assert part.decay is Settings().optimization.decay
         assert part.cancelled is never
 

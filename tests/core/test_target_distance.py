@@ -147,7 +147,6 @@ def test_positions_that_are_points_far_away_or_no_numbers(points, lookup):
 
 
 def test_setting_chooses_the_kind_but_a_grid_that_is_too_large_is_replaced(points):
-    assert distance_to(points, kind="auto").kind == ("grid" if points.is_cuda else "tree")
     assert distance_to(points, kind="tree").kind == "tree"
     num_cells = GridBox.around(points, 0.1).num_cells
     assert distance_to(points, kind="grid", max_cells=num_cells).kind == "grid"
@@ -174,14 +173,3 @@ def test_truncation(device, kind):
     assert not pull[1:].any()
     far = torch.tensor([[300.0, 0.0, 0.0]], device=device)
     assert distance_to(origin, kind=kind, truncation_m=0)(far).item() == pytest.approx(300)
-
-
-@pytest.mark.parametrize("kind", ["grid", "tree"])
-def test_dead_zone_has_no_gradient(points, kind):
-    target = distance_to(points, kind=kind, dead_zone_m=0.4, cell_size_m=0.1)
-    positions = (points[:50] + 0.1).requires_grad_()
-    distances = target(positions)
-    assert (distances == 0.4).all()
-    distances.sum().backward()
-    assert not positions.grad.any()
-    assert target(points[:1] + points.new_tensor([0.0, 0.0, 20.0])) == 2.0

@@ -6,9 +6,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from mnsf_ros.core.batches import Batches
 from mnsf_ros.core.flow_estimate import StopReason
-from mnsf_ros.core.learner import Learner
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.core.temporal_fusion import (
@@ -62,19 +60,16 @@ def test_weighted_sum_starts_at_the_mean_and_by_hand(both_flows):
     assert fused.tolist() == [[1 + 1.0, 4.0 + 3.0, -3.0]]
 
 
-@pytest.mark.parametrize(
-    ("kind", "batch_points"), [("weighted_sum", 0), ("weighted_sum", 50), ("mlp", 0), ("mean", 0)]
-)
-def test_fusion_is_fitted_where_it_has_weights(device, generator, kind, batch_points):
+@pytest.mark.parametrize("kind", KINDS)
+def test_fusion_is_fitted_where_it_has_weights(device, generator, kind):
     """f is the true flow and f' is half a metre off: the mean is a quarter of a metre off."""
     points = 5 * torch.rand(200, 3, generator=generator)
     flow = torch.rand(200, 3, generator=generator) - 0.5
     rows = torch.cat([points, flow, flow + torch.tensor([0.5, 0.0, 0.0])], dim=1).to(device)
     target = TargetDistance.to_points((points + flow).to(device), Settings().distance)
-    learner = Learner.fresh(fusion_network(settings_of(kind), generator).to(device))
-    batches = Batches(rows, batch_points, generator)
-    result = fit_fusion(learner, batches, target, Schedule(300, 0.02, True))
-    fused = learner.network(rows[:, 3:]).detach()
+    network = fusion_network(settings_of(kind), generator).to(device)
+    result = fit_fusion(network, rows, target, Schedule(300, 0.02, True))
+    fused = network(rows[:, 3:]).detach()
     loss_m = target.mean(rows[:, :3] + fused).item()
     if kind == "mean":
         assert (result.iterations, result.stop_reason) == (0, StopReason.CONVERGED)

@@ -3,53 +3,44 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import torch
 from moving_sweeps import QUICK, mean_error
 
-from mnsf_ros.core.flow_estimate import Start, StopReason
+from mnsf_ros.core.flow_estimate import StopReason
+from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.temporal_fusion import fusion_network
-from mnsf_ros.core.warm_start import Learners
+from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods import make_method
+from mnsf_ros.methods.mnsf import Networks
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import Settings
 
 
-def test_joint_fields_start_from_the_same_weights():
-    settings = QUICK.changed({"optimization.joint": True})
-    learners = Learners.fresh(settings, torch.Generator(), torch.device("cpu"), num_fields=3)
-    first, *others = (field.network.state_dict() for field in learners.fields)
-    for other in others:
-        for name, weights in first.items():
-            assert torch.equal(weights, other[name])
-            assert weights.data_ptr() != other[name].data_ptr()
-    assert len({id(field.optimizer) for field in learners.fields}) == 1
+def test_joint_fields_start_from_the_same_weights(translated):
+    settings = QUICK.changed({"optimization.joint": True, "optimization.max_iterations": 1})
+    for is_joint in (True, False):
+        bench = Workbench(
+            translated,
+            settings.changed({"optimization.joint": is_joint}),
+            torch.device("cpu"),
+            SweepPreparation(settings),
+            num_before=2,
+        )
+        first, *others = (field.state_dict() for field in Networks.fresh(bench, 3).fields)
+        for other in others:
+            weights = "_layers.0.weight"
+            assert torch.equal(first[weights], other[weights]) == is_joint
+            assert first[weights].data_ptr() != other[weights].data_ptr()
 
 
-def test_joint_fit_has_one_stage_and_stops_as_soon_as_the_forward_loss_does(translated):
-    # The current sweep is its own next one: the forward field is there at once.
-    patient = {"optimization.joint": True, "early_stopping.patience": 5, "field.zero_start": True}
-    settings = QUICK.changed(patient)
-    moving = make_method("mnsf", settings).estimate(translated)
-    still = make_method("mnsf", settings).estimate(replace(translated, next=translated.current))
-    assert list(moving.fits) == ["fields", "fusion"]
-    assert list(moving.times_ms) == ["prepare", "fields", "fusion"]
-    assert mean_error(moving.flow) < 0.05
-    assert still.fits["fields"].stop_reason is StopReason.CONVERGED
-    assert still.fits["fields"].iterations < moving.fits["fields"].iterations / 2
-
-
-def test_joint_fields_go_on_warm_and_alone(translated):
-    values = {"optimization.joint": True, "warm_start.enabled": True}
-    joint = QUICK.changed({**values, "warm_start.max_loss_ratio": 1000})
-    estimator = make_method("mnsf", joint)
-    starts = [estimator.estimate(translated).start for _ in range(2)]
-    assert starts == [Start.COLD_FIRST, Start.WARM]
-    # Fields with an optimizer each are other networks.
-    apart = estimator.with_settings(joint.changed({"optimization.joint": False}))
-    assert apart.estimate(translated).start is Start.COLD_FIRST
+def test_joint_fit_has_one_stage(translated):
+    settings = QUICK.changed({"optimization.joint": True, "early_stopping.patience": 5})
+    estimate = make_method("mnsf", settings).estimate(translated)
+    assert list(estimate.fits) == ["fields", "fusion"]
+    assert list(estimate.times_ms) == ["prepare", "fields", "fusion"]
+    assert mean_error(estimate.flow) < 0.05
+    assert estimate.fits["fields"].stop_reason is StopReason.CONVERGED
 
 
 def test_fields_of_the_last_step_are_fused(translated):

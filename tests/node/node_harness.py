@@ -50,7 +50,6 @@ ENDLESS = QUICK | {
     "field.num_hidden_layers": 2,
     "optimization.max_iterations": 100_000,
     "optimization.time_budget_ms": 0,
-    "warm_start.time_budget_ms": 0,
 }
 
 # An estimate that is most of its time inside one library call, which takes a second or more.

@@ -51,10 +51,8 @@ def network_settings(quick_settings):
             "fusion.max_iterations": 10,
             "optimization.max_iterations": 60,
             "optimization.learning_rate": 0.01,
-            "optimization.batch_points": 256,
+            "optimization.max_points": 256,
             "optimization.time_budget_ms": 0,
-            "warm_start.time_budget_ms": 0,
-            "warm_start.max_iterations": 20,
         }
     )
 

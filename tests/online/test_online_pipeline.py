@@ -112,7 +112,7 @@ class TestSettings:
         pipeline = make_pipeline(network_settings)
         hold_first_flow(pipeline)
         pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
-        pipeline.change_settings(network_settings.changed({"warm_start.max_iterations": 7}))
+        pipeline.change_settings(network_settings.changed({"optimization.max_iterations": 7}))
         recorder.gate.let_go()
         wait_until(lambda: pipeline.load == 0)
         pipeline.add_sweep(make_sweep(4), time.monotonic_ns())

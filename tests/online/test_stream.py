@@ -145,13 +145,6 @@ class TestSettings:
 
         return starts
 
-    def test_keep_the_warm_start_where_the_networks_stay_the_same(
-        self, starts_after, network_settings
-    ):
-        changes = {"crop.max_range_m": 60.0}, {"field.hidden_width": 24}
-        starts = starts_after(network_settings, *changes)
-        assert starts == [Start.COLD_FIRST, Start.WARM, Start.COLD_FIRST]
-
     def test_keep_what_is_known_of_objects_where_they_stay_the_same(
         self, starts_after, quick_settings
     ):

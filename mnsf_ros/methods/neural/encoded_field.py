@@ -24,7 +24,7 @@ _FIRST_CELL: Final = -(2**15)
 _CELLS_PER_AXIS: Final = 2**16
 # Prior weights of a constant and of a node, in points: parts move nearly as a whole.
 _CONSTANT_WEIGHT: Final = 1e-3
-_NODE_WEIGHT: Final = 5.0
+_NODE_WEIGHT: Final = 1.0
 _NUM_STEPS: Final = 4
 _NUM_CONJUGATE_STEPS: Final = 5
 # A point this far from the target, plus twice its spacing, has half of its weight.
