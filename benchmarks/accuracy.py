@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Errors of `online` beside FNSF, MNSF and ego motion alone, on the same sweeps.
+"""Errors of `online` and `neural` beside FNSF, MNSF and ego motion alone, on the same sweeps.
 
     python benchmarks/accuracy.py [--quick] [--document FILE]
 
@@ -35,10 +35,12 @@ from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 _FIRST: Final = 4
 _STEP: Final = 6
 _NUM_THREADS: Final = 2
-_ONLINE, _EGO, _FNSF, _MNSF = "online", "ego motion, estimated", "FNSF (paper)", "MNSF (paper)"
+_ONLINE, _NEURAL, _EGO = "online", "neural", "ego motion, estimated"
+_FNSF, _MNSF = "FNSF (paper)", "MNSF (paper)"
 # Row to method, preset, and whether it gets whole sweeps or the points of the paper's protocol.
 _ROWS: Final = {
     _ONLINE: ("online", "online", True),
+    _NEURAL: ("neural", "neural", True),
     _EGO: ("ego-estimated", "online", True),
     _FNSF: ("fnsf", "paper", False),
     _MNSF: ("mnsf", "paper", False),

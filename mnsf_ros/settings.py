@@ -24,7 +24,8 @@ class MethodSettings:
     name: str = declared(
         "online",
         "Method that estimates the flow. online: ego motion plus one rigid motion per object, "
-        "about 0.1 s on a CPU; mnsf: the networks of the paper; others: see docs/evaluation.md",
+        "about 0.1 s on a CPU; neural: the fields of the paper live; mnsf: its networks; others: "
+        "see docs/evaluation.md",
         fixed=True,
     )
 

@@ -1,0 +1,101 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""What each freedom of the method `neural` buys: errors and CPU without one at a time.
+
+    python benchmarks/neural_steps.py [--document FILE]
+
+On the second half of KITTI 0005, if the shared data is there (see drives.py), and on a street.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from typing import Any, Final
+from unittest.mock import patch
+
+# Before libraries with threads of their own are loaded.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
+from frame import Table, make_parser, publish
+
+from mnsf_ros.evaluation.metrics import by_motion
+from mnsf_ros.methods import make_method
+from mnsf_ros.methods.neural import encoded_field, neural_estimator
+from mnsf_ros.methods.neural.moving_points import MovingPoints
+from mnsf_ros.objects.prepared_sweeps import ReadySweeps
+from mnsf_ros.presets import preset
+
+_STREET_SEED: Final = 3
+_NUM_SWEEPS: Final = 24
+_PARTS: Final = ("dynamic", "static")
+
+
+def _forward_only(_parts: object, _near: object, _past: object, flows: list[Any]) -> Any:  # noqa: ANN401
+    return flows[0]
+
+
+def _mean(_parts: object, near: list[Any], _past: object, flows: list[Any]) -> Any:  # noqa: ANN401
+    return np.mean(flows[: len(near)], axis=0, dtype=np.float32)
+
+
+# Row to what is replaced: owner, name and value.
+_STEPS: Final[dict[str, tuple[Any, str, Any] | None]] = {
+    "neural": None,
+    "no nodes": (encoded_field, "_NODE_WEIGHT", 1e9),
+    "no older sweeps": (ReadySweeps, "past", lambda *_: []),
+    "mean as fusion": (neural_estimator, "fused", _mean),
+    "forward alone": (neural_estimator, "fused", _forward_only),
+    "no neighbours": (MovingPoints, "attach", lambda *_: None),
+}
+
+
+def main() -> None:
+    """Measures all rows, prints the table, and writes it into a document."""
+    options = make_parser(__doc__).parse_args()
+    publish("neural", _tables(), options.document)
+
+
+def _tables() -> Iterator[Table]:
+    kitti = real_sweeps("kitti_0005")[:_NUM_SWEEPS]
+    drives = {"street": simulated_sweeps(_STREET_SEED, _NUM_SWEEPS)}
+    drives = {"KITTI 0005": kitti, **drives} if kitti else drives
+    header = [*(f"{drive}: {part}" for drive in drives for part in _PARTS), "CPU (ms)"]
+    rows = [["online", *_figures(drives, "online")]]
+    rows.append(["from scratch", *_figures(drives, "neural+warm_start.enabled=false")])
+    for name, step in _STEPS.items():
+        if step is None:
+            rows.insert(1, [name, *_figures(drives, "neural")])
+        else:
+            owner, attribute, value = step
+            with patch.object(owner, attribute, value):
+                rows.append([name, *_figures(drives, "neural")])
+    yield Table("EPE (m), second half of each drive", ["", *header], rows)
+
+
+def _figures(drives: dict[str, list[TrueSweep]], method: str) -> list[str]:
+    """Mean errors over the second half of each drive; CPU time of an estimate on the first."""
+    measured = [_measured(sweeps, method) for sweeps in drives.values()]
+    errors = [f"{error_m:.3f}" for errors_m, _ in measured for error_m in errors_m]
+    return [*errors, f"{measured[0][1]:.0f}"]
+
+
+def _measured(sweeps: list[TrueSweep], method: str) -> tuple[list[float], float]:
+    estimator = make_method(method, preset("neural" if "neural" in method else method))
+    errors, times_ms = [], []
+    for index in range(1, len(sweeps) - 1):
+        start_s = time.process_time()
+        estimate = estimator.estimate(triplet_at(sweeps, index))
+        times_ms.append(1e3 * (time.process_time() - start_s))
+        truth = sweeps[index]
+        if index >= len(sweeps) // 2:
+            known = (estimate.flow, truth.flow, truth.dynamic)
+            errors.append(by_motion(*(values[truth.scored] for values in known)))
+    means_m = [float(np.nanmean([each[part].epe_m for each in errors])) for part in _PARTS]
+    return means_m, float(np.median(times_ms[len(times_ms) // 2 :]))
+
+
+if __name__ == "__main__":
+    main()
