@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Iterable
@@ -54,6 +55,18 @@ class Console(rich.console.Console):
         except OSError as error:
             complain(f"the output cannot be written: {error.strerror}")
             self.on_broken_pipe()
+
+
+class _PlainLines(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(map(plain_text, super().format(record).split("\n")))
+
+
+def show_warnings() -> None:
+    """Prints warnings of all libraries on standard error, without control characters."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_PlainLines())
+    logging.getLogger().addHandler(handler)
 
 
 def complain(text: object) -> None:

@@ -26,7 +26,7 @@ from mnsf_ros.cli import (
     view,
 )
 from mnsf_ros.cli.arguments import Arguments, IntermixedParser
-from mnsf_ros.cli.console import complain
+from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.core.compute_device import let_threads_sleep
 from mnsf_ros.errors import MnsfError
@@ -69,6 +69,7 @@ def main(arguments: list[str] | None = None) -> None:
     for number in heard:
         signal.signal(number, _interrupt)
     _print_any_text()
+    show_warnings()
     let_threads_sleep()
     try:
         status = run(arguments)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 from contextlib import suppress
 from pathlib import Path
 
@@ -41,7 +40,6 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def _run(options: argparse.Namespace) -> None:
-    logging.basicConfig(format="%(message)s")
     console = Console(stderr=True)
     if options.bag is None:
         if options.animation is not None:

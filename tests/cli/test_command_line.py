@@ -1,10 +1,12 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """What the `mnsf` command says and which status it ends with."""
 
+import logging
 from pathlib import Path
 
 import pytest
 
+from mnsf_ros.cli.console import show_warnings
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -46,6 +48,15 @@ def test_names_of_files_send_nothing_to_the_terminal(
     for name in ("results.md", "results.csv", "results.tex"):
         text = (tmp_path / f"r{HOSTILE}" / name).read_text()
         assert not set(text) & set("\x1b\x07\x9b\u202e")
+
+
+def test_warnings_send_nothing_to_the_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    show_warnings()
+    logging.getLogger("mnsf_ros.view").warning("no flow: %s", "field \x1b[31m")
+    assert capsys.readouterr().err == "no flow: field \\x1b[31m\n"
 
 
 def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
