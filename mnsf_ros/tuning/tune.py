@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from mnsf_ros.errors import EvaluationError, SettingsError, library_missing
+from mnsf_ros.errors import EvaluationError, SettingsError, library_missing, one_line
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.setting import Setting, SettingValue
@@ -176,7 +176,7 @@ def _open_study(
     """Opens the trials in a folder, which is made if it is not there.
 
     Raises:
-        EvaluationError: The folder has trials and `resume` is false, or they are of a search with
+        EvaluationError: The trials are damaged, or `resume` is false, or they are of a search with
             another identity: recordings, settings and options on which costs depend.
     """
     import optuna
@@ -185,9 +185,14 @@ def _open_study(
     path = folder / TRIALS_FILE
     if path.exists() and not resume:
         raise EvaluationError(f"{folder}: exists already; name another folder, or add --resume")
+    if path.exists() and not path.is_file():
+        raise EvaluationError(f"{path}: is not a file")
     folder.mkdir(parents=True, exist_ok=True)
-    storage = optuna.storages.JournalStorage(JournalFileBackend(str(path)))
-    study = optuna.create_study(storage=storage, study_name="tune", load_if_exists=True)
+    try:
+        storage = optuna.storages.JournalStorage(JournalFileBackend(str(path)))
+        study = optuna.create_study(storage=storage, study_name="tune", load_if_exists=True)
+    except Exception as error:  # as the lines of a damaged file have it
+        raise EvaluationError(f"{path}: cannot be read: {one_line(error)}") from error
     study.sampler = optuna.samplers.TPESampler(seed=seed + len(study.trials))
     texts = {name: str(value) for name, value in identity.items()}
     known = study.user_attrs.get(_IDENTITY, texts)

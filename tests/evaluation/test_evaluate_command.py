@@ -366,14 +366,6 @@ def test_recording_without_an_example_is_no_success(bag, tmp_path, mnsf):
         assert "No example: single contains no 2 consecutive sweeps" in ended.out
 
 
-def test_method_that_fails_on_every_example_is_no_success(tmp_path, mnsf):
-    without = small.write_recording(tmp_path / "without", 4, with_odometry=False)
-    ended = mnsf(without, "--methods=zero,ego", "--out", tmp_path / "out")
-    assert ended.status == INCOMPLETE
-    assert "ego: examples without a flow: 2;" in ended.out
-    assert "No flow at all: without." in ended.out
-
-
 def test_task_that_fails_is_told(bag, tmp_path, mnsf, monkeypatch):
     def task_events(task, options):
         yield TaskFailed("the recording is gone")

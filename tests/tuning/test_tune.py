@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from dataclasses import replace
 
@@ -79,6 +80,15 @@ def test_search_is_resumed(recording, tmp_path):
     before, after = second.tuned
     assert after.cost <= before.cost
     assert before == first.tuned[0] != second.held_out[0]
+
+
+@pytest.mark.parametrize("content", [b"\xc4\x00", b'{"op_code": 99}\n', None])
+def test_damaged_trials_are_refused_in_one_line(recording, tmp_path, content):
+    pytest.importorskip("optuna")
+    trials = tmp_path / "trials.log"
+    os.mkfifo(trials) if content is None else trials.write_bytes(content)
+    with pytest.raises(EvaluationError, match=r"trials\.log: (is not a file|cannot be read)"):
+        tuned(recording, tmp_path, 1, resume=True)
 
 
 def test_command_writes_what_changes(street, tmp_path, capsys):
