@@ -218,4 +218,4 @@ def _result(found: dict[str, Landscape], texts: list[str]) -> StudyResult:
     numbers = pd.concat(parts)[["method", "kind", "first_step", "second_step", "loss_m"]]
     table = TextTable(header, cells, "Sharpness: rise of the loss")
     maps = {name: (item.axis, item.losses_m, item.loss_m) for name, item in found.items()}
-    return StudyResult("landscape", _TITLE, texts, [table], numbers, height_maps(_TITLE, maps))
+    return StudyResult(_TITLE, texts, [table], numbers, height_maps(_TITLE, maps))

@@ -150,4 +150,4 @@ def _result(study: MethodStudy, summary: pd.DataFrame, texts: Sequence[str]) -> 
     }
     picture = grouped_bars(study.title, list(named.index), panels)
     rows = pd.concat(numbers).rename_axis("variant").reset_index()
-    return StudyResult(study.name, study.title, texts, tables, rows, picture)
+    return StudyResult(study.title, texts, tables, rows, picture)

@@ -38,23 +38,23 @@ def run_study(name: str, options: StudyOptions) -> tuple[StudyResult, list[Path]
     result = STUDIES[name](options)
     options.out.mkdir(parents=True, exist_ok=True)
     paths = [options.out / f"{name}{suffix}" for suffix in (".md", ".csv", ".png")]
-    paths[0].write_text(_page(result, options), encoding="utf-8")
+    paths[0].write_text(_page(name, result, options), encoding="utf-8")
     result.numbers.to_csv(paths[1], index=False, na_rep="nan", lineterminator="\n")
     paths[2].write_bytes(result.picture)
     return result, paths
 
 
-def _page(result: StudyResult, options: StudyOptions) -> str:
+def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
     parts = [f"# {result.title}", *map(markdown_text, result.texts)]
     parts += [table.markdown().rstrip("\n") for table in result.tables]
-    parts += [f"![{result.title}]({result.name}.png)", "## Run"]
+    parts += [f"![{result.title}]({name}.png)", "## Run"]
     facts = {
         "seed": str(options.seed),
         "points of a sweep": "all" if options.num_points is None else f"{options.num_points:,}",
         "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
     }
-    lines = [f"* {name}: {markdown_text(text)}" for name, text in facts.items()]
+    lines = [f"* {fact}: {markdown_text(text)}" for fact, text in facts.items()]
     parts.append("\n".join([*session_lines(SessionRecord.now(options.command)), *lines]))
-    lines = [f"| {name} | {value} |" for name, value in options.settings.to_mapping().items()]
+    lines = [f"| {setting} | {value} |" for setting, value in options.settings.to_mapping().items()]
     parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
     return "\n\n".join(parts) + "\n"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Final
 
@@ -47,27 +47,6 @@ STABILITY_SETTINGS: Final[dict[str, SettingValue]] = {
 }
 
 
-@dataclass(frozen=True)
-class Change:
-    """Effect of replacing one point.
-
-    Attributes:
-        method: Name of the method.
-        num_points: Points N of each sweep.
-        sweep: The changed sweep: current, next or previous.
-        repeat: Number of the draw.
-        flow_m: Mean length of the change of flow over the points that stayed, metres.
-        loss_m: Change of the mean distance of those points to the full next sweep, metres.
-    """
-
-    method: str
-    num_points: int
-    sweep: str
-    repeat: int
-    flow_m: float
-    loss_m: float
-
-
 def stability_settings(settings: Settings) -> Settings:
     """Returns the settings of the study; explicit ones stay."""
     values = STABILITY_SETTINGS.items()
@@ -83,7 +62,7 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
     settings = options.evaluation().settings
     estimators = {method: make_method(method, settings) for method in options.methods}
     triplet = first_example(options).triplet
-    found: list[Change] = []
+    found: list[dict[str, object]] = []
     for method, estimator in estimators.items():
         options.say(f"replacing points for {method}")
         found += changes(method, estimator, triplet, options)
@@ -95,8 +74,13 @@ def changes(
     estimator: SceneFlowEstimator,
     triplet: SweepTriplet,
     options: StudyOptions,
-) -> Iterator[Change]:
-    """Replaces points of the full sweeps and yields the effects; draws are those of the seed.
+) -> Iterator[dict[str, object]]:
+    """Replaces points of the full sweeps; draws are those of the seed.
+
+    Yields:
+        The effect of each: `method`, `num_points` of each sweep, the changed `sweep`, number
+        `repeat` of the draw, `flow_m` (mean length of the change of flow over the points that
+        stayed) and `loss_m` (change of their mean distance to the full next sweep).
 
     Raises:
         EvaluationError: A sweep has too few points.
@@ -121,7 +105,10 @@ def changes(
             pair = (before[1:], after[1:])
             losses = [float(tree.query(xyz + flow)[0].mean()) for flow in pair]
             flow_m = float(np.linalg.norm(pair[1] - pair[0], axis=1).mean())
-            yield Change(method, size, name, repeat, flow_m, abs(losses[1] - losses[0]))
+            yield {
+                **{"method": method, "num_points": size, "sweep": name, "repeat": repeat},
+                **{"flow_m": flow_m, "loss_m": abs(losses[1] - losses[0])},
+            }
 
 
 def _full_sweeps(triplet: SweepTriplet, size: int) -> dict[str, Sweep]:
@@ -184,7 +171,7 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
                 panels[words].append(LogLine(f"{method}, {sweep}", known, *places))
         tables.append(TextTable(header, cells, words))
     picture = log_lines(_TITLE, "points N of each sweep", options.sizes, panels)
-    return StudyResult("stability", _TITLE, [text], tables, found, picture)
+    return StudyResult(_TITLE, [text], tables, found, picture)
 
 
 def _slope_text(means: pd.Series) -> str:

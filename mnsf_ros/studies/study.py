@@ -107,7 +107,6 @@ class StudyResult:
     """Result of a study.
 
     Attributes:
-        name: Name of the study.
         title: Headline of its page.
         texts: Paragraphs on the measurement.
         tables: Tables for people.
@@ -115,7 +114,6 @@ class StudyResult:
         picture: The chart, a PNG file.
     """
 
-    name: str
     title: str
     texts: Sequence[str]
     tables: Sequence[TextTable]
