@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """CPU of the page of `mnsf view` for each sweep, beside the estimate: with a viewer and without.
 
-python benchmarks/page.py demo/street_seed0_6s
+python benchmarks/page.py RECORDING
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import sys
 import time
 from itertools import islice
 from pathlib import Path
+
+from frame import make_parser
 
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.presets import preset
@@ -60,7 +62,9 @@ def resting_ms() -> float:
 
 def main() -> None:
     """Prints both."""
-    sweeps = first_sweeps(Path(sys.argv[1]))
+    parser = make_parser(__doc__, has_document=False)
+    parser.add_argument("recording", type=Path)
+    sweeps = first_sweeps(parser.parse_args().recording)
     server = PageServer()
     with server.listening("127.0.0.1", 0) as address:
         print(f"no viewer:  {resting_ms():.2f} ms a sweep")
