@@ -46,8 +46,8 @@ _POWER: Final = 0.75
 _MAX_STANDING: Final = 500
 # Every so many sweeps an estimate from scratch is a sample, too.
 _SCRATCH_EVERY: Final = 3
-# Real objects are few. False movers are worse than movers that are found late.
-_REAL_COUNT, _STATIC_COUNT, _HARMFUL_COUNT = 3.0, 1.5, 0.5
+# Real objects are few. A mover that is found with a wrong motion may be found late.
+_REAL_COUNT, _HARMFUL_COUNT = 3.0, 0.5
 # Shorter motions to the next sweep are static for the gate, though people may be that slow.
 _MIN_MOTION_M: Final = 0.02
 _MIN_POINTS: Final = 5
@@ -230,7 +230,7 @@ def _gate_samples(
         elif moves > 0.5 and error > max(0.3, length):
             counts[row] = _HARMFUL_COUNT * count
         elif moves < 0.1:
-            counts[row] = _STATIC_COUNT * count
+            counts[row] = count
     kept = counts > 0
     said = 1 / (1 + np.exp(-moving_scores(features[kept])))
     return Samples(features[kept], shares[kept], counts[kept], said)

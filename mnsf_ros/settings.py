@@ -241,12 +241,11 @@ class ObjectSettings:
         6, "Objects with fewer thinned points count as static", 3, 1000, tuned=(3, 15)
     )
     max_size_m: float = declared(
-        12.0,
-        "Longer objects count as static (walls, hedges, terrain), unless part of it occupies "
-        "space that was free before",
+        24.0,
+        "Longer objects count as static (walls, hedges, terrain)",
         1,
         100,
-        tuned=(6, 25),
+        tuned=(12, 40),
     )
     points_per_object: int = declared(
         48, "Maximum number of points of an object used to fit its motion", 8, 1000

@@ -20,11 +20,11 @@ from mnsf_ros.objects.suspects import Suspects
 # per logarithm of the thickness, per logarithm of what other motions leave more, per metre of
 # vertical motion, per metre to the motion that its track expected, per logarithm of the length of a
 # motion that no track confirms.
-_MOVING: Final = (0.58, -1.43, 0.29, 0.77, 0.69, -22.16, -11.50, -2.24)
+_MOVING: Final = (-1.94, -1.36, 0.13, 0.20, 0.25, -8.38, -8.14, -2.75)
 # Suspects without an accepted motion: constant, per metre of residual, per 10 m of range.
-_DOUBTFUL: Final = (3.08, -9.39, -0.04)
+_DOUBTFUL: Final = (1.71, -7.63, 0.31)
 # Points that were never suspects: constant, per 10 m of range.
-_STANDING: Final = (5.23, -0.27)
+_STANDING: Final = (3.35, -0.44)
 # By noise alone surfaces are thicker than this.
 _THIN_M: Final = 0.05
 # Residuals count from the spacing of the points on; this share of it is noise.

@@ -52,15 +52,8 @@ class Decision:
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
 
 
-# A motion is accepted if it is long enough over ground,
+# A shorter motion over ground is noise.
 _MIN_MOTION_M: Final = 0.02
-# if it explains the object well,
-_MAX_COST_M: Final = 0.25
-# if it is nearly horizontal,
-_MAX_CLIMB_M: Final = 0.25
-# and if it is not faster than the fastest objects by more than its own error: fits go on from where
-# the search ends.
-_MAX_OVER: Final = 1.2
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
 
@@ -83,9 +76,7 @@ def moves(
     """
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
     may_move = moving.total < settings.max_unexplained * standing.total
-    may_move &= (lengths > _MIN_MOTION_M) & (moving.cost < _MAX_COST_M)
-    may_move &= lengths < _MAX_OVER * settings.max_speed_m_s * interval_s
-    may_move &= np.abs(moving.motions[:, 2]) < _MAX_CLIMB_M
+    may_move &= (lengths > _MIN_MOTION_M) & (lengths <= settings.max_speed_m_s * interval_s)
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = may_move & (scores > np.log(odds))
     return may_move & (scores > np.log(odds) - _TENTATIVE), is_clear

@@ -17,15 +17,12 @@ from mnsf_ros.objects.visibility import Visibility
 _PER_LOG: Final = -2.0
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers. For each column of
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
-# motion leaves, of the number of points in free space, metres to the next sweep, agreement with a
-# track, and with what score of that, logarithm of the number of points and of the thickness, how
-# much it is a reflection; with older sweeps: gain in metres there if the motion is slow, gain where
-# the object would be visible, logarithm of the share that the motion leaves; without them:
-# logarithm of the metres from one on if no track expected the motion.
-_WITH_PAST: Final = (-2.34, -1.31, 0.79, 0.09, 1.54, 0.45, -0.04, 1.49, -4.5, 19.4, 6.40, -0.43)
-_WITHOUT_PAST: Final = (-3.08, -1.50, 1.45, -1.56, 1.13, 0.36, 0.30, 1.07, -0.95, _PER_LOG)
-# What the sweeps before say of an object does not count for more than this.
-_MAX_SCORE: Final = 6.0
+# motion leaves, of the number of points in free space, agreement with a track, and with what score
+# of that, logarithm of the thickness; with older sweeps: gain in metres there if the motion is
+# slow, gain where the object would be visible, logarithm of the share that the motion leaves;
+# without them: logarithm of the metres from one on if no track expected the motion.
+_WITH_PAST: Final = (-1.84, -0.84, 0.60, 1.38, 0.51, 0.93, 5.40, 2.34, -0.46)
+_WITHOUT_PAST: Final = (-1.27, -0.78, 0.76, 0.79, -0.38, 0.89, _PER_LOG)
 # Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
 _NOISE_M: Final = 0.01
 _PAST_NOISE_M: Final = 0.02
@@ -43,7 +40,7 @@ def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns (K,) logarithm of the odds that objects with some evidence (K, F) move."""
     weights = _WITH_PAST if features.shape[1] == len(_WITH_PAST) else _WITHOUT_PAST
     scores: NDArray[np.float64] = (features * np.asarray(weights)).sum(axis=1)
-    return np.clip(scores, -_MAX_SCORE, _MAX_SCORE)
+    return scores
 
 
 def evidence(
@@ -67,12 +64,9 @@ def evidence(
         np.ones(len(suspects)),
         _log_share(moving.cost, standing.cost, _NOISE_M),
         np.log1p(np.where(are_parts, 0.0, np.maximum(seen.free, 0.0)) * objects.counts),
-        np.minimum(lengths, _LONG_M),
         is_same,
         is_same * np.maximum(expected.scores, 0.0),
-        np.log(objects.counts),
         np.log(objects.thicknesses + _THIN_M),
-        seen.reflection,
     ]
     if standing.past.shape[1]:
         gains = standing.past - moving.past

@@ -21,12 +21,8 @@ from mnsf_ros.settings import ObjectSettings
 # A rough guess needs few points.
 _NUM_POINTS: Final = 12
 _NUM_VOTED: Final = 2
-# An object is looked at further if a guess leaves less than this share of its residual.
-_MAX_LEFT: Final = 0.85
 # Motions over time that differ from the base by less than this are tried.
 _MAX_CHANGE_M_S: Final = 12.0
-# A base this short is as likely wrong: then motions around none are tried.
-_MIN_BASE_M: Final = 0.25
 _NUM_OVER_TIME: Final = 2
 _NUM_ITERATIONS: Final = 3
 
@@ -59,7 +55,7 @@ def first_guesses(
     if targets.past:
         over_time = _motions_over_time(some, targets.past, interval_s, best)
         best = best_of(some, targets, best, over_time)
-    is_worth = suspects.expected.is_known | (best.total < _MAX_LEFT * standing.total)
+    is_worth = suspects.expected.is_known | (best.total < standing.total)
     if not targets.past:
         is_worth[:] = True
     return best.motions, is_worth
@@ -81,8 +77,7 @@ def _motions_over_time(
     first = past[0]
     # In steps to an older sweep, so that the grid of the vote is fine enough.
     scaled = [replace(target, steps=target.steps / first.steps) for target in past]
-    is_long = np.sqrt((base.motions**2).sum(axis=1)) > _MIN_BASE_M
-    start = np.float32(first.steps) * base.motions * is_long[:, None]
+    start = np.float32(first.steps) * base.motions
     reach_m = _MAX_CHANGE_M_S * interval_s * -first.steps
     return [
         fit_motion_field(objects, scaled[0], voted, _NUM_ITERATIONS).flows / np.float32(first.steps)

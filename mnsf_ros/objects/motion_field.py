@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
-# Search radius around a point: at first the possible error of a vote, then less.
-_FIRST_REACH_M: Final = 0.6
+# Search radius around a point: the possible error of a vote.
 _REACH_M: Final = 0.4
-_NUM_FIRST: Final = 2
 # Nearest points underestimate motion along surfaces: a longer step converges sooner.
 _STEP: Final = 1.8
 # Nothing climbs more steeply, by the road and by how the sensor is mounted. Where a part of an
@@ -51,9 +49,8 @@ def fit_motion_field(
     num_steps = target.steps_of(objects, start)
     flows = num_steps * start
     num_matched: NDArray[np.int64] = np.zeros(len(objects), np.int64)
-    for iteration in range(num_iterations):
-        reach_m = _FIRST_REACH_M if iteration < _NUM_FIRST else _REACH_M
-        pulls, num_matched = target.pulls(objects, flows, reach_m)
+    for _ in range(num_iterations):
+        pulls, num_matched = target.pulls(objects, flows, _REACH_M)
         flows = flows + (_STEP * pulls).astype(np.float32)
         climbs = _STEEPEST * np.hypot(flows[:, 0], flows[:, 1])
         flows[:, 2] = np.clip(flows[:, 2], -climbs, climbs)

@@ -21,9 +21,6 @@ _MIN_BETTER_M: Final = 0.0025
 # So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
 # evenly.
 _MAX_SHARE: Final = 0.8
-# In the neighbouring sweeps it may leave so much more.
-_MAX_WORSE_M: Final = 0.01
-_SLOW_M: Final = 0.2
 # Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
 _LEVEL_M: Final = 0.05
 # To choose among candidates, a third of the points is enough.
@@ -201,7 +198,6 @@ def fuse_motions(
     forward: MotionField,
     backward: MotionField,
     inverted: NDArray[np.float32],
-    start: NDArray[np.float32],
     others: Sequence[NDArray[np.float32]] = (),
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
@@ -212,7 +208,6 @@ def fuse_motions(
         forward: The forward field.
         backward: The backward field.
         inverted: (K, 3) metres, the inverted backward flow.
-        start: (K, 3) metres, where both fits started.
         others: (K, 3) metres each, further candidates.
     """
     forward, inverted = replace(forward, flows=_levelled(forward.flows)), _levelled(inverted)
@@ -222,23 +217,9 @@ def fuse_motions(
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
     near = Targets(targets.near, past=())
-    candidates = (forward.flows, inverted, beyond(start, mean))
-    fitted = best_of(some, near, judge(some, near, mean), candidates)
+    fitted = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
     best = best_of(some, targets, with_past(some, targets, fitted), others, _MAX_SHARE)
-    # What brakes or starts moved otherwise before: the past does not outvote the neighbours. What
-    # is slow they hardly tell from noise.
-    is_fast = np.sqrt((best.motions**2).sum(axis=1)) > _SLOW_M
-    is_worse = is_fast & (best.cost > fitted.cost + _MAX_WORSE_M)
-    motions = np.where(is_worse[:, None], fitted.motions, best.motions)
-    return judge(objects, targets, motions, disagreement)
-
-
-def beyond(start: NDArray[np.float32], fitted: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns motions (K, 3), metres, extrapolated from the start through the fit by its length.
-
-    Rings on the side of a vehicle look alike: a fit along it may have come half the way only.
-    """
-    return 2 * fitted - start
+    return judge(objects, targets, best.motions, disagreement)
 
 
 def _levelled(motions: NDArray[np.float32]) -> NDArray[np.float32]:

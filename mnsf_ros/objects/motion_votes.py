@@ -15,8 +15,6 @@ from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Target
 
 _POINTS_PER_OBJECT: Final = 24
-# Of shifts that fit an object equally well, the shorter is more likely: votes per metre.
-_COST_PER_M: Final = 0.02
 
 
 def voted_motions(
@@ -46,7 +44,6 @@ def voted_motions(
     base_m = float(np.abs(base).max(initial=0.0))
     grid = VotingGrid(objects.positions, margin_m=(max_motion_m + base_m) * farthest)
     shifts = _shifts(int(max_motion_m / grid.cell_m))
-    cost = np.float32(_COST_PER_M * grid.cell_m) * np.hypot(*shifts.T).astype(np.float32)
     columns, levels = zip(
         *(
             grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
@@ -61,7 +58,6 @@ def voted_motions(
         objects.counts,
         np.stack(steps),
         grid.occupied(targets),
-        cost,
         shifts,
         number,
     )
@@ -72,7 +68,7 @@ def voted_motions(
 
 @compiled(
     "int64[:, ::1](int64[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], uint16[:, ::1],"
-    " float32[::1], int64[:, ::1], int64)"
+    " int64[:, ::1], int64)"
 )
 def _most_voted(
     columns: NDArray[np.int64],
@@ -80,7 +76,6 @@ def _most_voted(
     counts: NDArray[np.int64],
     steps: NDArray[np.int64],
     occupied: NDArray[np.uint16],
-    cost: NDArray[np.float32],
     shifts: NDArray[np.int64],
     number: int,
 ) -> NDArray[np.int64]:
@@ -92,7 +87,6 @@ def _most_voted(
         counts: (K,) number of points of each object.
         steps: (T, S) what shifts add to a column.
         occupied: (T, C) bits of the levels that each target occupies.
-        cost: (S,) votes to take off.
         shifts: (S, 2) in cells.
         number: How many shifts are wanted; none is a neighbour of an earlier one.
     """
@@ -108,15 +102,14 @@ def _most_voted(
                     if 0 <= column < occupied.shape[1] and occupied[target, column] & level:
                         hits[shift] += 1
         first += counts[owner]
-        votes = hits / np.float32(counts[owner]) - cost
         for rank in range(number):
-            best = votes.argmax()
+            best = hits.argmax()
             chosen[rank, owner] = best
             for shift in range(len(shifts)):
                 across = abs(shifts[shift, 0] - shifts[best, 0])
                 along = abs(shifts[shift, 1] - shifts[best, 1])
                 if across <= 1 and along <= 1:
-                    votes[shift] = -np.inf
+                    hits[shift] = -np.inf
     return chosen
 
 

@@ -20,7 +20,6 @@ from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import (
     JudgedMotions,
     best_of,
-    beyond,
     fuse_motions,
     judge,
 )
@@ -173,13 +172,12 @@ class ObjectFlowEstimator:
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("best motion"):
-                others.append(beyond(start, forward.flows))
                 return best_of(objects, targets, judge(objects, targets, forward.flows), others)
         with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
         inverted = backward.flows / np.float32(previous[0].steps)
         with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, backward, inverted, start, others)
+            return fuse_motions(objects, targets, forward, backward, inverted, others)
 
 
 def _over_ground(

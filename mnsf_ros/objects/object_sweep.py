@@ -84,15 +84,13 @@ class ObjectSweep:
         """(all objects,) metres, the longer horizontal side of the box around each; 0 for none."""
         return sizes_of(self.thinned, self.thinned_objects, self.num_objects)
 
-    def with_parts(self, rows: NDArray[np.int64], may_move: NDArray[np.bool_]) -> ObjectSweep:
+    def with_parts(self, rows: NDArray[np.int64]) -> ObjectSweep:
         """Returns the same sweep with some thinned points and their surroundings as new objects.
 
         Args:
             rows: (P,) the points; touching ones are one object, which may move.
-            may_move: (all objects,) which of the objects as they are may move.
         """
         other = copy(self)
-        other.may_move = may_move
         if len(rows) == 0:
             return other
         chosen = np.take(self.thinned, rows, axis=0)
@@ -110,7 +108,7 @@ class ObjectSweep:
         num_parts = parts.num_objects - 1
         other.__dict__.pop("sizes", None)
         other.num_objects = self.num_objects + num_parts
-        other.may_move = np.append(may_move, np.ones(num_parts, np.bool_))
+        other.may_move = np.append(self.may_move, np.ones(num_parts, np.bool_))
         other.are_parts = np.append(self.are_parts, np.ones(num_parts, np.bool_))
         other.thinned_objects = apart(self.thinned, self.thinned_objects)
         other._point_objects = apart(self._points, self._point_objects)

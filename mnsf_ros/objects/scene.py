@@ -67,7 +67,7 @@ class Scene:
             near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
-        current = split(current, past or near, settings.max_size_m)
+        current = split(current, past)
         return cls(current, Targets(near, past), interval_s, start, settings.min_points)
 
     @property

@@ -14,38 +14,29 @@ from mnsf_ros.objects.object_sweep import ObjectSweep, sizes_of
 from mnsf_ros.objects.segmentation import Segmentation
 from mnsf_ros.objects.target import Target
 
-# Objects of up to so many times the largest size may move as a whole.
-_MAX_SIZE: Final = 2.0
 # Farther off, a wall that is seen along itself looks as if it had been seen through.
 _MAX_RANGE_M: Final = 30.0
-# If so much of one came lately, it is one thing that moves; if less, something touches it.
-_MIN_SHARE: Final = 0.1
-# Shorter objects, from this length on, move as a whole, and a part of them is another object only
-# if it has the size of a pedestrian and is less of it than this: a front of a bus is larger.
+# A shorter object moves as a whole. A part of a longer one is another object only if it has the
+# size of a pedestrian, and if no more of the object is new: else it moved itself.
 _SHORT_M: Final = 2.0
-_MIN_SHARE_OF_SHORT: Final = 0.3
 _PEDESTRIAN_M: Final = 1.2
 # Points that came lately, in touching cells of this size, are measured as one part: the front of a
 # bus has gaps.
 _GAP_CELL_M: Final = 0.5
 
 
-def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) -> ObjectSweep:
-    """Returns the sweep with objects split, where a part of them came lately.
+def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
+    """Returns the sweep with pedestrians split from what they touch, if they came lately.
 
-    A part came lately if another sweep saw through its place and nothing was near: a pedestrian
-    beside a wall, a scooter in a row of parked cars. If it is much of the object, this is a bus or
-    a lorry, and may move as a whole though it is long. What is shorter than `max_size_m` may move
-    anyway: of it only pedestrians are split.
+    A point came lately if another sweep saw through its place and nothing was near: that of a
+    pedestrian beside a wall or in a row of parked cars.
 
     Args:
         current: The sweep.
         targets: Sweeps before it, or whatever others there are.
-        max_size_m: Other objects of this length and longer do not move.
     """
     objects, sizes = current.thinned_objects, current.sizes
-    is_long = sizes >= max_size_m
-    rows = np.flatnonzero((is_long | (sizes >= _SHORT_M))[objects])
+    rows = np.flatnonzero((sizes >= _SHORT_M)[objects])
     points = np.take(current.thinned, rows, axis=0)
     x, y, z = points.T
     is_near = x * x + y * y + z * z < _MAX_RANGE_M**2
@@ -55,12 +46,10 @@ def split(current: ObjectSweep, targets: Sequence[Target], max_size_m: float) ->
         has_come |= target.are_new(points)
     num_new = np.bincount(objects[rows[has_come]], minlength=len(sizes))
     shares = num_new / np.maximum(np.bincount(objects, minlength=len(sizes)), 1)
-    is_mostly_old: NDArray[np.bool_] = shares < np.where(is_long, _MIN_SHARE, _MIN_SHARE_OF_SHORT)
-    may_move = ~is_long | ~is_mostly_old & (sizes < _MAX_SIZE * max_size_m)
-    rows = rows[has_come & is_mostly_old[objects[rows]]]
-    is_part = is_long[objects[rows]]
-    is_part |= _part_sizes(np.take(current.thinned, rows, axis=0)) < _PEDESTRIAN_M
-    return current.with_parts(rows[is_part], may_move)
+    rows = rows[has_come & (shares * sizes < _PEDESTRIAN_M)[objects[rows]]]
+    return current.with_parts(
+        rows[_part_sizes(np.take(current.thinned, rows, axis=0)) < _PEDESTRIAN_M]
+    )
 
 
 def _part_sizes(points: NDArray[np.float32]) -> NDArray[np.float32]:

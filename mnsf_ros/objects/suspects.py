@@ -13,14 +13,10 @@ from mnsf_ros.objects.expectation import Expectation
 from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
 from mnsf_ros.objects.object_points import ObjectPoints
 
-# An object that an older sweep explains as well as this without motion is not a suspect: for one
-# older sweep, and for two, the younger first. Over a longer time a slow object moves by more.
-_MIN_PAST_M: Final = ((), (0.08,), (0.05, 0.12))
-# Of a long vehicle only the ends show that it moves: beyond this length the limits are lower.
-_LONG_M: Final = 4.0
-# The same for each neighbouring sweep and for their mean, where there are no older ones.
-_MIN_EACH_M: Final = 0.015
-_MIN_MEAN_M: Final = 0.025
+# An object that an older sweep explains as well as this without motion is not a suspect.
+_MIN_PAST_M: Final = 0.05
+# The same for the mean of the neighbouring sweeps, where there are no older ones.
+_MIN_NEAR_M: Final = 0.025
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +45,16 @@ class Suspects:
         # The past first: it decides most objects, and few remain for the other sweeps.
         is_suspect = np.ones(len(objects), dtype=bool)
         residuals: list[NDArray[np.float64]] = []
-        past = zip(targets.past, _MIN_PAST_M[len(targets.past)], strict=True)
-        near_m = -1.0 if targets.past else _MIN_EACH_M
-        shares = _LONG_M / np.maximum(_lengths(objects), _LONG_M)
-        for target, least_m in (*reversed([*past]), *((near, near_m) for near in targets.near)):
+        num_past = len(targets.past)
+        for number, target in enumerate((*reversed(targets.past), *targets.near)):
             values = np.zeros(len(objects))
             values[is_suspect] = target.unexplained(objects.only(is_suspect))
             residuals.append(values)
-            is_suspect &= expected.is_known | (values > least_m * shares)
-        num_past = len(targets.past)
+            if number < num_past:
+                is_suspect &= expected.is_known | (values > _MIN_PAST_M)
         columns = np.stack(residuals, axis=1)
         if not targets.past:
-            is_suspect &= expected.is_known | (columns.mean(axis=1) > _MIN_MEAN_M)
+            is_suspect &= expected.is_known | (columns.mean(axis=1) > _MIN_NEAR_M)
         rows = np.flatnonzero(is_suspect)
         no_motion = np.zeros((len(rows), 3), np.float32)
         standing = JudgedMotions(
@@ -82,13 +76,3 @@ class Suspects:
             self.standing.only(wanted),
             self.expected.only(wanted),
         )
-
-
-def _lengths(objects: ObjectPoints) -> NDArray[np.float32]:
-    """Returns (K,) metres, the longer horizontal side of the box around each object."""
-    if len(objects) == 0:
-        return np.zeros(0, np.float32)
-    places, starts = objects.positions[:, :2], objects.starts
-    high, low = (bound.reduceat(places, starts) for bound in (np.maximum, np.minimum))
-    lengths: NDArray[np.float32] = (high - low).max(axis=1)
-    return lengths

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
-# Standard deviation of the acceleration: of a person, and more for each m/s, as of cars.
-_ACCELERATION_M_S2: Final = 1.5
-_ACCELERATION_PER_S: Final = 0.3
-_MAX_ACCELERATION_M_S2: Final = 4.0
+# Standard deviation of the acceleration of people and cars.
+_ACCELERATION_M_S2: Final = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +105,8 @@ class Tracks:
         states = self.states.copy()
         states[:, 0] += moved
         step = np.array([[1.0, elapsed_s], [0.0, 1.0]])
-        speeds = np.sqrt((self.velocities**2).sum(axis=1))
-        acceleration = np.minimum(
-            _ACCELERATION_M_S2 + _ACCELERATION_PER_S * speeds, _MAX_ACCELERATION_M_S2
-        )
         push = np.array([elapsed_s**2 / 2, elapsed_s])
-        noise = (acceleration**2)[:, None, None] * (push[:, None] * push)
+        noise = _ACCELERATION_M_S2**2 * (push[:, None] * push)
         return replace(
             self,
             stamp_ns=stamp_ns,

@@ -39,7 +39,7 @@ def confidence_of(box, motion=MOTION, *, moved=MOTION, expected=None, track_scor
 def test_a_car_with_ends_is_surer_than_a_side_without():
     # A side without ends looks the same wherever it slid to.
     side = confidence_of(SIDE, moved=np.zeros(3, np.float32))
-    assert confidence_of(CAR) > 0.98
+    assert confidence_of(CAR) > 0.95
     assert side < confidence_of(CAR) - 0.05
 
 
