@@ -34,6 +34,19 @@ class ReadySweeps:
     of_triplet: tuple[ObjectSweep, ...]
     time_ms: float
 
+    def near(self, interval_ratio: float) -> list[Target]:
+        """Neighbouring sweeps to test motions on: the next one, and the previous one if known.
+
+        Args:
+            interval_ratio: As of the triplet.
+        """
+        *before, current, next_ = self.of_triplet
+        near = [Target.of(next_, current, 1.0)]
+        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
+            # Otherwise the current sweep cannot be related to the previous one.
+            near += [Target.of(sweep, current, -1.0 / interval_ratio) for sweep in before]
+        return near
+
     def past(self, current: ObjectSweep, interval_s: float) -> list[Target]:
         """Available older sweeps to test motions on, the youngest first.
 

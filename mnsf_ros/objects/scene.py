@@ -25,7 +25,6 @@ from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.objects.splitting import split
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.target import Target
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Tracks
 from mnsf_ros.settings import ObjectSettings
@@ -60,11 +59,8 @@ class Scene:
     ) -> Scene:
         """Looks at a triplet whose sweeps are ready."""
         start = memory.enter(triplet.stretch)
-        *before, current, next_ = ready.of_triplet
-        near = [Target.of(next_, current, 1.0)]
-        if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
-            # Otherwise the current sweep cannot be related to the previous one.
-            near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
+        *_, current, _ = ready.of_triplet
+        near = ready.near(triplet.interval_ratio)
         interval_s = max(0.0, triplet.interval_s)
         past = ready.past(current, interval_s)
         current = split(current, past)

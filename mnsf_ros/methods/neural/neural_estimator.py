@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.errors import CancelledError
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.methods.neural.carried_flow import CarriedFlow, nothing_expected
@@ -106,7 +105,9 @@ class NeuralEstimator:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
             ready = self.prepare(triplet) if prepared is None else prepared
-            near, past, current = _targets(triplet, ready)
+            *_, current, _ = ready.of_triplet
+            near = ready.near(triplet.interval_ratio)
+            past = ready.past(current, max(0.0, triplet.interval_s))
             interval_s = triplet.interval_s if triplet.interval_s > 0 else USUAL_INTERVAL_S
             start = self._enter(triplet.stretch)
         with clock.stage("parts"):
@@ -193,18 +194,6 @@ class NeuralEstimator:
         moving = MovingPoints(current, numbers, movers, flow[moves[parts.owners]])
         moving.attach(targets, self.settings.objects.max_size_m)
         return moving.of_all()
-
-
-def _targets(
-    triplet: SweepTriplet, ready: ReadySweeps
-) -> tuple[list[Target], list[Target], ObjectSweep]:
-    """The neighbouring sweeps, next one first, older sweeps, and the current one."""
-    *before, current, following = ready.of_triplet
-    near = [Target.of(following, current, 1.0)]
-    if current.pose.source is not EgoSource.CONSTANT_VELOCITY:
-        # Otherwise the current sweep cannot be related to the previous one.
-        near += [Target.of(sweep, current, -1.0 / triplet.interval_ratio) for sweep in before]
-    return near, ready.past(current, max(0.0, triplet.interval_s)), current
 
 
 def _starts(
