@@ -57,6 +57,7 @@ ARGUMENTS = {
     "log_level": ("info", "debug, info, warn, error or fatal"),
     "rviz": ("false", "also open RViz"),
     "view": ("", "show the flow in a browser; empty: only with a bag"),
+    "view_port": ("8766", "port of that page; a second view on one computer needs another"),
     "fixed_frame": ("", "frame that RViz shows, that of the clouds; empty: lidar"),
 }
 
@@ -163,7 +164,8 @@ def _view(context: LaunchContext, given: dict[str, str]) -> Action:
     name, flow = _full_name(context, given), given["flow"]
     if flow and not flow.startswith("/"):
         flow = f"{name.rpartition('/')[0]}/{flow}"
-    return _mnsf("view", "--node", name, *(("--flow", flow) if flow else ()))
+    words = ("--flow", flow) if flow else ()
+    return _mnsf("view", "--node", name, *words, "--port", given["view_port"])
 
 
 def _full_name(context: LaunchContext, given: dict[str, str]) -> str:

@@ -103,12 +103,12 @@ def test_rviz_shows_the_topics_of_the_node(prefix: Path) -> None:
 
 
 def test_several_lidars_and_a_flow_that_takes_its_parts_along(prefix: Path) -> None:
-    words = ("use_sim_time:=True", "flow:=motion", "log_level:=debug", "view:=true")
+    words = ("use_sim_time:=True", "flow:=motion", "log_level:=debug", "view:=true", "view_port:=0")
     status, output = launched(prefix, "points:=/front/points,rear/points", *words)
     assert status == 0
     for word in ("~/flow:=motion ", "~/flow/moving:=motion/moving", "~/flow/standing:=motion/stan"):
         assert word in output
-    assert "started mnsf view --node /scene_flow --flow /motion" in output
+    assert "started mnsf view --node /scene_flow --flow /motion --port 0" in output
     assert "--log-level debug" in output
     assert "~/points:=/front/points " in output
     assert "~/points_2:=rear/points " in output
@@ -121,7 +121,7 @@ def test_a_bag_is_played_and_shown(prefix: Path, make_street) -> None:
     status, output = launched(prefix, f"bag:={street}", "namespace:=front")
     assert status == 0, output
     assert f"started mnsf play {street} --clock --wait" in output
-    assert "started mnsf view --node /front/scene_flow" in output
+    assert "started mnsf view --node /front/scene_flow --port 8766" in output
     assert "~/points:=/points " in output
     (path,) = (word for word in output.split() if Path(word).name.startswith("launch_params"))
     assert "use_sim_time: true" in Path(path).read_text()

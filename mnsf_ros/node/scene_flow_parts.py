@@ -16,6 +16,7 @@ from mnsf_ros.errors import MnsfError, SettingsError
 from mnsf_ros.node.cloud_topics import cloud_topics
 from mnsf_ros.node.diagnostics import Diagnostics
 from mnsf_ros.node.environment import RETURN_PERIOD_S, return_memory
+from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.node.flow_outputs import DebugTimes, FlowOutputs
 from mnsf_ros.node.node_log import FaultLog, greeting
 from mnsf_ros.node.parameters import (
@@ -106,6 +107,7 @@ class SceneFlowParts:
         settings = self._settings
         self._outputs = FlowOutputs(self._node, settings.node.odom_frame)
         self._debug_times = DebugTimes(self._node)
+        self._explanations = Explanations(self._node)
         self._frame = (
             OdometryFrame(self._node, settings.node.odom_frame, settings.tf.base_frame)
             if settings.tf.broadcast
@@ -161,6 +163,7 @@ class SceneFlowParts:
         output = self._settings.output
         self._outputs.publish(job.triplet, estimate, output)
         self._debug_times.publish(estimate.time_ms, job.arrived_ns)
+        self._explanations.keep(job.triplet, estimate)
         if self._frame is not None and estimate.over_ground is not None:
             header = job.triplet.current.source.message.header
             try:

@@ -18,6 +18,8 @@ from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.remote_parameters import RemoteParameters
 from mnsf_ros.recording.ros1_file import jazzy
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+from mnsf_ros.view.commands import Asked
 from mnsf_ros.view.knobs import knobs
 from mnsf_ros.view.page_server import PageServer
 from mnsf_ros.view.scene_message import Paths, Scene, motion_colors, scene_message
@@ -34,7 +36,9 @@ _PARTS: Final = {
     "/ego_motion": "nav_msgs/msg/Odometry",
 }
 _LATENCY: Final = ("/debug/pipeline_latency_ms", "std_msgs/msg/Float64")
-_DIAGNOSTICS: Final = ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+_QUESTIONS: Final = ("/explain", "geometry_msgs/msg/PointStamped")
+_ANSWERS: Final = "/explanation"
+_STATUSES: Final = "diagnostic_msgs/msg/DiagnosticArray"
 _LEVELS: Final = {1: "warning", 2: "error", 3: "stale"}
 # Key of a diagnostic status to its name on the page.
 _VALUES: Final = {
@@ -71,6 +75,8 @@ class NodeView:
         self._settings = Settings()
         self._parameters: RemoteParameters | None = None
         self._subscriptions: list[Any] = []
+        self._questions = self._ros.publisher(f"{self._name}{_QUESTIONS[0]}", _QUESTIONS[1])
+        self._asked: Asked | None = None
         self._is_there = True
         self._forget()
         server.tell("title", text=self._name)
@@ -105,6 +111,10 @@ class NodeView:
         match command:
             case {"do": "set", "name": str(name), "value": value}:
                 self._set({name: value})
+            case {"do": "explain" | "forget"}:
+                self._asked = Asked.by(command)
+                self._server.tell("reasons", lines=[])
+                self._ask()
             case {"do": "reset"}:
                 changeable = (one for one in declared_settings() if not one.fixed)
                 values = {one.name: one.default for one in changeable}
@@ -146,6 +156,7 @@ class NodeView:
     def _forget(self) -> None:
         self._waiting: dict[int, dict[str, Any]] = {}
         self._paths = Paths()
+        self._shown: Scene | None = None
         self._latency_ms: float | None = None
         self._is_there = True
 
@@ -157,7 +168,8 @@ class NodeView:
         for part, msgtype in _PARTS.items():
             self._add(self._topics[part], msgtype, self._receiver(part))
         self._add(f"{self._name}{_LATENCY[0]}", _LATENCY[1], self._receive_latency)
-        self._add(*_DIAGNOSTICS, self._receive_diagnostics)
+        self._add(f"{self._name}{_ANSWERS}", _STATUSES, self._receive_answer)
+        self._add("/diagnostics", _STATUSES, self._receive_diagnostics)
 
     def _add(self, topic: str, msgtype: str, receive: Callable[[Any], None]) -> None:
         def decode(raw: bytes) -> None:
@@ -204,6 +216,21 @@ class NodeView:
         scene = _scene(stamp_ns, parts)
         trails = self._paths.after(stamp_ns, scene.world_from_sensor, scene.objects)
         self._server.publish("scene", scene_message(scene, trails))
+        self._shown = scene
+        self._ask()
+
+    def _ask(self) -> None:
+        """Asks the node about the place in the scene that is shown; the answer comes later."""
+        if self._asked is None or self._shown is None:
+            return
+        x, y = self._asked.place_in(self._shown.objects)
+        self._questions.publish(_question(self._shown.stamp_ns, x, y))
+
+    def _receive_answer(self, message: Any) -> None:  # noqa: ANN401
+        if self._asked is not None:
+            (status,) = message.status
+            lines = [f"{item.key}: {item.value}" for item in status.values]
+            self._server.tell("reasons", lines=lines or [status.message])
 
     def _receive_latency(self, message: Any) -> None:  # noqa: ANN401
         self._latency_ms = float(message.data)
@@ -244,6 +271,17 @@ def _scene(stamp_ns: int, parts: dict[str, Any]) -> Scene:
     pose = np.eye(4) if ego is None else pose_matrix(ego.pose.pose)
     rows: Any = () if objects is None else decode_points(objects).ravel()
     return Scene(stamp_ns, xyz, colors, pose, [_object(row) for row in rows])
+
+
+def _question(stamp_ns: int, x: float, y: float) -> bytes:
+    """A serialized place of a sweep, in the frame of its cloud."""
+    types = jazzy().types
+    sec, nanosec = divmod(stamp_ns, NANOSECONDS)
+    stamp = types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+    header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    point = types["geometry_msgs/msg/Point"](x=x, y=y, z=0.0)
+    message = types[_QUESTIONS[1]](header=header, point=point)
+    return bytes(jazzy().serialize_cdr(message, _QUESTIONS[1]))
 
 
 def _object(row: Any) -> TrackedObject:  # noqa: ANN401 - of a structured array

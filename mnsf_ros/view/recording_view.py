@@ -10,25 +10,21 @@ from dataclasses import dataclass
 from queue import Empty
 from typing import Any, Final
 
-import numpy as np
-
+from mnsf_ros.core.reason_terms import rows_at
 from mnsf_ros.errors import EvaluationError, SettingsError
 from mnsf_ros.evaluation.recordings import short_name
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import UsedTopics
-from mnsf_ros.report.explanation import decision, rows_at
+from mnsf_ros.report.explanation import decision
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S
+from mnsf_ros.view.commands import Asked, are_usual
 from mnsf_ros.view.estimated_sweeps import EstimatedSweep, estimated_sweeps
 from mnsf_ros.view.knobs import knobs
 from mnsf_ros.view.layers import LAYERS, pose_and_objects, scene_of
 from mnsf_ros.view.page_server import PageServer
-from mnsf_ros.view.scene_message import (
-    Paths,
-    Trails,
-    scene_message,
-)
+from mnsf_ros.view.scene_message import Paths, Trails, scene_message
 
 # Memory of the method `online`: earlier sweeps have no effect.
 _PAST_S: Final = 3.0
@@ -38,7 +34,6 @@ _MAX_WARNINGS: Final = 20
 _SAME_S: Final = 0.001
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
-_USUAL: Final = 2**31
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +74,7 @@ class RecordingView:
         self._first_ns, self._duration_s = first_ns, (last_ns - first_ns) / NANOSECONDS
         self._first_stamp_ns: int | None = None
         self._warnings: deque[str] = deque(maxlen=_MAX_WARNINGS)
-        self._asked: dict[str, Any] | None = None
+        self._asked: Asked | None = None
         self._kept: deque[_Shown] = deque(maxlen=_KEPT)
         self._place = -1  # of the shown sweep among the kept ones
         self._due_s = 0.0
@@ -119,9 +114,9 @@ class RecordingView:
             case {"do": "step", "by": 1 | -1 as by}:
                 self._is_playing = False
                 self._step(by)
-            case {"do": "seek", "to": to} if _are_usual(to):
+            case {"do": "seek", "to": to} if are_usual(to):
                 self._start_at(min(max(0.0, to), self._duration_s))
-            case {"do": "speed", "to": to} if _are_usual(to) and _SLOWEST <= to <= _FASTEST:
+            case {"do": "speed", "to": to} if are_usual(to) and _SLOWEST <= to <= _FASTEST:
                 self._speed = to
             case {"do": "layer", "name": str(name)} if name in self._layers:
                 self._layer = name
@@ -130,11 +125,8 @@ class RecordingView:
                 self._change(name, value)
             case {"do": "reset"}:
                 self._use(self._first_settings)
-            case {"do": "explain", "at": [x, y], "track": int(track)} if _are_usual(x, y, track):
-                self._asked = {"at": (x, y), "track": track}
-                self._explain()
-            case {"do": "forget"}:
-                self._asked = None
+            case {"do": "explain" | "forget"}:
+                self._asked = Asked.by(command)
                 self._explain()
         self._publish_player()
 
@@ -236,20 +228,14 @@ class RecordingView:
     def _explain(self) -> None:
         lines: list[str] = []
         if self._asked is not None and self._kept:
+            sweep = self._kept[self._place].sweep
+            at = self._asked.place_in(pose_and_objects(sweep)[1])
             try:
-                lines = self._reasons(self._kept[self._place].sweep, **self._asked)
+                rows = rows_at(sweep.triplet.current.xyz, sweep.estimate, at)
+                lines = decision(sweep.example, sweep.estimate, rows)
             except EvaluationError as error:
                 lines = [str(error)]
         self._server.tell("reasons", lines=lines)
-
-    def _reasons(self, sweep: EstimatedSweep, at: tuple[float, float], track: object) -> list[str]:
-        """Reasons for the points of a track, or else for those at a place."""
-        known = sweep.estimate.over_ground
-        if track and known is not None and known.track_ids is not None:
-            rows = np.flatnonzero(known.track_ids == track)
-            if len(rows):
-                return decision(sweep.example, sweep.estimate, rows)
-        return decision(sweep.example, sweep.estimate, rows_at(sweep.example, sweep.estimate, at))
 
     def _publish_knobs(self) -> None:
         self._server.tell("knobs", **knobs(self._settings, of_node=False))
@@ -277,8 +263,3 @@ class RecordingView:
         self._server.tell(
             "status", latency=estimate.time_ms, values=values, warnings=list(self._warnings)
         )
-
-
-def _are_usual(*values: object) -> bool:
-    """Whether values are numbers, neither NaN nor too large for whatever is done with them."""
-    return all(isinstance(value, (int, float)) and abs(value) < _USUAL for value in values)

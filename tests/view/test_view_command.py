@@ -141,6 +141,10 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
             with started("mnsf_ros.cli", "play", str(street), "--wait", "--loop"):
                 browser.until(STAMP)
                 browser.until("document.querySelector('#status').textContent.includes('out')")
+                browser.click_at(330, 400)
+                browser.until(
+                    "document.querySelector('#selection').textContent.includes('Called dynamic')"
+                )
         assert not browser.errors
 
 
