@@ -12,6 +12,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.errors import CancelledError
 from mnsf_ros.sweeps.sweep import Start
 
 
@@ -229,21 +230,38 @@ class FlowEstimate:
         return {stage: fit.stop_reason.value for stage, fit in self.fits.items()}
 
 
+def check_cancelled(cancelled: Callable[[], bool]) -> None:
+    """Ends an estimate if its caller asked for it.
+
+    Raises:
+        CancelledError: If `cancelled` returns True.
+    """
+    if cancelled():
+        raise CancelledError("the estimate was cancelled")
+
+
 @dataclass
 class StageClock:
-    """Measures the stages of an estimate.
+    """Measures the stages of an estimate, and ends it before one if the caller asked for it.
 
     Attributes:
+        cancelled: Asked before each stage.
         finish: Called at the end of each stage, to wait for a GPU.
         times_ms: Stage to wall time.
     """
 
+    cancelled: Callable[[], bool] = lambda: False
     finish: Callable[[], None] = lambda: None
     times_ms: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Adds the time of the block to the stage's time."""
+        """Adds the time of the block to the stage's time.
+
+        Raises:
+            CancelledError: If `cancelled` returns True.
+        """
+        check_cancelled(self.cancelled)
         start = time.perf_counter()
         yield
         self.finish()

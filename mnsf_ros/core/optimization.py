@@ -18,9 +18,9 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import copy_to
-from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
+from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason, check_cancelled
 from mnsf_ros.core.schedule import Schedule
-from mnsf_ros.errors import CancelledError, OptimizationError
+from mnsf_ros.errors import OptimizationError
 
 # Steps until the host asks whether the network has converged.
 _STEPS_AT_ONCE = {"cpu": 1, "cuda": 10}
@@ -88,8 +88,7 @@ def _take_steps(fit: _Fit, schedule: Schedule) -> None:
         number = min(at_once, schedule.max_iterations - fit.num_steps)
         fit.load_rates(number)
         for _ in range(number):
-            if schedule.cancelled():
-                raise CancelledError("the estimate was cancelled")
+            check_cancelled(schedule.cancelled)
             if fit.num_steps and time.monotonic() > schedule.deadline:
                 fit.is_late = True
                 return

@@ -66,7 +66,7 @@ class Workbench:
         self.device = device
         self._precision = ""
         self.fits: dict[str, OptimizationResult] = {}
-        self._clock = StageClock(self._wait_for_gpu)
+        self._clock = StageClock(finish=self._wait_for_gpu)
         # A generator of its own: the same triplet gives the same flow whatever came before.
         self.generator = torch.Generator().manual_seed(settings.compute.seed)
         with self.stage("prepare"):

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import CancelledError
 from mnsf_ros.objects.decision import Decision, moves
 from mnsf_ros.objects.evidence import evidence, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
@@ -69,7 +67,7 @@ class ObjectFlowEstimator:
 
     def with_settings(self, settings: Settings) -> ObjectFlowEstimator:
         """An estimator with other settings; it keeps all state that still holds."""
-        other = ObjectFlowEstimator(settings)
+        other = type(self)(settings)
         is_same_world = self._sweeps.are_same_for(settings)
         other._sweeps = self._sweeps.with_settings(settings)
         other._memory = self._memory.with_settings(settings, is_same_world=is_same_world)
@@ -100,7 +98,7 @@ class ObjectFlowEstimator:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` says so.
         """
-        clock = _Clock(cancelled)
+        clock = StageClock(cancelled)
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
@@ -110,7 +108,7 @@ class ObjectFlowEstimator:
         with clock.stage("tracks"):
             tracks, ids = self._followed(scene, decision)
         with clock.stage("output"):
-            over_ground = _over_ground(scene, decision, tracks, ids)
+            over_ground = self.over_ground(scene, decision, tracks, ids)
             flow = scene.flow(over_ground)
         return FlowEstimate(
             flow=flow,
@@ -122,7 +120,7 @@ class ObjectFlowEstimator:
             reason_of=Reasons(scene.current, self.settings.objects, decision),
         )
 
-    def _decided(self, scene: Scene, clock: _Clock) -> Decision:
+    def _decided(self, scene: Scene, clock: StageClock) -> Decision:
         """Which objects move, and how."""
         targets, settings = scene.targets, self.settings.objects
         with clock.stage("objects"):
@@ -133,7 +131,7 @@ class ObjectFlowEstimator:
         with clock.stage("first guess"):
             start, is_worth = first_guesses(searched, targets, scene.usual_interval_s, settings)
             fitted = searched.only(is_worth)
-        moving = self._moved(fitted, scene, start[is_worth], clock)
+        moving = self.moved(fitted, scene, start[is_worth], clock)
         with clock.stage("gate"):
             seen = Visibility.of(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
@@ -158,10 +156,17 @@ class ObjectFlowEstimator:
         )
         return tracks, ids[is_moving[may_move]]
 
-    def _moved(
-        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: _Clock
+    def moved(
+        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
     ) -> JudgedMotions:
-        """Forward field, backward field, inversion, fusion."""
+        """Forward field, backward field, inversion, fusion.
+
+        Args:
+            suspects: K objects.
+            scene: The other sweeps.
+            start: (K, 3) metres to the next sweep, where the fits start.
+            clock: Of the estimate.
+        """
         objects, targets = suspects.objects, scene.targets
         num_iterations = self.settings.objects.max_iterations
         next_, *previous = targets.near
@@ -179,32 +184,16 @@ class ObjectFlowEstimator:
         with clock.stage("best motion"):
             return fuse_motions(objects, targets, forward, backward, inverted, others)
 
-
-def _over_ground(
-    scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
-) -> OverGround:
-    """The decision spread over the points of the sweep."""
-    is_moving = decision.is_moving
-    return scene.over_ground(
-        decision.fitted.only(is_moving),
-        decision.moving.only(is_moving),
-        decision.doubtful,
-        decision.scores[is_moving],
-        tracks,
-        ids,
-    )
-
-
-class _Clock(StageClock):
-    """Measures stages, and ends the estimate before one if the caller asked for it."""
-
-    def __init__(self, cancelled: Callable[[], bool]) -> None:
-        super().__init__()
-        self._cancelled = cancelled
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        if self._cancelled():
-            raise CancelledError("the estimate was abandoned")
-        with super().stage(name):
-            yield
+    def over_ground(
+        self, scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
+    ) -> OverGround:
+        """Spreads the decision over the points of the sweep; `ids` are the tracks of its movers."""
+        is_moving = decision.is_moving
+        return scene.over_ground(
+            decision.fitted.only(is_moving),
+            decision.moving.only(is_moving),
+            decision.doubtful,
+            decision.scores[is_moving],
+            tracks,
+            ids,
+        )

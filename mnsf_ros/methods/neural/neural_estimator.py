@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.errors import CancelledError
 from mnsf_ros.geometry.rigid_motion import transformed, turned
 from mnsf_ros.methods.neural.carried_flow import CarriedFlow, nothing_expected
 from mnsf_ros.methods.neural.decision import log_odds
@@ -100,7 +99,7 @@ class NeuralEstimator:
             SweepError: As of `prepare`.
             CancelledError: If `cancelled` returns True.
         """
-        clock = StageClock()
+        clock = StageClock(cancelled)
         if prepared is not None:
             clock.times_ms["prepare"] = prepared.time_ms
         with clock.stage("prepare"):
@@ -116,11 +115,9 @@ class NeuralEstimator:
         flow = np.zeros_like(parts.positions)
         odds: NDArray[np.float64] = np.zeros(len(parts))
         if len(parts):
-            if cancelled():
-                raise CancelledError("the estimate was cancelled")
             with clock.stage("start"):
                 starts = _starts(parts, near, past, expected[0], max_motion_m)
-            flows = _field_flows(parts, [*near, *past], starts, clock, cancelled)
+            flows = _field_flows(parts, [*near, *past], starts, clock)
             with clock.stage("fusion"):
                 flow = fused(parts, near, past, flows)
             with clock.stage("decision"):
@@ -215,7 +212,6 @@ def _field_flows(
     targets: Sequence[Target],
     starts: NDArray[np.float32],
     clock: StageClock,
-    cancelled: Callable[[], bool],
 ) -> list[NDArray[np.float32]]:
     """(P, 3) metres each, of the field to each target, inverted: all of them to the next sweep."""
     few = parts.thinner(_POINTS_PER_START)
@@ -223,8 +219,6 @@ def _field_flows(
         field = EncodedField(parts)
     flows: list[NDArray[np.float32]] = []
     for number, target in enumerate(targets):
-        if cancelled():
-            raise CancelledError("the estimate was cancelled")
         with clock.stage("backward" if number else "forward"):
             known = [starts, *(parts.means(flow).astype(np.float32) for flow in flows)]
             start = best_of(few, [*targets[: number + 1]], known)[parts.owners]
