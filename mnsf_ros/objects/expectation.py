@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.rigid_motion import transformed, turned
-from mnsf_ros.objects.following import expecting_shares
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import Track, expecting_shares
 
 # An object is that of a track if more than this share of its points is where that is expected.
 _MIN_SHARE: Final = 0.3
@@ -37,7 +37,7 @@ class Expectation:
     def of(
         cls,
         objects: ObjectPoints,
-        tracks: Tracks,
+        tracks: Sequence[Track],
         world_from_sensor: NDArray[np.float64],
         interval_s: float,
     ) -> Expectation:
@@ -51,9 +51,10 @@ class Expectation:
             shares = expecting_shares(tracks, world, some.owners, len(some))
             rows = shares.argmax(axis=1)
             is_known = np.greater(shares.max(axis=1), _MIN_SHARE)
-            velocities = turned(tracks.velocities, world_from_sensor[:3, :3].T)
+            velocities = np.stack([track.velocity for track in tracks])
+            velocities = turned(velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
-            scores[is_known] = tracks.scores[rows[is_known]]
+            scores[is_known] = np.array([track.score for track in tracks])[rows[is_known]]
         return cls(is_known, motions, scores)
 
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.expectation import Expectation
-from mnsf_ros.objects.following import alive, follow
+from mnsf_ros.objects.following import follow
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import Track, alive
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, Stretch
 
@@ -23,7 +23,7 @@ class MotionMemory:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._stretch: Stretch | None = None
-        self._tracks: Tracks | None = None
+        self._tracks: list[Track] | None = None
         self._next_id = 1
 
     def with_settings(self, settings: Settings, *, is_same_world: bool) -> MotionMemory:
@@ -53,7 +53,7 @@ class MotionMemory:
         scores: NDArray[np.float64],
         are_clear: NDArray[np.bool_],
         interval_s: float,
-    ) -> tuple[Tracks, NDArray[np.int64]]:
+    ) -> tuple[list[Track], NDArray[np.int64]]:
         """Associates movers of the current sweep with the tracks, and updates these.
 
         Args:
@@ -75,7 +75,8 @@ class MotionMemory:
             current.pose.world_from_sensor,
             interval_s or USUAL_INTERVAL_S,
         )
-        tracks, ids = follow(self._expected_tracks(current, interval_s), seen, self._next_id)
+        before = self._expected_tracks(current, interval_s)
+        tracks, ids = follow(before, seen, current.sweep.stamp_ns, self._next_id)
         self._next_id = max(self._next_id, int(ids.max(initial=0)) + 1)
         if self._settings.warm_start.enabled and interval_s > 0:
             self._tracks = tracks
@@ -88,9 +89,8 @@ class MotionMemory:
         tracks = self._expected_tracks(current, interval_s)
         return Expectation.of(objects, tracks, current.pose.world_from_sensor, interval_s)
 
-    def _expected_tracks(self, current: ObjectSweep, interval_s: float) -> Tracks:
+    def _expected_tracks(self, current: ObjectSweep, interval_s: float) -> list[Track]:
         """Returns the tracks as they are expected in the current sweep."""
-        sweep = current.sweep
         if self._tracks is None or interval_s <= 0:
-            return Tracks.none(sweep.stamp_ns, sweep.frame_id)
-        return alive(self._tracks, sweep.stamp_ns, interval_s)
+            return []
+        return alive(self._tracks, current.sweep.stamp_ns, interval_s)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import Track
 from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
@@ -143,7 +143,7 @@ class ObjectFlowEstimator:
             suspects, searched, start, fitted, moving, seen, scores, may_move, is_moving
         )
 
-    def _followed(self, scene: Scene, decision: Decision) -> tuple[Tracks, NDArray[np.int64]]:
+    def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:
         """The tracks after this sweep, and the track numbers of its movers."""
         may_move, is_moving = decision.may_move, decision.is_moving
         tracks, ids = self._memory.follow(
@@ -185,7 +185,7 @@ class ObjectFlowEstimator:
             return fuse_motions(objects, targets, forward, backward, inverted, others)
 
     def over_ground(
-        self, scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
+        self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
     ) -> OverGround:
         """Spreads the decision over the points of the sweep; `ids` are the tracks of its movers."""
         is_moving = decision.is_moving

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.objects.splitting import split
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracked_objects import tracked_objects
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import ObjectSettings
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Start, SweepTriplet
 
@@ -77,7 +78,7 @@ class Scene:
         moving: JudgedMotions,
         doubtful: Suspects,
         scores: NDArray[np.float64],
-        tracks: Tracks,
+        tracks: Sequence[Track],
         ids: NDArray[np.int64],
     ) -> OverGround:
         """Spreads the motions of objects over all points of the current sweep.

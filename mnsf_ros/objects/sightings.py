@@ -95,6 +95,12 @@ class Sightings:
     def __len__(self) -> int:
         return len(self.states)
 
+    @property
+    def points_of_each(self) -> list[NDArray[np.float64]]:
+        """(P, 3) metres of each thing."""
+        starts = np.searchsorted(self.owners, np.arange(1, len(self)))
+        return np.split(self.points, starts) if len(self) else []
+
 
 def _sums(
     values: NDArray[np.float64], owners: NDArray[np.int64], number: int

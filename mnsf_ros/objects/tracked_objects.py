@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.geometry.rigid_motion import turned
 from mnsf_ros.objects.object_sweep import ObjectSweep
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import Track
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Of what is faster, the box points where it goes; of what is slower, along its longest side.
@@ -26,7 +26,7 @@ _MIN_HIDDEN: Final = 0.5
 
 
 def tracked_objects(
-    tracks: Tracks, current: ObjectSweep, point_ids: NDArray[np.int32]
+    tracks: Sequence[Track], current: ObjectSweep, point_ids: NDArray[np.int32]
 ) -> tuple[TrackedObject, ...]:
     """Returns the objects that move, those seen and those hidden at present.
 
@@ -36,42 +36,39 @@ def tracked_objects(
         point_ids: (N,) the number of the track that each of its points belongs to, 0 for none.
     """
     turn, place = current.pose.world_from_sensor[:3, :3], current.pose.world_from_sensor[:3, 3]
-    velocities = turned(tracks.velocities, turn.T)
-    expected = turned(tracks.points - place, turn.T).astype(np.float32)
-    expected_of = _parts(tracks.owners, np.arange(len(tracks)))
     moving = np.flatnonzero(point_ids > 0)
     moving = moving[np.argsort(point_ids[moving], kind="stable")]
-    seen_of = _parts(point_ids[moving], tracks.ids)
-    told, parts = [], []
-    for row in range(len(tracks)):
-        seen = moving[seen_of[row]]
-        points = current.xyz[seen] if len(seen) else expected[expected_of[row]]
-        if len(seen) or _is_hidden(tracks, row, points, current):
-            told.append((row, seen))
+    ids = point_ids[moving]
+    told, seen_of, parts = [], [], []
+    for track in tracks:
+        start, end = np.searchsorted(ids, (track.track_id, track.track_id + 1))
+        seen = moving[start:end]
+        points = current.xyz[seen]
+        if not len(seen):
+            points = turned(track.points - place, turn.T).astype(np.float32)
+        if len(seen) or _is_hidden(track, points, current):
+            told.append(track)
+            seen_of.append(seen)
             parts.append(points[:: -(-len(points) // _MAX_BOX_POINTS)])
-    rows = [row for row, _ in told]
-    boxes = zip(*_boxes(parts, velocities[rows]), strict=True)
-    covariances = np.einsum("kab,cd->kacbd", tracks.covariances, np.eye(3)).reshape(-1, 6, 6)
+    if not told:
+        return ()
+    velocities = turned(np.stack([track.velocity for track in told]), turn.T)
     objects = (
         TrackedObject(
-            track_id=int(tracks.ids[row]),
+            track_id=track.track_id,
             center=center,
             size=size,
             yaw=float(yaw),
-            velocity=velocities[row],
-            covariance=covariances[row],
-            age_s=(tracks.stamp_ns - int(tracks.begun_ns[row])) / NANOSECONDS,
+            velocity=velocity,
+            covariance=np.kron(track.covariance, np.eye(3)),
+            age_s=(track.stamp_ns - track.begun_ns) / NANOSECONDS,
             num_points=len(seen),
         )
-        for (row, seen), (center, size, yaw) in zip(told, boxes, strict=True)
+        for track, seen, velocity, center, size, yaw in zip(
+            told, seen_of, velocities, *_boxes(parts, velocities), strict=True
+        )
     )
-    return _at_stamp(objects, [seen for _, seen in told], current)
-
-
-def _parts(sorted_numbers: NDArray[Any], numbers: NDArray[np.int64]) -> list[slice]:
-    """Returns where each of the numbers (K,) is among sorted ones (P,)."""
-    starts = np.searchsorted(sorted_numbers, numbers, "left").tolist()
-    return list(map(slice, starts, np.searchsorted(sorted_numbers, numbers, "right").tolist()))
+    return _at_stamp(objects, seen_of, current)
 
 
 def _at_stamp(
@@ -104,9 +101,9 @@ def _at_stamp(
     return tuple(moved)
 
 
-def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: ObjectSweep) -> bool:
+def _is_hidden(track: Track, points: NDArray[np.float32], current: ObjectSweep) -> bool:
     """Whether something occludes the points (P, 3) where a track is expected."""
-    if tracks.num_seen[row] < _MIN_SEEN or len(points) == 0:
+    if track.num_seen < _MIN_SEEN or len(points) == 0:
         return False
     _, is_hidden = current.view.free_and_hidden(points)
     return bool(is_hidden.mean() > _MIN_HIDDEN)
@@ -115,7 +112,7 @@ def _is_hidden(tracks: Tracks, row: int, points: NDArray[np.float32], current: O
 def _boxes(
     parts: Sequence[NDArray[np.float32]], velocities: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the upright boxes around K sets of points, none of them empty.
+    """Returns the upright boxes around K > 0 sets of points, none of them empty.
 
     Args:
         parts: K sets of points (P, 3), metres.
@@ -124,8 +121,6 @@ def _boxes(
     Returns:
         Centers (K, 3) and sizes (K, 3) in metres, and yaws (K,) in radians.
     """
-    if not parts:
-        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     points = np.concatenate(parts).astype(np.float64)
     counts = np.array([len(part) for part in parts])
     starts, owners = np.cumsum(counts) - counts, np.repeat(np.arange(len(parts)), counts)

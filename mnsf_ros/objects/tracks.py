@@ -3,132 +3,116 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Standard deviation of the acceleration of people and cars.
 _ACCELERATION_M_S2: Final = 3.0
+# A point is where a track expects one if it is this close.
+_REACH_M: Final = 0.5
+# A track ends if it was not seen to move for this long: it stopped, or is gone.
+_MAX_UNSEEN_S: Final = 0.5
+# With a slow sensor, for so many sweeps.
+_MAX_UNSEEN_SWEEPS: Final = 2.5
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
-    """K movers at one time, in the world.
+class Track:
+    """A mover that is followed, at one time, in the world (Kalman filter).
 
     Attributes:
-        stamp_ns: When.
-        frame_id: The frame of the sensor that saw them.
-        ids: (K,) int, numbers from 1, rising.
-        states: (K, 2, 3) place in metres and velocity in metres per second.
-        covariances: (K, 2, 2) of place and velocity, the same along each axis.
-        begun_ns: (K,) int, when each was first seen to move.
-        seen_ns: (K,) int, when each was last seen to move.
-        num_seen: (K,) int, in how many sweeps.
-        scores: (K,) logarithm of the odds that they move, by the last sweep that showed them.
-        points: (P, 3) metres, where they were last seen, moved to where they should be by now.
-        owners: (P,) int from 0 to K - 1, rising.
+        track_id: Number from 1.
+        stamp_ns: Time of state and points.
+        begun_ns: When it was first seen to move.
+        seen_ns: When it was last seen to move.
+        num_seen: In how many sweeps it was clearly seen to move.
+        score: Logarithm of the odds that it moves, by the last sweep that showed it.
+        state: (2, 3) place in metres and velocity in metres per second.
+        covariance: (2, 2) of place and velocity, the same along each axis.
+        points: (P, 3) metres, where it was last seen, moved to where it should be by now.
     """
 
+    track_id: int
     stamp_ns: int
-    frame_id: str
-    ids: NDArray[np.int64]
-    states: NDArray[np.float64]
-    covariances: NDArray[np.float64]
-    begun_ns: NDArray[np.int64]
-    seen_ns: NDArray[np.int64]
-    num_seen: NDArray[np.int64]
-    scores: NDArray[np.float64]
+    begun_ns: int
+    seen_ns: int
+    num_seen: int
+    score: float
+    state: NDArray[np.float64]
+    covariance: NDArray[np.float64]
     points: NDArray[np.float64]
-    owners: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     @property
-    def velocities(self) -> NDArray[np.float64]:
-        """(K, 3) metres per second."""
-        return self.states[:, 1]
+    def velocity(self) -> NDArray[np.float64]:
+        """(3,) metres per second."""
+        velocity: NDArray[np.float64] = self.state[1]
+        return velocity
 
-    def only(self, wanted: NDArray[np.bool_]) -> Tracks:
-        """Returns the tracks of the (K,) mask."""
-        is_chosen = wanted[self.owners]
-        return replace(
-            self,
-            ids=self.ids[wanted],
-            states=self.states[wanted],
-            covariances=self.covariances[wanted],
-            begun_ns=self.begun_ns[wanted],
-            seen_ns=self.seen_ns[wanted],
-            num_seen=self.num_seen[wanted],
-            scores=self.scores[wanted],
-            points=self.points[is_chosen],
-            owners=(np.cumsum(wanted) - 1)[self.owners[is_chosen]],
-        )
-
-    @classmethod
-    def none(cls, stamp_ns: int, frame_id: str) -> Tracks:
-        """Returns no tracks."""
-        no_ints = np.zeros(0, np.int64)
-        return cls(
-            stamp_ns=stamp_ns,
-            frame_id=frame_id,
-            ids=no_ints,
-            states=np.zeros((0, 2, 3)),
-            covariances=np.zeros((0, 2, 2)),
-            begun_ns=no_ints,
-            seen_ns=no_ints,
-            num_seen=no_ints,
-            scores=np.zeros(0),
-            points=np.zeros((0, 3)),
-            owners=no_ints,
-        )
-
-    def joined(self, others: Tracks) -> Tracks:
-        """Returns these and others of the same time."""
-        return replace(
-            self,
-            **{
-                name: np.concatenate([getattr(self, name), getattr(others, name)])
-                for name in _COLUMNS
-            },
-            owners=np.concatenate([self.owners, others.owners + len(self)]),
-        )
-
-    def at(self, stamp_ns: int) -> Tracks:
-        """Returns the tracks as they are expected at another time, not before their own."""
+    def at(self, stamp_ns: int) -> Track:
+        """The track as it is expected at another time, not before its own."""
         elapsed_s = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moved = elapsed_s * self.velocities
-        states = self.states.copy()
-        states[:, 0] += moved
+        moved = elapsed_s * self.velocity
+        state = self.state.copy()
+        state[0] += moved
         step = np.array([[1.0, elapsed_s], [0.0, 1.0]])
-        push = np.array([elapsed_s**2 / 2, elapsed_s])
-        noise = _ACCELERATION_M_S2**2 * (push[:, None] * push)
+        push = _ACCELERATION_M_S2 * np.array([elapsed_s**2 / 2, elapsed_s])
         return replace(
             self,
             stamp_ns=stamp_ns,
-            states=states,
-            covariances=product(product(step, self.covariances), step.T) + noise,
-            points=self.points + moved[self.owners],
+            state=state,
+            covariance=_product(_product(step, self.covariance), step.T) + np.outer(push, push),
+            points=self.points + moved,
+        )
+
+    def corrected(self, state: NDArray[np.float64], variances: NDArray[np.float64]) -> Track:
+        """The track after a measurement of its state, with variances (2,) of place and velocity."""
+        gain = _product(self.covariance, np.linalg.inv(self.covariance + np.diag(variances)))
+        posterior = self.covariance - _product(gain, self.covariance)
+        return replace(
+            self,
+            state=self.state + _product(gain, state - self.state),
+            covariance=(posterior + posterior.T) / 2,
         )
 
 
-_COLUMNS: Final = (
-    "ids",
-    "states",
-    "covariances",
-    "begun_ns",
-    "seen_ns",
-    "num_seen",
-    "scores",
-    "points",
-)
-
-
-def product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns products of matrices (..., 2, 2); their order of summing is fixed."""
-    product: NDArray[np.float64] = (left[..., :, :, None] * right[..., None, :, :]).sum(axis=-2)
+def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Product of matrices; unlike that of a library, its order of summing is fixed."""
+    product: NDArray[np.float64] = (left[:, :, None] * right).sum(axis=1)
     return product
+
+
+def alive(tracks: Sequence[Track], stamp_ns: int, interval_s: float) -> list[Track]:
+    """Tracks that may still be seen at a time, as they are expected then."""
+    max_unseen_s = max(_MAX_UNSEEN_S, _MAX_UNSEEN_SWEEPS * interval_s)
+    limit_ns = stamp_ns - max_unseen_s * NANOSECONDS
+    return [track.at(stamp_ns) for track in tracks if track.seen_ns >= limit_ns]
+
+
+def expecting_shares(
+    tracks: Sequence[Track], points: NDArray[np.float64], owners: NDArray[np.int64], number: int
+) -> NDArray[np.float64]:
+    """Returns (number, K) which share of each owner's points is where each track expects one.
+
+    Args:
+        tracks: K tracks, as they are expected.
+        points: (P, 3) metres, world.
+        owners: (P,) int from 0 to `number` - 1.
+        number: How many owners there are.
+    """
+    shares = np.zeros((number, len(tracks)))
+    if number == 0 or len(tracks) == 0:
+        return shares
+    expected = np.concatenate([track.points for track in tracks])
+    track_of = np.repeat(np.arange(len(tracks)), [len(track.points) for track in tracks])
+    rows = PointGrid(expected).nearest(points, _REACH_M)
+    is_met = rows >= 0
+    np.add.at(shares, (owners[is_met], track_of[rows[is_met]]), 1.0)
+    shares /= np.maximum(np.bincount(owners, minlength=number), 1)[:, None]
+    return shares

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from small_scenes import rows, surface
 
-from mnsf_ros.objects.following import alive, follow
+from mnsf_ros.objects.following import follow
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.sightings import Sightings, mover_groups
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.tracks import alive
 
 INTERVAL_S = 0.1
 
@@ -42,13 +42,14 @@ class Follower:
     """Follows what it is shown, ten sweeps a second."""
 
     def __init__(self):
-        self.tracks, self.next_id, self.now_ns = Tracks.none(0, "lidar"), 1, 0
+        self.tracks, self.next_id, self.now_ns = [], 1, 0
 
     def see(self, *centers, **how):
         """The numbers of the tracks of the boxes at these places, one sweep later."""
         self.now_ns += round(INTERVAL_S * 1e9)
         expected = alive(self.tracks, self.now_ns, INTERVAL_S)
-        self.tracks, ids = follow(expected, seen(*centers, **how), self.next_id)
+        sightings = seen(*centers, **how)
+        self.tracks, ids = follow(expected, sightings, self.now_ns, self.next_id)
         self.next_id = max([self.next_id, *(ids + 1)])
         return ids.tolist()
 
@@ -76,7 +77,8 @@ class TestIdentity:
         points = np.concatenate([points[is_end], points[~is_end]])
         points[-8:, 0] += 2  # a side of it comes into view
         parts = replace(parts, points=points, owners=np.sort(~is_end).astype(np.int64))
-        _, ids = follow(alive(follower.tracks, follower.now_ns + 10**8, INTERVAL_S), parts, 2)
+        now_ns = follower.now_ns + 10**8
+        _, ids = follow(alive(follower.tracks, now_ns, INTERVAL_S), parts, now_ns, 2)
         assert ids.tolist() == [2, 1]
 
     def test_of_two_that_meet_stays_with_each(self):
@@ -92,7 +94,7 @@ class TestIdentity:
             follower.see((index, 0, 0))
         follower.see((6, 0, 0), (6, 3, 0))
         assert follower.see((7, 0, 0), size=(2.0, 7.0, 1.5)) == [1]
-        assert follower.tracks.ids.tolist() == [1]
+        assert [track.track_id for track in follower.tracks] == [1]
 
 
 class TestState:
@@ -101,9 +103,9 @@ class TestState:
         for index in range(40):
             velocity = rng.normal((10, 0, 0), 0.3)
             follower.see((index, 0, 0), velocity=velocity, residual=0.02)
-            errors.append(np.linalg.norm(follower.tracks.velocities[0] - (10, 0, 0)))
+            errors.append(np.linalg.norm(follower.tracks[0].velocity - (10, 0, 0)))
         assert np.mean(errors[10:]) < 0.7 * 0.3 * np.sqrt(3)
-        sigma = np.sqrt(follower.tracks.covariances[0, 1, 1])
+        sigma = np.sqrt(follower.tracks[0].covariance[1, 1])
         assert 0.05 < sigma < 0.4
 
     def test_braking_is_followed_without_visible_lag(self):
@@ -112,14 +114,14 @@ class TestState:
             follower.see((x, 0, 0), velocity=(speed, 0, 0))
             x, speed = x + speed * INTERVAL_S, max(0.0, speed - 0.4)
         speed += 0.4
-        assert follower.tracks.velocities[0, 0] == pytest.approx(speed, abs=0.3)
+        assert follower.tracks[0].velocity[0] == pytest.approx(speed, abs=0.3)
 
     def test_is_less_sure_the_longer_it_is_unseen(self):
         follower = Follower()
         follower.see((0, 0, 0))
-        sure = follower.tracks.covariances[0]
+        sure = follower.tracks[0].covariance
         follower.see()
-        assert (np.diagonal(follower.tracks.covariances[0]) > np.diagonal(sure)).all()
+        assert (np.diagonal(follower.tracks[0].covariance) > np.diagonal(sure)).all()
 
 
 @pytest.mark.parametrize(
