@@ -216,7 +216,7 @@ def _gate_samples(
 ) -> Samples:
     """One sample for each object: whether it moves as it was fitted."""
     suspects, moving, features = note
-    owners = estimate.reason_of.current.objects()
+    owners = estimate.reason_of.scene.current.objects()
     shares, counts = np.zeros(len(features)), np.zeros(len(features))
     for row, number in enumerate(suspects.objects.numbers):
         own = (owners == number) & scored

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from enum import Enum, IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +138,52 @@ class Verdict(Enum):
     DYNAMIC = "dynamic"
 
 
+class PointState(IntEnum):
+    """What another sweep says about one point of an object."""
+
+    UNCLEAR = 0  # a surface near by, or no return in its direction
+    HIT = 1  # a return at its place
+    FREE = 2  # seen through
+    HIDDEN = 3  # behind something
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """An object compared with another sweep, if it is static or if it moves.
+
+    Attributes:
+        positions: (P, 3) float32, metres, where its points are by then, axes of the current sweep.
+        states: (P,) uint8, the `PointState` of each.
+        residual_m: Mean distance from the other sweep beyond the spacing of its points.
+    """
+
+    positions: NDArray[np.float32]
+    states: NDArray[np.uint8]
+    residual_m: float
+
+    def share(self, state: PointState) -> float:
+        """Share of the points in a state."""
+        return float(np.mean(self.states == state))
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTerms:
+    """What another sweep says about an object.
+
+    Attributes:
+        age_s: Time from the current sweep to the other one; negative before.
+        points: (Q, 3) float32, metres, points of the other sweep around the object, axes of the
+            current sweep, ego motion removed.
+        static: The object where it is.
+        moving: The object with its motion; None if no motion was fitted.
+    """
+
+    age_s: float
+    points: NDArray[np.float32]
+    static: Match
+    moving: Match | None
+
+
 @dataclass(frozen=True, eq=False)
 class Reason:
     """Why an object was called dynamic or not.
@@ -146,9 +192,8 @@ class Reason:
         verdict: The outcome.
         num_points: Its points after thinning.
         size_m: The longer horizontal side of the box around it.
-        static_m: Name of another sweep to metres of residual if the object is static; empty if
-            no motion was searched.
-        moving_m: The same if it moves.
+        sweeps: What each other sweep says, the next one first; empty for what has no motion: too
+            few points, or too large.
         start: (3,) metres over ground until the next sweep, where the fit of its motion started.
         motion: (3,) metres, likewise, the fitted motion; None if none was searched.
         evidence: Name of further evidence to its value.
@@ -157,8 +202,7 @@ class Reason:
     verdict: Verdict
     num_points: int = 0
     size_m: float = 0.0
-    static_m: Mapping[str, float] = field(default_factory=dict)
-    moving_m: Mapping[str, float] = field(default_factory=dict)
+    sweeps: Sequence[SweepTerms] = ()
     start: NDArray[np.float64] | None = None
     motion: NDArray[np.float64] | None = None
     evidence: Mapping[str, float] = field(default_factory=dict)

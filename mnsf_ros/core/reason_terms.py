@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Reason, TrackedObject, Verdict
+from mnsf_ros.core.flow_estimate import (
+    FlowEstimate,
+    Match,
+    PointState,
+    Reason,
+    TrackedObject,
+    Verdict,
+)
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
@@ -110,9 +117,9 @@ def _object_terms(reason: Reason, interval_s: float) -> Iterator[tuple[str, str]
         yield "Motion found", text
     if reason.start is not None:
         yield "The search started at", f"{vector_text(reason.start)} m"
-    for words, residuals_m in (("static", reason.static_m), ("it moves", reason.moving_m)):
-        if residuals_m:
-            yield f"Residual if {words}", _listed(residuals_m)
+    for one in reason.sweeps:
+        moving = "" if one.moving is None else f"; if it moves {_match_text(one.moving)}"
+        yield f"Sweep at {one.age_s:+.1f} s", f"if static {_match_text(one.static)}{moving}"
     for name, value in reason.evidence.items():
         yield f"Evidence, {name}", f"{value:.3f}"
 
@@ -122,5 +129,7 @@ def vector_text(vector: NDArray[np.float64]) -> str:
     return f"({', '.join(f'{value:.2f}' for value in vector)})"
 
 
-def _listed(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{value:.3f} m ({name})" for name, value in values.items())
+def _match_text(match: Match) -> str:
+    shown = {"hit": PointState.HIT, "passed through": PointState.FREE, "hidden": PointState.HIDDEN}
+    shares = ", ".join(f"{name} {match.share(state):.0%}" for name, state in shown.items())
+    return f"{match.residual_m:.3f} m ({shares})"

@@ -117,7 +117,7 @@ class ObjectFlowEstimator:
             start=scene.start,
             over_ground=over_ground,
             num_left_out=decision.num_left_out,
-            reason_of=Reasons(scene.current, self.settings.objects, decision),
+            reason_of=Reasons(scene, self.settings.objects, decision),
         )
 
     def _decided(self, scene: Scene, clock: StageClock) -> Decision:

@@ -3,77 +3,128 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_estimate import Reason, Verdict
+from mnsf_ros.core.flow_estimate import Match, PointState, Reason, SweepTerms, Verdict
+from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.objects.decision import Decision
-from mnsf_ros.objects.motion_fusion import JudgedMotions
-from mnsf_ros.objects.object_sweep import ObjectSweep
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.scene import Scene
+from mnsf_ros.objects.target import TRUNCATION_M, Target
 from mnsf_ros.settings import ObjectSettings
+from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+# Points of another sweep so far around the box of an object are told with it.
+_AROUND_M: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Reasons:
-    """Evidence of an estimate for and against its objects, by point.
+    """Evidence of an estimate for and against its objects, by point; computed when asked.
 
     Attributes:
-        current: The sweep.
+        scene: The sweeps.
         settings: Of the objects.
-        decision: What was decided about its objects.
+        decision: What was decided about the objects of the current sweep.
     """
 
-    current: ObjectSweep
+    scene: Scene
     settings: ObjectSettings
     decision: Decision
 
     def __call__(self, rows: NDArray[np.int64]) -> Reason:
         """Returns the verdict on the object that owns most of these rows of the sweep."""
-        owners = self.current.objects()[rows]
+        current = self.scene.current
+        owners = current.objects()[rows]
         number = int(np.bincount(owners[owners > 0]).argmax()) if (owners > 0).any() else 0
         if number == 0:
             return Reason(Verdict.NO_OBJECT)
-        points = self.current.thinned[self.current.thinned_objects == number]
-        size_m = float(np.ptp(points[:, :2], axis=0).max()) if len(points) else 0.0
-        found = np.flatnonzero(self.decision.searched.objects.numbers == number)
-        if len(found) == 0:
-            return Reason(self._before_search(number, len(points)), len(points), size_m)
-        reason = Reason(
-            Verdict.NO_BETTER_MOTION,
-            len(points),
-            size_m,
-            static_m=_residuals(self.decision.searched.standing, found[0]),
-            start=self.decision.start[found[0]].astype(np.float64),
-        )
-        found = np.flatnonzero(self.decision.fitted.objects.numbers == number)
-        return self._of_fitted(reason, found[0]) if len(found) else reason
-
-    def _of_fitted(self, reason: Reason, row: int) -> Reason:
-        return replace(
-            reason,
-            verdict=Verdict.DYNAMIC if self.decision.is_moving[row] else Verdict.REFUSED,
-            moving_m=_residuals(self.decision.moving, row),
-            motion=self.decision.moving.motions[row].astype(np.float64),
-            evidence={
-                "free space": float(self.decision.seen.free[row]),
-                "probability": float(1 / (1 + np.exp(-self.decision.scores[row]))),
-            },
+        num_points = int(np.count_nonzero(current.thinned_objects == number))
+        fitted = self._row(self.decision.fitted.objects, number)
+        searched = self._row(self.decision.searched.objects, number)
+        motion, start, evidence = None, None, {}
+        if searched is not None:
+            start = self.decision.start[searched].astype(np.float64)
+        if fitted is not None:
+            motion = self.decision.moving.motions[fitted]
+            score = self.decision.scores[fitted]
+            evidence = {
+                "free space": float(self.decision.seen.free[fitted]),
+                "probability": float(1 / (1 + np.exp(-score))),
+            }
+        return Reason(
+            self._verdict(number, num_points, fitted),
+            num_points,
+            float(current.sizes[number]),
+            sweeps=self._terms(number, motion),
+            start=start,
+            motion=None if motion is None else motion.astype(np.float64),
+            evidence=evidence,
         )
 
-    def _before_search(self, number: int, num_points: int) -> Verdict:
+    def _verdict(self, number: int, num_points: int, fitted: int | None) -> Verdict:
+        if fitted is not None:
+            return Verdict.DYNAMIC if self.decision.is_moving[fitted] else Verdict.REFUSED
+        if number in self.decision.searched.objects.numbers:
+            return Verdict.NO_BETTER_MOTION
         if num_points < self.settings.min_points:
             return Verdict.TOO_FEW_POINTS
         if number in self.decision.suspects.objects.numbers:
             return Verdict.LEFT_OUT
-        may_move = self.current.may_move[number]
+        may_move = self.scene.current.may_move[number]
         return Verdict.NOT_SUSPECTED if may_move else Verdict.TOO_LARGE
 
+    @staticmethod
+    def _row(objects: ObjectPoints, number: int) -> int | None:
+        found = np.flatnonzero(objects.numbers == number)
+        return int(found[0]) if len(found) else None
 
-def _residuals(motions: JudgedMotions, row: int) -> dict[str, float]:
-    """Name of each other sweep to its residual, metres."""
-    older = [f"{number} before" for number in range(2, 2 + motions.past.shape[1])]
-    names = (*("next", "previous")[: motions.near.shape[1]], *older)
-    values = (*motions.near[row].tolist(), *motions.past[row].tolist())
-    return dict(zip(names, values, strict=True))
+    def _terms(self, number: int, motion: NDArray[np.float32] | None) -> tuple[SweepTerms, ...]:
+        """What all targets say about an object with a motion (3,), metres to the next sweep."""
+        objects = ObjectPoints.of(self.scene.current, self.settings)
+        own = objects.only(objects.numbers == number)
+        if len(own) == 0:
+            return ()
+        no_motion = np.zeros(3, np.float32)
+        return tuple(
+            SweepTerms(
+                age_s=_age_s(target),
+                points=_points_around(own, target),
+                static=_match(own, target, no_motion),
+                moving=None if motion is None else _match(own, target, motion),
+            )
+            for target in (*self.scene.targets.near, *self.scene.targets.past)
+        )
+
+
+def _age_s(target: Target) -> float:
+    return (target.sweep.sweep.stamp_ns - target.current.sweep.stamp_ns) / NANOSECONDS
+
+
+def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]:
+    """Points (Q, 3) of the target, metres, current frame, around the box of the only object."""
+    points = transformed(target.sweep.thinned, target.to_current)
+    low, high = objects.positions.min(axis=0), objects.positions.max(axis=0)
+    is_near = ((points >= low - _AROUND_M) & (points <= high + _AROUND_M)).all(axis=1)
+    return np.asarray(points[is_near], np.float32)
+
+
+def _match(objects: ObjectPoints, target: Target, motion: NDArray[np.float32]) -> Match:
+    """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
+    positions = objects.positions + target.shifts(objects, motion[None, None])[0]
+    places = transformed(positions, target.from_current)
+    nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
+    distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)
+    beyond = np.where(nearest >= 0, distances, TRUNCATION_M) - objects.spacing
+    is_free, is_hidden = target.sweep.view.free_and_hidden(places)
+    states = np.select(
+        [beyond <= 0, is_free, is_hidden],
+        [PointState.HIT, PointState.FREE, PointState.HIDDEN],
+        PointState.UNCLEAR,
+    )
+    residual_m = float(np.maximum(beyond, 0).mean())
+    return Match(positions, states.astype(np.uint8), residual_m)

@@ -73,7 +73,8 @@ class Track:
 
     def corrected(self, state: NDArray[np.float64], variances: NDArray[np.float64]) -> Track:
         """The track after a measurement of its state, with variances (2,) of place and velocity."""
-        gain = _product(self.covariance, np.linalg.inv(self.covariance + np.diag(variances)))
+        total = self.covariance + np.diag(variances)
+        gain = _product(self.covariance, np.asarray(np.linalg.inv(total), np.float64))
         posterior = self.covariance - _product(gain, self.covariance)
         return replace(
             self,
