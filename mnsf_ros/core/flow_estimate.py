@@ -146,6 +146,11 @@ class PointState(IntEnum):
     FREE = 2  # seen through
     HIDDEN = 3  # behind something
 
+    @property
+    def text(self) -> str:
+        """Its name in tables and pictures."""
+        return "passed through" if self is PointState.FREE else self.name.lower()
+
 
 @dataclass(frozen=True, eq=False)
 class Match:

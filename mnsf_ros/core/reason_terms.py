@@ -130,6 +130,6 @@ def vector_text(vector: NDArray[np.float64]) -> str:
 
 
 def _match_text(match: Match) -> str:
-    shown = {"hit": PointState.HIT, "passed through": PointState.FREE, "hidden": PointState.HIDDEN}
-    shares = ", ".join(f"{name} {match.share(state):.0%}" for name, state in shown.items())
+    shown = PointState.HIT, PointState.FREE, PointState.HIDDEN
+    shares = ", ".join(f"{state.text} {match.share(state):.0%}" for state in shown)
     return f"{match.residual_m:.3f} m ({shares})"

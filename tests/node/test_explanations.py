@@ -13,13 +13,17 @@ from moving_boxes import surfaces
 from node_harness import Spinner, stamp_of
 from synthetic_clouds import over_ground, tracked, xyz_message
 
-from mnsf_ros.core.flow_estimate import FlowEstimate, Reason, Verdict
+from mnsf_ros.core.flow_estimate import FlowEstimate, Match, Reason, SweepTerms, Verdict
 from mnsf_ros.node.explanations import Explanations
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 from mnsf_ros.sweeps_io.flow_cloud import sweep_from_message
 
 NUM_POINTS = 600
+STATES = np.array([2, 2, 2, 3], np.uint8)
+NEXT = SweepTerms(
+    0.1, np.zeros((0, 3), np.float32), Match(np.zeros((4, 3), np.float32), STATES, 0.25), None
+)
 
 
 class Asking(Spinner):
@@ -81,7 +85,7 @@ def estimated(stamp_s, **changes):
         np.zeros((NUM_POINTS, 3), np.float32),
         np.ones(NUM_POINTS, bool),
         over_ground=known,
-        reason_of=lambda rows: Reason(Verdict.REFUSED, len(rows), static_m={"next": 0.25}),
+        reason_of=lambda rows: Reason(Verdict.REFUSED, len(rows), sweeps=(NEXT,)),
     )
     return SweepTriplet(*sweeps), replace(estimate, **changes)
 
@@ -94,7 +98,8 @@ def test_terms_of_an_object_and_of_a_place(asking):
     terms = {item.key: item.value for item in status.values}
     assert (stamp_s, status.level) == (20, DiagnosticStatus.OK)
     assert terms["Called dynamic"] == "40 of 40 points"
-    assert terms["Residual if static"] == "0.250 m (next)"
+    static = "if static 0.250 m (hit 0%, passed through 75%, hidden 25%)"
+    assert terms["Sweep at +0.1 s"] == static
     assert status.message == terms["Reason"]
     x, y, _ = surfaces(0, NUM_POINTS)[100].tolist()
     stamp_s, status = asking.ask(x, y, stamp_s=10, frame_id="lidar")
