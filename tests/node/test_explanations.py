@@ -40,7 +40,7 @@ class Asking(Spinner):
         self.spin_until(
             lambda: self.node.count_subscribers("/asking/explanation") == 1, "the subscription"
         )
-        self.spin_until(lambda: self._questions.get_subscription_count(), "the node")
+        self.spin_until(self._questions.get_subscription_count, "the node")
 
     def ask(self, x, y, stamp_s=0, frame_id=""):
         """The answer to a question: its stamp in seconds, and its status."""
