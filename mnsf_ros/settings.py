@@ -553,6 +553,13 @@ class Settings:
     node: NodeSettings = NodeSettings()
     explicit: frozenset[str] = dataclasses.field(default=frozenset(), compare=False, repr=False)
 
+    @property
+    def of_preparation(self) -> tuple[object, ...]:
+        """Values of the settings that live methods prepare each sweep with."""
+        item = self.objects
+        of_objects = (item.cell_size_m, item.thinning_m, item.max_points, item.max_size_m)
+        return (self.ego_motion, self.crop, self.ground, *of_objects)
+
     def changed(self, values: Mapping[str, object]) -> Settings:
         """Returns these settings with the values of some full names (`crop.max_range_m`) replaced.
 

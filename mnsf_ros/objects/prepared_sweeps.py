@@ -87,8 +87,8 @@ class PreparedSweeps:
     def with_settings(self, settings: Settings) -> PreparedSweeps:
         """Returns the same for other settings, with all that still holds.
 
-        The world and the poses in it depend on `ego_motion` only; what an object is depends on
-        `crop`, `ground` and `objects`, too. These sweeps must not be used afterwards.
+        The world and the poses in it depend on `ego_motion` only, the rest on all settings
+        `of_preparation`. Of the old and the new one, only one prepares a sweep.
         """
         other = PreparedSweeps(settings)
         if settings.ego_motion == self._settings.ego_motion:
@@ -99,7 +99,7 @@ class PreparedSweeps:
 
     def are_same_for(self, settings: Settings) -> bool:
         """Whether other settings prepare sweeps in the same way."""
-        return _all_that_matters(settings) == _all_that_matters(self._settings)
+        return settings.of_preparation == self._settings.of_preparation
 
     def ready(self, triplet: SweepTriplet) -> ReadySweeps:
         """Makes the sweeps of a triplet ready, those that are not yet.
@@ -127,7 +127,3 @@ class PreparedSweeps:
         self._sweeps[sweep] = ObjectSweep(sweep, pose, self._settings)
         while len(self._sweeps) > _MAX_SWEEPS:
             del self._sweeps[next(iter(self._sweeps))]
-
-
-def _all_that_matters(settings: Settings) -> tuple[object, ...]:
-    return settings.ego_motion, settings.crop, settings.ground, settings.objects

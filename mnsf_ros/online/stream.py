@@ -87,6 +87,8 @@ class Stream:
         self._estimator = make_method(self.method, settings)
         self._buffer = SweepBuffer(num_kept=self._estimator.traits.num_sweeps)
         self._adapted_to = settings
+        # The estimator as it was before the newest triplet, see `repeat`.
+        self._before: SceneFlowEstimator | None = None
         # Guards what follows, and the part of the estimator that prepares.
         self._preparation = threading.Lock()
         self._prepared_by = self._estimator
@@ -105,7 +107,26 @@ class Stream:
             MnsfError: There is no flow for this triplet; the stream goes on.
         """
         self.add(sweep)
-        return None if self.triplet is None else self.flow_of(self.triplet, cancelled)
+        if self.triplet is None:
+            return None
+        if isinstance(self._estimator, PreparingEstimator):
+            self._before = self._with_settings(self._estimator, self._adapted_to)
+        return self.flow_of(self.triplet, cancelled)
+
+    def repeat(self, cancelled: Callable[[], bool] = never) -> FlowEstimate | None:
+        """The flow of the last push again, with the settings that hold by now.
+
+        Earlier sweeps keep what was estimated then. None before the first flow, and for methods
+        that cannot go back.
+
+        Raises:
+            MnsfError: There is no flow for this triplet; the stream goes on.
+        """
+        if self._before is None or self.triplet is None:
+            return None
+        self._estimator = self._with_settings(self._before, self.settings)
+        self._adapted_to = self.settings
+        return self.flow_of(self.triplet, cancelled)
 
     def flow_of(self, triplet: SweepTriplet, cancelled: Callable[[], bool] = never) -> FlowEstimate:
         """Both halves of the estimate of a triplet, one after the other.
@@ -176,6 +197,12 @@ class Stream:
             return estimator.estimate(adapted.triplet, cancelled, adapted.content)
         return estimator.estimate(adapted.triplet, cancelled)
 
+    def _with_settings(
+        self, estimator: SceneFlowEstimator, settings: Settings
+    ) -> SceneFlowEstimator:
+        """Another estimator with the same memory."""
+        return estimator.with_settings(settings_for(self.method, settings))
+
     def _stretch_of(self, triplet: SweepTriplet) -> Stretch:
         """The stretch of a triplet, which begins with it if it does not continue the last one."""
         last, self._last = self._last, triplet
@@ -195,7 +222,7 @@ class Stream:
             return prepared
         with self._preparation:
             if settings is not self._adapted_to:
-                self._estimator = self._estimator.with_settings(settings_for(self.method, settings))
+                self._estimator = self._with_settings(self._estimator, settings)
                 self._adapted_to = settings
             # By another estimator than this triplet: a newer one came between with other settings.
             is_overtaken = self._prepared_by is not prepared.estimator

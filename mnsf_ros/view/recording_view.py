@@ -6,12 +6,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from queue import Empty
 from typing import Any, Final
 
 from mnsf_ros.core.reason_terms import rows_at
-from mnsf_ros.errors import EvaluationError, SettingsError
+from mnsf_ros.errors import EvaluationError, MnsfError, SettingsError
 from mnsf_ros.evaluation.recordings import short_name
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.recording.bag_reader import BagReader
@@ -142,9 +143,25 @@ class RecordingView:
         self._stream.change_settings(settings)
         before, self._settings = self._settings, settings
         self._publish_knobs()
-        # Sweeps are read with the settings of their times.
-        if not self._is_playing or settings.time != before.time:
+        is_prepared_alike = settings.of_preparation == before.of_preparation
+        if settings.time != before.time:
             self._start_at(self._position_s)
+        elif not self._is_playing:
+            self._repeat(can_be_short=is_prepared_alike and settings.buffer == before.buffer)
+
+    def _repeat(self, *, can_be_short: bool) -> None:
+        """Estimates the shown sweep again: it alone if possible, else with all before it."""
+        is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
+        estimate = None
+        if can_be_short and is_newest:
+            with suppress(MnsfError):  # of which the longer way warns
+                estimate = self._stream.repeat()
+        if estimate is None:
+            self._start_at(self._position_s)
+            return
+        shown = self._kept.pop()
+        self._kept.append(replace(shown, sweep=replace(shown.sweep, estimate=estimate)))
+        self._show()
 
     def _start_at(self, position_s: float) -> None:
         """Estimates from a while before a position on; shows the first sweep from there on."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from box_street import BoxStreet, pose
 
 from mnsf_ros.core import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
@@ -15,6 +16,7 @@ from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.online import stream as stream_module
 from mnsf_ros.online.stream import Stream
+from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Start, SweepTriplet
 from mnsf_ros.sweeps.sweep_buffer import Arrival
 
@@ -67,6 +69,24 @@ def test_flow_of_the_sweep_before_the_newest(quick_settings, make_sweep, motion)
         flow = stream.push(sweeps[newest]).flow
         assert stream.triplet.sweeps == tuple(sweeps[newest - 2 : newest + 1])
         assert np.median(np.linalg.norm(flow - motion, axis=1)) < 0.1
+
+
+def test_the_last_flow_again_with_other_settings():
+    street = BoxStreet()
+    sweeps = [street.sweep(pose(), index, cars=[(-8 + 0.8 * index, 2.5)]) for index in range(6)]
+    plain, stream = Stream(Settings()), Stream(Settings())
+    assert stream.repeat() is None
+    for sweep in sweeps[:5]:
+        plain.push(sweep)
+        usual = stream.push(sweep)
+    stream.change_settings(Settings().changed({"objects.min_points": 1000}))
+    assert not stream.repeat().over_ground.dynamic.any()
+    stream.change_settings(Settings())
+    again = stream.repeat()
+    assert again.over_ground.objects[0].age_s == usual.over_ground.objects[0].age_s > 0
+    for seen, wanted in ((again, usual), (stream.push(sweeps[5]), plain.push(sweeps[5]))):
+        np.testing.assert_array_equal(seen.flow, wanted.flow)
+        np.testing.assert_array_equal(seen.over_ground.track_ids, wanted.over_ground.track_ids)
 
 
 class TestStretch:
