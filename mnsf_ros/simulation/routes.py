@@ -11,11 +11,8 @@ import numpy as np
 
 from mnsf_ros.geometry.transforms import FloatArray, planar_pose, tilt
 
-SENSOR_HEIGHT_M = 1.73
 EGO_LENGTH_M = 4.4
 EGO_WIDTH_M = 1.8
-BRAKING_M_S2 = 3.0
-ACCELERATION_M_S2 = 2.5
 _WATCH_STEP_S = 0.1
 # A slope begins over so many metres.
 _VERTEX_M = 8.0
@@ -124,15 +121,11 @@ class SpeedProfile:
 
 @dataclass(frozen=True)
 class Trip:
-    """One thing traveling along a route.
-
-    At the first breakpoint of the profile, `delay_s` later, it is at the arc length `start_arc_m`.
-    """
+    """One thing traveling along a route: at the first breakpoint it is at `start_arc_m`."""
 
     route: Route
     profile: SpeedProfile
     start_arc_m: float
-    delay_s: float = 0.0
 
     @classmethod
     def starting_at(cls, route: Route, profile: SpeedProfile, arc_m: float) -> Trip:
@@ -141,21 +134,13 @@ class Trip:
 
     def planar(self, times_s: FloatArray) -> FloatArray:
         """Returns (T, 3) world x, y (metres) and yaw (radians) at (T,) times in seconds."""
-        traveled = self.profile.distances(times_s - self.delay_s)
+        traveled = self.profile.distances(times_s)
         return self.route.poses(self.start_arc_m + traveled)
 
     def pose(self, time_s: float) -> FloatArray:
         """Returns the (4, 4) pose `world_from_body` at a time in seconds."""
         x, y, yaw = self.planar(np.array([time_s]))[0]
         return self.route.slope.lifted(planar_pose(x, y, yaw))
-
-
-@dataclass(frozen=True)
-class Stop:
-    """A halt before a crossing, from one time to another, in seconds of the recording."""
-
-    begin_s: float
-    end_s: float
 
 
 @dataclass(frozen=True)
@@ -168,7 +153,7 @@ class EgoMotion:
 
     trip: Trip
     sway: FloatArray
-    mounting: tuple[float, float, float] = (0.0, 0.0, SENSOR_HEIGHT_M)
+    mounting: tuple[float, float, float]
 
     def world_from_sensor(self, time_s: float) -> FloatArray:
         """Returns the (4, 4) pose of the lidar frame (x forward, y left, z up) at a time."""
@@ -184,36 +169,6 @@ def draw_sway(rng: np.random.Generator) -> FloatArray:
     """Returns the sway of a car on its springs, see `EgoMotion`."""
     amplitudes = np.array([0.0020, 0.0015, 0.010])
     return np.stack([amplitudes, rng.uniform(0.7, 1.4, 3), rng.uniform(0.0, 2 * math.pi, 3)], 1)
-
-
-def braking_distance(speed_m_s: float) -> float:
-    """Returns the metres needed to brake to a halt."""
-    return speed_m_s**2 / (2 * BRAKING_M_S2)
-
-
-def drive_with_stops(
-    speed_m_s: float, stops_m: list[float], wait_s: float
-) -> tuple[SpeedProfile, list[Stop]]:
-    """Plans a drive that halts after each of the given distances for `wait_s`.
-
-    The distances increase from the start, far enough apart to speed up and brake. With speed 0 the
-    vehicle stands still the whole time. Returns the speeds, and when the halts happen.
-    """
-    if speed_m_s == 0.0:
-        return SpeedProfile.steady(0.0), [Stop(3.0, 3.0 + wait_s) for _ in stops_m]
-    time, traveled = 0.0, 0.0
-    times, speeds, stops = [time], [speed_m_s], []
-    for distance in stops_m:
-        cruise = distance - traveled - braking_distance(speed_m_s)
-        brake_at = time + max(cruise / speed_m_s, 0.1)
-        halt_at = brake_at + speed_m_s / BRAKING_M_S2
-        leave_at = halt_at + wait_s
-        time = leave_at + speed_m_s / ACCELERATION_M_S2
-        times += [brake_at, halt_at, leave_at, time]
-        speeds += [speed_m_s, 0.0, 0.0, speed_m_s]
-        stops.append(Stop(halt_at, leave_at))
-        traveled = distance + speed_m_s**2 / (2 * ACCELERATION_M_S2)
-    return SpeedProfile(np.array(times), np.array(speeds)), stops
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays
+from mnsf_ros.simulation.scenarios import COLUMNS, LIDARS, drawn
+
+if TYPE_CHECKING:
+    from mnsf_ros.simulation.settings import SimulationSettings
 
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
 # The points of a rolling sweep are measured in so many moments, of a whole turn every 7 degrees.
@@ -114,9 +118,60 @@ class Sensor:
         return ~is_drop
 
 
+def sensor_of(settings: SimulationSettings) -> Sensor:
+    """Returns the lidar of the settings, with beams as in a common 64-beam sensor."""
+    return Sensor(
+        f"{settings.num_beams} beams",
+        knee_elevations_deg(settings.num_beams),
+        settings.num_columns,
+        settings.rate_hz,
+        settings.range_noise_m,
+        settings.dropout,
+        settings.max_range_m,
+    )
+
+
 def knee_elevations_deg(num_beams: int) -> FloatArray:
     """Returns (B,) elevations; as in a common 64-beam sensor the upper half is packed densely."""
     half = num_beams // 2
     step = (_KNEE_DEG - _BOTTOM_DEG) / half
     lower = np.linspace(_BOTTOM_DEG, _KNEE_DEG - step, half)
     return np.concatenate([lower, np.linspace(_KNEE_DEG, _TOP_DEG, num_beams - half)])
+
+
+def drawn_sensor(rng: np.random.Generator) -> Sensor:
+    """Returns the lidar of a random world."""
+    kind = drawn(LIDARS, rng)
+    sensor = Sensor(
+        kind=f"{kind} beams" if kind.isdigit() else "solid state",
+        elevations_deg=_elevations_deg(kind, rng),
+        num_columns=drawn(COLUMNS, rng),
+        rate_hz=drawn({10.0: 0.75, 20.0: 0.25}, rng),
+        range_noise_m=rng.uniform(0.005, 0.03),
+        dropout=rng.uniform(0.0, 0.15),
+        max_range_m=rng.uniform(70.0, 200.0),
+        is_rolling=bool(rng.uniform() < 0.5),
+        rain_per_m=drawn({0.0: 0.85, rng.uniform(0.002, 0.012): 0.15}, rng),
+    )
+    if kind == "raster":
+        return replace(sensor, num_columns=1800, degrees=rng.uniform(100.0, 130.0))
+    if kind == "rosette":
+        num_points, degrees = int(rng.integers(20_000, 48_000)), rng.uniform(70.0, 120.0)
+        rosette = replace(sensor, num_columns=num_points, is_rolling=True, is_rosette=True)
+        return replace(rosette, degrees=degrees)
+    degrees = drawn({360.0: 0.8, 395.0: 0.2}, rng) if sensor.is_rolling else 360.0
+    return replace(sensor, degrees=degrees)
+
+
+def _elevations_deg(kind: str, rng: np.random.Generator) -> FloatArray:
+    """Elevations from low to high, even or denser at the horizon, each a little off."""
+    if kind in ("raster", "rosette"):
+        low, high, number = -rng.uniform(10.0, 20.0), rng.uniform(8.0, 20.0), 110
+    else:
+        low, high, number = -rng.uniform(14.0, 31.0), rng.uniform(2.0, 22.0), int(kind)
+    shares = np.linspace(-1.0, 1.0, number)
+    if rng.uniform() < 0.5:
+        elevations = low + (high - low) * (shares + 1) / 2
+    else:
+        elevations = np.abs(shares) ** rng.uniform(1.2, 2.2) * np.where(shares < 0, low, high)
+    return np.sort(elevations + rng.normal(0.0, 0.04, number))

@@ -20,16 +20,10 @@ from mnsf_ros.simulation.routes import LEVEL, Route, Slope
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-ROAD_HALF_WIDTH_M = 6.5
 LANE_LATERAL_M = 2.0
-BICYCLE_LATERAL_M = 3.75
-PARKING_LATERAL_M = 5.4
-FURNITURE_LATERAL_M = 7.3
-FACADE_LATERAL_M = 11.0
+_PARKING_LATERAL_M = 5.4
 CURB_HEIGHT_M = 0.14
-SIDE_ROAD_HALF_WIDTH_M = 4.0
-SIDE_FACADE_M = 7.0
-SIDE_STREET_LENGTH_M = 60.0
+_SIDE_ROAD_HALF_WIDTH_M = 4.0
 _ROUTE_STEP_M = 0.5
 _BISECTIONS = 14
 # Intensities, and their standard deviation.
@@ -99,7 +93,7 @@ class Street:
     start_x: float
     end_x: float
     crossings: tuple[Crossing, ...]
-    half_width_m: float = ROAD_HALF_WIDTH_M
+    half_width_m: float
     slope: Slope = LEVEL
 
     def lane(self, lateral: float, *, forward: bool) -> Route:
@@ -123,7 +117,7 @@ class Street:
         """Mask of the (x, y) of any shape that are on the sidewalk, not on asphalt."""
         raised = np.abs(self.centerline.lateral(x, y)) > self.half_width_m
         for crossing in self.crossings:
-            raised &= np.abs(crossing.along(x, y)) > SIDE_ROAD_HALF_WIDTH_M
+            raised &= np.abs(crossing.along(x, y)) > _SIDE_ROAD_HALF_WIDTH_M
         return raised
 
     def clear_of_crossings(self, x: float, margin_m: float) -> bool:
@@ -229,7 +223,7 @@ def _is_painted(street: Street, x: FloatArray, y: FloatArray) -> NDArray[np.bool
     """Mask of places on the asphalt with a center dash, a parking line or a zebra crossing."""
     lateral = street.centerline.lateral(x, y)
     dashes = (np.abs(lateral) < 0.08) & (x % 9.0 < 4.0)
-    parking = np.abs(np.abs(lateral) - (PARKING_LATERAL_M - 1.15)) < 0.06
+    parking = np.abs(np.abs(lateral) - (_PARKING_LATERAL_M - 1.15)) < 0.06
     painted = dashes | parking
     for crossing in street.crossings:
         along = crossing.along(x, y)

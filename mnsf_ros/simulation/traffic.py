@@ -1,38 +1,30 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Everything that moves: cars in both directions, crossing and turning ones, cyclists, walkers."""
+"""Everything that moves: vehicles along and across the street, cyclists and people."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mnsf_ros.simulation import models
-from mnsf_ros.simulation.bodies import Body, Model
-from mnsf_ros.simulation.routes import (
-    EGO_LENGTH_M,
-    EGO_WIDTH_M,
-    Clearance,
-    Route,
-    SpeedProfile,
-    Stop,
-    Trip,
-)
-from mnsf_ros.simulation.street import BICYCLE_LATERAL_M, LANE_LATERAL_M, Crossing, Street
+from mnsf_ros.simulation.bodies import Body
+from mnsf_ros.simulation.routes import Clearance, Route, SpeedProfile, Trip
+from mnsf_ros.simulation.scenarios import KINDS, Kind, Scenario, drawn
+from mnsf_ros.simulation.street import LANE_LATERAL_M, Crossing, Street
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     from mnsf_ros.geometry.transforms import FloatArray
 
 _SIDE_REACH_M = 70.0
 _STEP_M = 0.25
 _TURN_RADIUS_M = 6.0
 _TURN_SPEED_M_S = 4.0
-_ZEBRA_ALONG_M = -7.0
-_ZEBRA_END_LATERAL_M = 8.6
 _STRIDE_S = 0.4
+# Movers that would meet something are left out; so many are tried for each that is wanted.
+_TRIES: Final = 4
 
 
 def straight_over(
@@ -74,20 +66,6 @@ def right_turn(
     return Trip(route, profile, float(route.arc_m[middle]) - traveled)
 
 
-def zebra_walks(street: Street, crossing: Crossing, stop: Stop) -> Iterator[Trip]:
-    """Yields walks over the main street, from right to left, in front of the waiting ego vehicle.
-
-    The person stands on the sidewalk before and after.
-    """
-    lateral = np.linspace(-_ZEBRA_END_LATERAL_M, _ZEBRA_END_LATERAL_M, 70)
-    route = street.route(np.full(70, crossing.x + _ZEBRA_ALONG_M), lateral)
-    to_ego_lane = _ZEBRA_END_LATERAL_M - LANE_LATERAL_M
-    for speed in (1.5, 1.7, 1.9):
-        for lead in (0.3, 0.0, -0.3, 0.6):
-            begin = stop.begin_s + lead - to_ego_lane / speed
-            yield walk(route, begin, speed)
-
-
 def walk(route: Route, begin_s: float, speed_m_s: float) -> Trip:
     """Returns a walk along the whole route from rest to rest."""
     end = begin_s + route.length_m / speed_m_s
@@ -95,118 +73,110 @@ def walk(route: Route, begin_s: float, speed_m_s: float) -> Trip:
     return Trip(route, SpeedProfile(times, speed_m_s * np.array([0.0, 1.0, 1.0, 0.0])), 0.0)
 
 
-_SIDEWALK_LATERALS_M = (8.6, 9.2, 9.8)
-
-
+@dataclass(frozen=True)
 class Traffic:
-    """Fills a street with moving bodies that never run through each other or the ego vehicle.
+    """Movers of a place.
 
     Attributes:
-        bodies: The moving bodies so far.
-        street: The street they move on.
-        duration_s: Length of the recording in seconds.
+        scenario: What they are drawn from.
+        place: Kind of the place.
+        street: The ground.
+        ego_speed_m_s: Speed of the vehicle with the lidar.
+        clearance: What is in their way.
     """
 
-    def __init__(
-        self, street: Street, ego: Trip, duration_s: float, rng: np.random.Generator
-    ) -> None:
-        """Starts with the ego vehicle alone on the street."""
-        self.bodies: list[Body] = []
-        self.street = street
-        self._ego = ego
-        self.duration_s = duration_s
-        self._rng = rng
-        self._oncoming_m_s = rng.uniform(6.5, 8.5)
-        # One second more than recorded: the last sweeps' truth looks one interval ahead.
-        self._clearance = Clearance(duration_s + 1.0)
-        self._clearance.accept(ego, EGO_LENGTH_M, EGO_WIDTH_M)
+    scenario: Scenario
+    place: str
+    street: Street
+    ego_speed_m_s: float
+    clearance: Clearance
 
-    def add_crossing(self, crossing: Crossing, stop: Stop) -> None:
-        """Adds the movers at a side street around the time the ego vehicle waits there."""
-        rng, street = self._rng, self.street
-        # In a recording that ends before the halt the crossing happens early, far ahead.
-        middle = min((stop.begin_s + stop.end_s) / 2, 0.6 * self.duration_s)
-        speeds = rng.uniform(6.0, 8.0, 2)
-        shifts = rng.permutation(np.linspace(-2.0, 2.5, 12))
-        leaving = bool(rng.integers(2))
-        leftward = (
-            straight_over(street, crossing, middle + shift, speeds[0], toward_left=True)
-            for shift in (0.0, 0.3, -0.3, 0.6)
+    def drawn(self, rng: np.random.Generator) -> Iterator[tuple[str, list[Body]]]:
+        """Yields movers that meet nothing, with the name of their kind."""
+        number = rng.poisson(drawn(self.scenario.numbers, rng))
+        for _ in range(_TRIES * number):
+            kind = drawn({kind: kind.share for kind in KINDS}, rng)
+            first = self._trip(kind, rng)
+            if first is None or number == 0:
+                continue
+            route, arc_m = first.route.beside(kind.beside_m), first.start_arc_m - kind.behind_m
+            both = (first, replace(first, route=route, start_arc_m=arc_m))
+            group = [(maker(rng), trip) for maker, trip in zip(kind.makers, both, strict=False)]
+            if self.clearance.accept_together(
+                (trip, model.length_m, model.width_m) for model, trip in group
+            ):
+                number -= 1
+                name = " with ".join(maker.__name__ for maker in kind.makers)
+                yield name, [Body(model, trip) for model, trip in group]
+
+    def _trip(self, kind: Kind, rng: np.random.Generator) -> Trip | None:
+        """Returns a trip; None where there is no such way."""
+        street, speed_m_s = self.street, rng.uniform(*kind.speeds_m_s)
+        if kind.way in ("turn", "side street"):
+            if not street.crossings:
+                return None
+            at_s, is_left = rng.uniform(-0.5, 3.0), bool(rng.integers(2))
+            crossing = street.crossings[int(rng.integers(len(street.crossings)))]
+            # When the lidar is as near to it as it is to the first one now.
+            at_s += (crossing.x - street.crossings[0].x) / max(self.ego_speed_m_s, 1.0)
+            if kind.way == "turn":
+                return right_turn(street, crossing, at_s, speed_m_s, leaving=is_left)
+            return straight_over(street, crossing, at_s, speed_m_s, toward_left=is_left)
+        if self.place == "tunnel" and kind.way in ("sidewalk", "across"):
+            return None
+        if self.place != "square" and kind.way == "across":
+            return self._walk_across(speed_m_s, rng)
+        route = self._open_way(rng) if self.place == "square" else self._way(kind.way, rng)
+        if kind.way == "lane" and rng.uniform() < 0.4 and self.ego_speed_m_s > 1.0:
+            speed_m_s = self.ego_speed_m_s * rng.uniform(0.7, 1.3)
+        nearest_m, farthest_m = self.scenario.reach_m
+        x, y = rng.uniform((nearest_m, -10.0), (farthest_m, 10.0))
+        return Trip.starting_at(
+            route, draw_profile(speed_m_s, self.scenario.behaviours, rng), route.arc_nearest(x, y)
         )
-        turns = (
-            right_turn(street, crossing, middle + shift, self._oncoming_m_s, leaving=leaving)
-            for shift in shifts
-        )
-        rightward = (
-            straight_over(street, crossing, middle + shift, speeds[1], toward_left=False)
-            for shift in shifts - 1.0
-        )
-        self.add_first_free(models.car(rng), leftward)
-        self.add_first_free(models.pedestrian(rng), zebra_walks(street, crossing, stop))
-        self.add_first_free(models.car(rng), turns)
-        self.add_first_free(models.van(rng), rightward)
 
-    def add_companions(self) -> None:
-        """Adds cars that drive the ego vehicle's own trip some seconds earlier or later."""
-        ego = self._ego
-        for delay in (-5.5, 5.5, -10.5, 11.5):
-            trips = (
-                Trip(ego.route, ego.profile, ego.start_arc_m, delay * stretch)
-                for stretch in (1.0, 1.15, 1.3)
-            )
-            self.add_first_free(models.car(self._rng), trips)
+    def _walk_across(self, speed_m_s: float, rng: np.random.Generator) -> Trip:
+        end_m = self.street.half_width_m + 2.0
+        laterals = rng.choice([-1.0, 1.0]) * np.linspace(-end_m, end_m, 60)
+        route = self.street.route(np.full(60, rng.uniform(4.0, 45.0)), laterals)
+        return walk(route, rng.uniform(-route.length_m / speed_m_s, 2.0), speed_m_s)
 
-    def add_cyclists(self, reach_x: float) -> None:
-        """Adds cyclists on both sides between the start and `reach_x` (metres)."""
-        rng = self._rng
-        for forward, first_x in ((True, 9.0), (False, 26.0)):
-            lateral = -BICYCLE_LATERAL_M if forward else BICYCLE_LATERAL_M
-            route = self.street.lane(lateral, forward=forward)
-            for x in np.arange(first_x, reach_x + 10.0, 45.0):
-                trips = (
-                    steady_trip(route, float(x) + shift, rng.uniform(3.4, 4.8))
-                    for shift in (0.0, 4.0, 8.0, -4.0)
-                )
-                self.add_first_free(models.cyclist(rng), trips)
+    def _way(self, way: str, rng: np.random.Generator) -> Route:
+        edge_m, side = self.street.half_width_m, rng.choice([-1.0, 1.0])
+        if way == "lane":
+            lateral, forward = side * LANE_LATERAL_M + rng.uniform(-0.3, 0.3), side < 0
+        elif way == "edge":
+            lateral = side * (edge_m - rng.choice([0.7, 2.7]) + rng.uniform(-0.2, 0.2))
+            forward = side < 0
+        else:
+            lateral, forward = side * (edge_m + rng.uniform(0.9, 2.45)), bool(rng.integers(2))
+        return self.street.lane(lateral, forward=forward)
 
-    def add_oncoming(self, reach_x: float) -> None:
-        """Adds a stream of oncoming cars long enough to meet the ego vehicle all the time."""
-        rng, speed = self._rng, self._oncoming_m_s
-        route = self.street.lane(LANE_LATERAL_M, forward=False)
-        x, end = -50.0, reach_x + 60.0 + speed * self.duration_s
-        while x < end:
-            x += float(rng.uniform(13.0, 34.0))
-            model = models.van(rng) if rng.uniform() < 0.15 else models.car(rng)
-            self.add_first_free(
-                model, [steady_trip(route, x + shift, speed) for shift in (0.0, 3.0, 6.0)]
-            )
-
-    def add_walkers(self, reach_x: float) -> None:
-        """Adds people on both sidewalks from behind the start to beyond `reach_x` (metres)."""
-        rng = self._rng
-        for side in (1.0, -1.0):
-            routes = [
-                self.street.lane(side * lateral, forward=forward)
-                for lateral in _SIDEWALK_LATERALS_M
-                for forward in (True, False)
-            ]
-            x = -30.0
-            while x < reach_x + 50.0:
-                route = routes[int(rng.integers(len(routes)))]
-                trip = steady_trip(route, x, rng.uniform(0.9, 1.6))
-                self.add_first_free(models.pedestrian(rng), [trip])
-                x += 0.8 + float(rng.exponential(7.0))
-
-    def add_first_free(self, model: Model, trips: Iterable[Trip]) -> None:
-        """Sends the model on the first trip that meets nothing; drops it if there is none."""
-        for trip in trips:
-            if self._clearance.accept(trip, model.length_m, model.width_m):
-                self.bodies.append(Body(model, trip))
-                return
+    def _open_way(self, rng: np.random.Generator) -> Route:
+        """Returns a straight line or an arc through some place of a square."""
+        x, y, heading = rng.uniform((-15.0, -18.0, -math.pi), (45.0, 18.0, math.pi))
+        bend = rng.choice([0.0, 1.0, -1.0], p=[0.5, 0.25, 0.25]) / rng.uniform(6.0, 30.0)
+        yaw = heading + bend * np.arange(-80.0, 80.0, 0.5)
+        steps = 0.5 * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+        points = np.cumsum(steps, axis=0)
+        return Route.through(points - points[len(points) // 2] + (x, y), self.street.slope)
 
 
-def steady_trip(route: Route, x: float, speed_m_s: float) -> Trip:
-    """Returns a trip of constant speed that is at world x (metres) at time 0."""
-    index = int(np.argmin(np.abs(route.points[:, 0] - x)))
-    ahead = (x - float(route.points[index, 0])) * math.copysign(1.0, math.cos(route.yaw[index]))
-    return Trip(route, SpeedProfile.steady(speed_m_s), float(route.arc_m[index]) + ahead)
+def draw_profile(
+    speed_m_s: float, behaviours: Mapping[str, float], rng: np.random.Generator
+) -> SpeedProfile:
+    """Returns a speed that stays, falls to a stop, rises from one, or changes."""
+    behaviour = drawn(behaviours, rng)
+    moment_s, change_m_s2 = rng.uniform(0.5, 2.5), rng.uniform(1.5, 5.0)
+    first, last = {
+        "steady": (speed_m_s, speed_m_s),
+        "brakes": (speed_m_s, 0.0),
+        "starts": (0.0, speed_m_s),
+        "changes": (speed_m_s, speed_m_s * rng.uniform(0.4, 1.6)),
+    }[behaviour]
+    if first == last:
+        return SpeedProfile.steady(speed_m_s)
+    lasts_s = abs(last - first) / change_m_s2
+    # Both a start and a stop happen early in a recording.
+    begin_s = moment_s if behaviour == "starts" else moment_s - lasts_s
+    return SpeedProfile(np.array([begin_s, begin_s + lasts_s]), np.array([first, last]))

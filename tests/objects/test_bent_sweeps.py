@@ -16,7 +16,7 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
-STREET = SimulationSettings(seed=2, duration_s=1.0, num_beams=32, num_columns=1000)
+STREET = SimulationSettings(seed=3, duration_s=1.0, num_beams=32, num_columns=1000)
 SETTINGS = preset("online")
 AS_THEY_CAME = SETTINGS.changed({"ego_motion.deskew": False})
 
