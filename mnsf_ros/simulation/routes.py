@@ -91,7 +91,7 @@ class Route:
         return np.stack([x, y, yaw], axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpeedProfile:
     """Speed over time: linear between breakpoints, constant before the first and after the last.
 
