@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets, judge
+from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.target import Targets
 
 # Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers.
 # Each object counts by its points to the power of 0.75, so that a few large ones do not decide.

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.objects.evidence import Visibility
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import ObjectSettings
 
 

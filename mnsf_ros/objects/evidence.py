@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.visibility import Visibility
+from mnsf_ros.objects.target import Targets
 
 # Not fitted: the number of places where something may match by chance grows with the square of the
 # motion, unless a track expected it. Simulated streets have fewer such places than real ones.
@@ -34,6 +36,38 @@ _THIN_M: Final = 0.03
 # A motion is that of the track if it differs by less than this plus this share.
 _SAME_MOTION_M: Final = 0.05
 _SAME_MOTION_SHARE: Final = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """Free and visible shares of K objects in other sweeps.
+
+    A place that was seen through is evidence of motion. A place that was hidden is none: there a
+    static object leaves a residual, too.
+
+    Attributes:
+        free: (K,) share of each object's points that are in free space of a sweep if the object is
+            static, summed over the sweeps, less the same if it moves.
+        visible_past: (K, S) share of its points that are not behind something in each of S older
+            sweeps if it is static.
+    """
+
+    free: NDArray[np.float64]
+    visible_past: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
+    ) -> Visibility:
+        """Returns the visibility in the targets of K objects with motions (K, 3), metres."""
+        free = np.zeros(len(objects))
+        visible_past = np.zeros((len(objects), len(targets.past)))
+        for number, target in enumerate((*targets.past, *targets.near)):
+            is_free, is_hidden = target.seen(objects, np.zeros_like(motions))
+            free += is_free - target.seen(objects, motions)[0]
+            if number < len(targets.past):
+                visible_past[:, number] = 1 - is_hidden
+        return cls(free, visible_past)
 
 
 def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:

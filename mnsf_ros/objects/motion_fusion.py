@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.objects.motion_field import MotionField
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.point_grid import PointGrids
-from mnsf_ros.objects.target import TRUNCATION_M, Target
+from mnsf_ros.objects.target import Targets
 
 # A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
@@ -34,8 +33,8 @@ class JudgedMotions:
     Attributes:
         motions: (K, 3) float32, metres, over ground, to the next sweep.
         near: (K, 2) metres, unexplained by the next and by the previous sweep, see
-            `Target.unexplained`; (K, 1) without a previous one.
-        past: (K, 1) metres, unexplained by an older sweep; (K, 0) without one.
+            `Target.residuals`; (K, 1) without a previous one.
+        past: (K, P) metres, unexplained by P older sweeps.
         disagreement: (K,) metres, between forward and inverted backward flow.
     """
 
@@ -63,14 +62,12 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
-    def limit(self, motions: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns (K,) metres; `motions` (K, 3) are better if they leave less, see `better`."""
-        is_same = (motions == self.motions).all(axis=1)
-        return np.where(is_same, -np.inf, self.total - _MIN_BETTER_M)
+    def better(self, other: JudgedMotions, share: float) -> JudgedMotions:
+        """Returns for each object its own motion, or the other one if that is clearly better.
 
-    def better(self, other: JudgedMotions) -> JudgedMotions:
-        """Returns for each object its own motion, or the other one if that is clearly better."""
-        wins = other.total < self.limit(other.motions)
+        The other one must leave less than this share of the residual.
+        """
+        wins = other.total < share * self.total - _MIN_BETTER_M
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -79,43 +76,11 @@ class JudgedMotions:
         )
 
 
-@dataclass(frozen=True)
-class Targets:
-    """The sweeps that motions are measured on.
-
-    Attributes:
-        near: Next sweep, and previous sweep where there is one.
-        past: An older sweep, where there is one.
-    """
-
-    near: Sequence[Target]
-    past: Sequence[Target]
-
-    @cached_property
-    def grids(self) -> PointGrids:
-        """The points of all of them."""
-        targets = (*self.near, *self.past)
-        grids = [target.sweep.grid for target in targets]
-        transforms = [target.from_current for target in targets]
-        return PointGrids(grids, transforms, len(self.near), TRUNCATION_M)
-
-    def shifts(self, objects: ObjectPoints, candidates: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (T, C, K, 3) metres, how far objects have moved by the time of each target.
-
-        Args:
-            objects: K objects.
-            candidates: (C, K, 3) metres, motions to the next sweep.
-        """
-        targets = (*self.near, *self.past)
-        return np.stack([target.shifts(objects, candidates) for target in targets])
-
-
 def judge(
     objects: ObjectPoints,
     targets: Targets,
     motions: NDArray[np.float32],
     disagreement: NDArray[np.float32] | None = None,
-    limit: NDArray[np.float64] | None = None,
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
 
@@ -124,29 +89,15 @@ def judge(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
         disagreement: (K,) metres, 0 if not given.
-        limit: (K,) metres; motions whose total is above need no exact residuals.
     """
+    sweeps = (*targets.near, *targets.past)
+    residuals = np.empty((len(objects), len(sweeps)))
+    for column, target in enumerate(sweeps):
+        residuals[:, column] = target.residuals(objects, motions)
     if disagreement is None:
         disagreement = np.zeros(len(objects), np.float32)
-    if not (targets.near or targets.past):
-        none = np.zeros((len(objects), 0))
-        return JudgedMotions(motions, none, none, disagreement)
-    limits = np.full(len(objects), np.inf) if limit is None else limit
-    shifts = targets.shifts(objects, motions[None])
-    residuals = targets.grids.residuals(objects.as_columns, shifts, limits)
-    return _with_residuals(targets, motions, residuals, disagreement)
-
-
-def with_past(
-    objects: ObjectPoints,
-    targets: Targets,
-    judged: JudgedMotions,
-    limit: NDArray[np.float64] | None = None,
-) -> JudgedMotions:
-    """Returns motions that were judged by the neighbouring sweeps, with residuals in older ones."""
-    left = None if limit is None else limit - judged.cost
-    past = judge(objects, Targets((), targets.past), judged.motions, limit=left).past
-    return replace(judged, past=past)
+    near, past = np.split(residuals, [len(targets.near)], axis=1)
+    return JudgedMotions(motions, near, past, disagreement)
 
 
 def best_of(
@@ -165,31 +116,9 @@ def best_of(
         others: (K, 3) metres each, further candidates.
         share: They must leave less than this share of the residual.
     """
-    tried = [*others]
-    if not tried:
-        return first
-    candidates = np.stack(tried)
-    motions, residuals = targets.grids.choose(
-        objects.as_columns,
-        first.motions,
-        np.concatenate([first.near, first.past], axis=1),
-        candidates,
-        targets.shifts(objects, candidates),
-        share,
-        _MIN_BETTER_M,
-    )
-    return _with_residuals(targets, motions, residuals, first.disagreement)
-
-
-def _with_residuals(
-    targets: Targets,
-    motions: NDArray[np.float32],
-    residuals: NDArray[np.float64],
-    disagreement: NDArray[np.float32],
-) -> JudgedMotions:
-    """Returns motions (K, 3) with their residuals (K, T) on all targets."""
-    near, past = np.split(residuals, [len(targets.near)], axis=1)
-    return JudgedMotions(motions, near, past, disagreement)
+    for motions in others:
+        first = first.better(judge(objects, targets, motions, first.disagreement), share)
+    return first
 
 
 def fuse_motions(
@@ -216,9 +145,8 @@ def fuse_motions(
     mean = weight * forward.flows + (1 - weight) * inverted
     disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
-    near = Targets(targets.near, past=())
-    fitted = best_of(some, near, judge(some, near, mean), (forward.flows, inverted))
-    best = best_of(some, targets, with_past(some, targets, fitted), others, _MAX_SHARE)
+    fitted = best_of(some, targets, judge(some, targets, mean), (forward.flows, inverted))
+    best = best_of(some, targets, fitted, others, _MAX_SHARE)
     return judge(objects, targets, best.motions, disagreement)
 
 

@@ -12,8 +12,7 @@ from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, moves
-from mnsf_ros.objects.evidence import evidence, moving_scores
-from mnsf_ros.objects.first_guesses import first_guesses
+from mnsf_ros.objects.evidence import Visibility, evidence, moving_scores
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import (
     JudgedMotions,
@@ -24,11 +23,11 @@ from mnsf_ros.objects.motion_fusion import (
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
+from mnsf_ros.objects.proposals import first_guesses
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.tracks import Track
-from mnsf_ros.objects.visibility import Visibility
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import SweepTriplet
 
@@ -188,12 +187,4 @@ class ObjectFlowEstimator:
         self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
     ) -> OverGround:
         """Spreads the decision over the points of the sweep; `ids` are the tracks of its movers."""
-        is_moving = decision.is_moving
-        return scene.over_ground(
-            decision.fitted.only(is_moving),
-            decision.moving.only(is_moving),
-            decision.doubtful,
-            decision.scores[is_moving],
-            tracks,
-            ids,
-        )
+        return scene.over_ground(decision, tracks, ids)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
-from mnsf_ros.objects.nearest_points import Objects
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.settings import ObjectSettings
 
@@ -53,11 +52,6 @@ class ObjectPoints:
 
     def __len__(self) -> int:
         return len(self.numbers)
-
-    @property
-    def as_columns(self) -> Objects:
-        """The points as compiled loops take them."""
-        return self.positions, self.spacing, self.starts, self.counts
 
     def rows_of(self, num_objects: int) -> NDArray[np.int64]:
         """Returns (num_objects,) the row of each object of the sweep; -1 for those not here."""

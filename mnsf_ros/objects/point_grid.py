@@ -1,22 +1,26 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Points of a sweep in cells: distance and direction from objects."""
+"""Points of a sweep in cells: the nearest point, and distances from moved objects."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.nearest_points import (
-    NUM_TARGETS,
-    Objects,
-    choose,
-    compared,
-    in_buckets,
-    residuals_of,
-    rows_of_nearest,
-)
+from mnsf_ros.compiled import compiled
+
+# Longest search radius, one cell: the nearest point is in a cell that touches that of the place.
+MAX_REACH_M: Final = 0.625
+_CELL_M: Final = np.float32(MAX_REACH_M)
+# Cells share buckets; what is in another cell of the same bucket is too far off to count.
+_MIN_BUCKETS: Final = 2**10
+_MAX_BUCKETS: Final = 2**17
+_BUCKETS_PER_POINT: Final = 8
+_ACROSS: Final = 73_856_093
+_ALONG: Final = 19_349_663
+# Cells farther out than this are all the same: their numbers would not fit into integers.
+_MAX_CELL: Final = np.float32(1e9)
 
 
 class PointGrid:
@@ -30,7 +34,7 @@ class PointGrid:
     def __init__(self, points: NDArray[np.floating]) -> None:
         """Sorts points (T, 3), in metres."""
         own = np.ascontiguousarray(points, np.float32)
-        self.starts, self.points, self._rows = in_buckets(own)
+        self.starts, self.points, self._rows = _in_buckets(own)
 
     def nearest(self, places: NDArray[np.floating], reach_m: float) -> NDArray[np.int64]:
         """Returns (P,) the row of the point nearest to each place, -1 where none is in reach.
@@ -40,7 +44,7 @@ class PointGrid:
             reach_m: At most `MAX_REACH_M`.
         """
         own = np.ascontiguousarray(places, np.float32)
-        return rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
+        return _rows_of_nearest(own, np.float32(reach_m), self.starts, self.points, self._rows)
 
     def compared(
         self,
@@ -65,7 +69,7 @@ class PointGrid:
             Sums over each object's points: (K,) distances beyond `within_m`, at most `reach_m`;
             (K, 3) vectors to points of the grid in reach, in its frame; (K,) how many have one.
         """
-        return compared(
+        return _compared(
             positions,
             owners,
             np.ascontiguousarray(motions, np.float32),
@@ -77,68 +81,159 @@ class PointGrid:
         )
 
 
-class PointGrids:
-    """The points of several sweeps, near ones first, that objects are compared with at once."""
+@compiled("Tuple((int32[::1], float32[:, ::1], int32[::1]))(float32[:, ::1])")
+def _in_buckets(
+    points: NDArray[np.float32],
+) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.int32]]:
+    """Sorts points (T, 3), in metres, by the buckets of their cells.
 
-    def __init__(
-        self,
-        grids: Sequence[PointGrid],
-        transforms: Sequence[NDArray[np.float64]],
-        num_near: int,
-        reach_m: float,
-    ) -> None:
-        """Takes grids as they are.
+    Returns:
+        The start of each bucket and the end of the last one, the points in their order, and (T,)
+        their rows.
+    """
+    number = _MIN_BUCKETS
+    while number < _BUCKETS_PER_POINT * len(points) and number < _MAX_BUCKETS:
+        number *= 2
+    starts = np.zeros(number + 1, np.int32)
+    buckets = np.zeros(len(points), np.int32)
+    for row in range(len(points)):
+        x = np.floor(points[row, 0] / _CELL_M)
+        y = np.floor(points[row, 1] / _CELL_M)
+        z = np.floor(points[row, 2] / _CELL_M)
+        if abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL:
+            cell = (int(x) * _ACROSS ^ int(y) * _ALONG) + int(z)
+            buckets[row] = cell & (number - 1)
+        starts[buckets[row]] += 1
+    for bucket in range(number):
+        starts[bucket + 1] += starts[bucket]
+    ordered, rows = np.empty_like(points), np.empty(len(points), np.int32)
+    for row in range(len(points) - 1, -1, -1):
+        starts[buckets[row]] -= 1
+        place = starts[buckets[row]]
+        rows[place] = row
+        for axis in range(3):
+            ordered[place, axis] = points[row, axis]
+    return starts, ordered, rows
 
-        Args:
-            grids: At least one, at most four.
-            transforms: (4, 4) each, from the frame of the objects to that of the grid.
-            num_near: The first so many are near in time; the others are from the past.
-            reach_m: Points farther off do not count, at most `MAX_REACH_M`.
-        """
-        self._reach_m = np.float32(reach_m)
-        own = [np.asarray(transform[:3], np.float32) for transform in transforms]
-        padded = [*grids, *[grids[0]] * (NUM_TARGETS - len(grids))]
-        starts = tuple(grid.starts for grid in padded)
-        self._targets = np.stack(own), num_near, starts, tuple(grid.points for grid in padded)
 
-    def residuals(
-        self, objects: Objects, shifts: NDArray[np.float32], limits_m: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Returns (K, T) metres, how far K objects are from the points of each of T sweeps.
+@compiled(
+    "Tuple((int64, float32))"
+    "(int64, float32, float32, float32, int64, float32, int32[::1], float32[:, ::1])"
+)
+def _nearer(
+    bucket: int,
+    x: np.float32,
+    y: np.float32,
+    z: np.float32,
+    row: int,
+    least: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+) -> tuple[int, np.float32]:
+    """The row of the nearest point in a bucket and its squared distance, if that is below least."""
+    number = np.uint64(bucket & (len(starts) - 2))
+    # Without a sign, an index is not looked at whether it counts from the end.
+    for other in range(np.uint32(starts[number]), np.uint32(starts[number + np.uint64(1)])):
+        dx, dy, dz = points[other, 0] - x, points[other, 1] - y, points[other, 2] - z
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < least:
+            row, least = int(other), squared
+    return row, least
 
-        That is the mean over the points of an object, beyond what is near enough, at most the
-        reach.
 
-        Args:
-            objects: Their points.
-            shifts: (T, 1, K, 3) metres, how far they have moved by the time of each sweep.
-            limits_m: (K,) metres; where the mean of the near ones plus that of the others is above,
-                the last ones are infinite.
-        """
-        return residuals_of(limits_m, self._reach_m, shifts, objects, self._targets)
+@compiled(
+    "Tuple((int64, float32))"
+    "(float32, float32, float32, float32, float32, int32[::1], float32[:, ::1])"
+)
+def _nearest(
+    px: np.float32,
+    py: np.float32,
+    pz: np.float32,
+    within_m: np.float32,
+    reach_m: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+) -> tuple[int, np.float32]:
+    """The row of the nearest point, -1 without one in reach, and its squared distance."""
+    row, least = -1, reach_m * reach_m
+    x, y, z = np.floor(px / _CELL_M), np.floor(py / _CELL_M), np.floor(pz / _CELL_M)
+    if not (abs(x) < _MAX_CELL and abs(y) < _MAX_CELL and abs(z) < _MAX_CELL):
+        return row, least
+    ix, iy, iz = int(x), int(y), int(z)
+    in_x, in_y, in_z = px - x * _CELL_M, py - y * _CELL_M, pz - z * _CELL_M
+    # Squared distances to the cells below and above.
+    below, above = in_z * in_z, (_CELL_M - in_z) * (_CELL_M - in_z)
+    enough = within_m * within_m
+    for by_x in (0, -1, 1):
+        to_x = np.float32(0.0) if by_x == 0 else in_x if by_x < 0 else _CELL_M - in_x
+        if to_x * to_x >= least:
+            continue
+        for by_y in (0, -1, 1):
+            to_y = np.float32(0.0) if by_y == 0 else in_y if by_y < 0 else _CELL_M - in_y
+            beside = to_x * to_x + to_y * to_y
+            if beside >= least:
+                continue
+            bucket = ((ix + by_x) * _ACROSS ^ (iy + by_y) * _ALONG) + iz
+            row, least = _nearer(bucket, px, py, pz, row, least, starts, points)
+            if beside + below < least and least > enough:
+                row, least = _nearer(bucket - 1, px, py, pz, row, least, starts, points)
+            if beside + above < least and least > enough:
+                row, least = _nearer(bucket + 1, px, py, pz, row, least, starts, points)
+            if least <= enough:
+                return row, least
+    return row, least
 
-    def choose(
-        self,
-        objects: Objects,
-        motions: NDArray[np.float32],
-        residuals: NDArray[np.float64],
-        candidates: NDArray[np.float32],
-        shifts: NDArray[np.float32],
-        share: float,
-        better_m: float,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Returns the best motion (K, 3) of each object and its residuals (K, T).
 
-        Args:
-            objects: Their points.
-            motions: (K, 3) metres, the best so far.
-            residuals: (K, T) metres, of these motions.
-            candidates: (C, K, 3) metres, motions that are tried one after the other.
-            shifts: (T, C, K, 3) metres, how far the objects move by them until each sweep.
-            share: A candidate must leave less than this share of what the best one leaves,
-            better_m: and this much less.
-        """
-        motions, residuals = motions.copy(), residuals.copy()
-        rules = share, better_m, self._reach_m
-        choose(motions, residuals, candidates, *rules, shifts, objects, self._targets)
-        return motions, residuals
+@compiled("int64[::1](float32[:, ::1], float32, int32[::1], float32[:, ::1], int32[::1])")
+def _rows_of_nearest(
+    places: NDArray[np.float32],
+    reach_m: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+    rows: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """Loop of `PointGrid.nearest`."""
+    found = np.empty(len(places), np.int64)
+    for place in range(len(places)):
+        x, y, z = places[place, 0], places[place, 1], places[place, 2]
+        nearest, _ = _nearest(x, y, z, np.float32(0.0), reach_m, starts, points)
+        found[place] = rows[nearest] if nearest >= 0 else -1
+    return found
+
+
+@compiled(
+    "Tuple((float64[::1], float64[:, ::1], int64[::1]))"
+    "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32,"
+    " int32[::1], float32[:, ::1])"
+)
+def _compared(
+    positions: NDArray[np.float32],
+    owners: NDArray[np.int64],
+    motions: NDArray[np.float32],
+    transform: NDArray[np.float32],
+    within_m: NDArray[np.float32],
+    reach_m: np.float32,
+    starts: NDArray[np.int32],
+    points: NDArray[np.float32],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Loop of `PointGrid.compared`."""
+    distances = np.zeros(len(motions))
+    vectors = np.zeros((len(motions), 3))
+    counts = np.zeros(len(motions), np.int64)
+    to_x, to_y, to_z = transform[0], transform[1], transform[2]
+    for row in range(len(positions)):
+        owner = owners[row]
+        x = positions[row, 0] + motions[owner, 0]
+        y = positions[row, 1] + motions[owner, 1]
+        z = positions[row, 2] + motions[owner, 2]
+        px = x * to_x[0] + y * to_x[1] + z * to_x[2] + to_x[3]
+        py = x * to_y[0] + y * to_y[1] + z * to_y[2] + to_y[3]
+        pz = x * to_z[0] + y * to_z[1] + z * to_z[2] + to_z[3]
+        nearest, squared = _nearest(px, py, pz, within_m[row], reach_m, starts, points)
+        distances[owner] += max(np.sqrt(squared) - within_m[row], np.float32(0.0))
+        if nearest >= 0:
+            counts[owner] += 1
+            vectors[owner, 0] += points[nearest, 0] - px
+            vectors[owner, 1] += points[nearest, 1] - py
+            vectors[owner, 2] += points[nearest, 2] - pz
+    return distances, vectors, counts

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.compiled import compiled
 from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.ego_motion.ego_motion import EgoSource
 from mnsf_ros.geometry.rigid_motion import transformed, turned
@@ -19,13 +18,13 @@ from mnsf_ros.objects.confidence import (
     moving_confidence,
     standing_confidence,
 )
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.decision import Decision
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.objects.splitting import split
-from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.target import Targets
 from mnsf_ros.objects.tracked_objects import tracked_objects
 from mnsf_ros.objects.tracks import Track
 from mnsf_ros.settings import ObjectSettings
@@ -73,25 +72,17 @@ class Scene:
         return self.interval_s or USUAL_INTERVAL_S
 
     def over_ground(
-        self,
-        movers: Suspects,
-        moving: JudgedMotions,
-        doubtful: Suspects,
-        scores: NDArray[np.float64],
-        tracks: Sequence[Track],
-        ids: NDArray[np.int64],
+        self, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
     ) -> OverGround:
         """Spreads the motions of objects over all points of the current sweep.
 
         Args:
-            movers: Objects that move.
-            moving: Their motions.
-            doubtful: Objects that neither motion nor being static explains well enough, or that
-                were left out.
-            scores: (K,) logarithm of the odds that the movers move.
+            decision: Which objects move, and how.
             tracks: What is followed.
-            ids: (K,) the numbers of the tracks of K movers.
+            ids: (K,) the numbers of the tracks of the K objects that move.
         """
+        is_moving, doubtful = decision.is_moving, decision.doubtful
+        movers, moving = decision.fitted.only(is_moving), decision.moving.only(is_moving)
         current = self.current
         owners = current.objects()
         points = movers.objects
@@ -106,24 +97,25 @@ class Scene:
             is_free = rows[again] < 0
             rows[again[is_free]] = their_rows[is_free]
         confidence = standing_confidence(current.xyz)
-        doubts = np.full(current.num_objects, -1, np.float32)
+        doubts = np.full(current.num_objects, np.nan, np.float32)
         doubts[doubtful.objects.numbers] = doubtful_confidence(doubtful)
-        motion, is_moving, track_ids = _spread(
-            rows,
-            owners,
-            np.ascontiguousarray(moving.motions),
-            moving_confidence(movers, moving, scores, self.targets),
-            ids.astype(np.int32),
-            doubts,
-            confidence,
-        )
+        in_doubt = np.flatnonzero(~np.isnan(doubts)[owners])
+        confidence[in_doubt] = doubts[owners[in_doubt]]
+        motion = np.zeros((len(rows), 3), np.float32)
+        track_ids = np.zeros(len(rows), np.int32)
+        is_dynamic = rows >= 0
+        own = np.flatnonzero(is_dynamic)
+        rows = rows[own]
+        motion[own], track_ids[own] = moving.motions[rows], ids[rows]
+        scores = decision.scores[is_moving]
+        confidence[own] = moving_confidence(movers, moving, scores, self.targets)[rows]
         pose = self.targets.near[0].sweep.pose
         if pose.source is EgoSource.CONSTANT_VELOCITY:
             # Without the ego motion, no flow is known.
             confidence[:] = 0
         return OverGround(
             motion=motion,
-            dynamic=is_moving,
+            dynamic=is_dynamic,
             confidence=confidence,
             world_from_sensor=current.pose.world_from_stamp,
             next_from_current=self.targets.near[0].from_current,
@@ -155,43 +147,3 @@ class Scene:
             over_ground_motion = pose.motion.turned_back(over_ground_motion, sweep.times_s[moving])
         flow[moving] += turned(over_ground_motion, motion[:3, :3])
         return flow
-
-
-@compiled(
-    "Tuple((float32[:, ::1], boolean[::1], int32[::1]))(int64[::1], int64[::1], float32[:, ::1], "
-    "float32[::1], int32[::1], float32[::1], float32[::1])"
-)
-def _spread(
-    rows: NDArray[np.int64],
-    owners: NDArray[np.int64],
-    motions: NDArray[np.float32],
-    confidences: NDArray[np.float32],
-    ids: NDArray[np.int32],
-    doubts: NDArray[np.float32],
-    confidence: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.int32]]:
-    """Returns motion, dynamic flag, and track number of each of N points.
-
-    Args:
-        rows: (N,) the mover of each point; -1 for none.
-        owners: (N,) the object of each point.
-        motions: (K, 3) those of the movers.
-        confidences: (K,) those of the movers.
-        ids: (K,) the numbers of the movers' tracks.
-        doubts: (all objects,) the confidence in objects that may move; -1 for all others.
-        confidence: (N,) as if all were static; changed where it is another.
-    """
-    motion = np.zeros((len(rows), 3), np.float32)
-    is_moving = np.zeros(len(rows), np.bool_)
-    track_ids = np.zeros(len(rows), np.int32)
-    for point in range(len(rows)):
-        row = rows[point]
-        if row >= 0:
-            for axis in range(3):
-                motion[point, axis] = motions[row, axis]
-            is_moving[point] = True
-            track_ids[point] = ids[row]
-            confidence[point] = confidences[row]
-        elif doubts[owners[point]] >= 0:
-            confidence[point] = doubts[owners[point]]
-    return motion, is_moving, track_ids

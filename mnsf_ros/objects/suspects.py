@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.expectation import Expectation
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.target import Targets
 
 # An object that an older sweep explains as well as this without motion is not a suspect.
 _MIN_PAST_M: Final = 0.05
@@ -44,11 +45,12 @@ class Suspects:
         """
         # The past first: it decides most objects, and few remain for the other sweeps.
         is_suspect = np.ones(len(objects), dtype=bool)
+        no_motion = np.zeros((len(objects), 3), np.float32)
         residuals: list[NDArray[np.float64]] = []
         num_past = len(targets.past)
         for number, target in enumerate((*reversed(targets.past), *targets.near)):
             values = np.zeros(len(objects))
-            values[is_suspect] = target.unexplained(objects.only(is_suspect))
+            values[is_suspect] = target.residuals(objects.only(is_suspect), no_motion[is_suspect])
             residuals.append(values)
             if number < num_past:
                 is_suspect &= expected.is_known | (values > _MIN_PAST_M)
@@ -56,12 +58,11 @@ class Suspects:
         if not targets.past:
             is_suspect &= expected.is_known | (columns.mean(axis=1) > _MIN_NEAR_M)
         rows = np.flatnonzero(is_suspect)
-        no_motion = np.zeros((len(rows), 3), np.float32)
         standing = JudgedMotions(
-            no_motion,
+            no_motion[rows],
             near=columns[rows, num_past:],
             past=columns[rows, :num_past][:, ::-1],
-            disagreement=no_motion[:, 0],
+            disagreement=no_motion[rows, 0],
         )
         return cls(rows, objects.only(is_suspect), standing, expected.only(is_suspect))
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -104,25 +105,27 @@ class Target:
         return is_new
 
     def seen(
-        self, objects: ObjectPoints, motions: NDArray[np.float32] | None = None
+        self, objects: ObjectPoints, motions: NDArray[np.float32]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Returns (K,) shares of each object's points in free space of the sweep, and hidden in it.
 
         Args:
             objects: K objects.
-            motions: (K, 3) metres, to the next sweep; none if not given.
+            motions: (K, 3) metres, to the next sweep.
         """
-        moved = objects.positions
-        if motions is not None:
-            moved = moved + self.shifts(objects, motions[None])[0][objects.owners]
+        moved = objects.positions + self.shifts(objects, motions)[objects.owners]
         free, hidden = (
             objects.sums(mask.astype(np.int64)) / objects.counts
             for mask in self.sweep.view.free_and_hidden(transformed(moved, self.from_current))
         )
         return free, hidden
 
-    def unexplained(self, objects: ObjectPoints) -> NDArray[np.float64]:
-        """How far static objects are from the target, beyond the spacing of its points.
+    def residuals(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """How far moved objects are from the target, beyond the spacing of its points.
+
+        Args:
+            objects: K objects.
+            motions: (K, 3) metres, to the next sweep.
 
         Returns:
             (K,) metres, mean over each object's points, truncated.
@@ -130,20 +133,31 @@ class Target:
         sums, _, _ = self.sweep.grid.compared(
             objects.positions,
             objects.owners,
-            np.zeros((len(objects), 3), np.float32),
+            self.shifts(objects, motions),
             self.from_current,
             objects.spacing,
             TRUNCATION_M,
         )
         return np.asarray(sums / objects.counts, np.float64)
 
-    def shifts(self, objects: ObjectPoints, candidates: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Returns (C, K, 3) metres, how far objects have moved by the time of the target.
+    def shifts(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (K, 3) metres, how far objects have moved by the time of the target.
 
         Args:
             objects: K objects.
-            candidates: (C, K, 3) metres, motions to the next sweep.
+            motions: (K, 3) metres, to the next sweep.
         """
-        if self.current.clock is None or self.sweep.clock is None:
-            return np.asarray(np.float32(self.steps) * candidates, np.float32)
-        return np.stack([self.steps_of(objects, each) * each for each in candidates])
+        return self.steps_of(objects, motions) * motions
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The sweeps that motions are measured on.
+
+    Attributes:
+        near: Next sweep, and previous sweep where there is one.
+        past: Older sweeps, the youngest first, where there are some.
+    """
+
+    near: Sequence[Target]
+    past: Sequence[Target]

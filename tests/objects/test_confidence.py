@@ -8,8 +8,9 @@ from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.confidence import moving_confidence
 from mnsf_ros.objects.expectation import Expectation
-from mnsf_ros.objects.motion_fusion import Targets, judge
+from mnsf_ros.objects.motion_fusion import judge
 from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.target import Targets
 
 MOTION = np.array([0.6, 0.0, 0.0], np.float32)
 CAR = {"center": (10.0, 6.0, 0.0), "size": (4.0, 1.8, 1.5)}

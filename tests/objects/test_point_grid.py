@@ -9,8 +9,7 @@ from box_street import pose
 from scipy.spatial import cKDTree
 from small_scenes import rows
 
-from mnsf_ros.objects.nearest_points import MAX_REACH_M
-from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.objects.point_grid import MAX_REACH_M, PointGrid
 
 NOWHERE = np.zeros((1, 3), np.float32)
 

@@ -1,9 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""A first guess of each object's motion: the shift on which both neighbouring sweeps agree."""
+"""Proposals: motions that may explain an object, where the fits of its motion start."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -11,39 +12,77 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.objects.motion_field import fit_motion_field
+from mnsf_ros.objects.motion_fusion import best_of, judge
 from mnsf_ros.objects.object_points import ObjectPoints
-from mnsf_ros.objects.target import Target
+from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.target import Target, Targets
+from mnsf_ros.settings import ObjectSettings
 
-_POINTS_PER_OBJECT: Final = 24
+# A rough guess needs few points.
+_NUM_POINTS: Final = 12
+# Shifts with most votes that are fitted, and steps of each fit.
+_NUM_VOTED: Final = 2
+_NUM_ITERATIONS: Final = 3
+# In older sweeps, motions that differ from the best in the neighbouring ones by less are tried.
+_MAX_CHANGE_M_S: Final = 12.0
 
 
-def voted_motions(
-    objects: ObjectPoints,
-    targets: Sequence[Target],
-    max_motion_m: float,
-    base: NDArray[np.float32],
-    number: int,
-) -> list[NDArray[np.float32]]:
-    """Tries all horizontal shifts of each object on a coarse grid.
+def first_guesses(
+    suspects: Suspects, targets: Targets, interval_s: float, settings: ObjectSettings
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Returns (K, 3) metres to the next sweep to start from, and (K,) if any is worth a fit.
 
-    A shift gets a vote for each point that meets an occupied cell of the next sweep, and one if
-    the opposite shift meets one of the previous sweep.
+    The shifts with most votes of the neighbouring sweeps and what tracks expect are compared, then
+    those of the older sweeps around the best of them: for slow objects, and for long ones whose
+    sides look alike.
 
     Args:
-        objects: K objects of the current sweep.
+        suspects: K objects.
         targets: The other sweeps.
-        max_motion_m: Longest shift tried, for one step.
-        base: (K, 3) metres, motion of one step that shifts are added to.
-        number: How many shifts of each object are wanted.
-
-    Returns:
-        (K, 3) metres each, motions of one step, the best ones first.
+        interval_s: Time to the next sweep.
+        settings: Settings of the objects.
     """
-    objects = objects.thinner(_POINTS_PER_OBJECT)
-    farthest = max(1.0, *(abs(target.steps) for target in targets))
-    base_m = float(np.abs(base).max(initial=0.0))
-    grid = VotingGrid(objects.positions, margin_m=(max_motion_m + base_m) * farthest)
-    shifts = _shifts(int(max_motion_m / grid.cell_m))
+    if len(suspects) == 0:
+        return suspects.standing.motions, np.zeros(0, dtype=bool)
+    some, expected = suspects.objects.thinner(_NUM_POINTS), suspects.expected
+    standing = best = judge(some, targets, suspects.standing.motions)
+    voted = _voted(some, targets.near, settings.max_speed_m_s * interval_s, best.motions)
+    best = best_of(some, targets, best, voted)
+    if expected.is_known.any():
+        best = best_of(some, targets, best, [expected.motions])
+    if targets.past:
+        voted = _voted(some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions)
+        best = best_of(some, targets, best, voted)
+    is_worth = expected.is_known | (best.total < standing.total) | (not targets.past)
+    return best.motions, is_worth
+
+
+def _voted(
+    objects: ObjectPoints,
+    targets: Sequence[Target],
+    max_change_m: float,
+    base: NDArray[np.float32],
+) -> list[NDArray[np.float32]]:
+    """Returns (K, 3) metres each, shifts to the next sweep with most votes, fitted to a target.
+
+    A shift gets a vote for each point that meets an occupied cell of a target.
+
+    Args:
+        objects: K objects.
+        targets: Other sweeps.
+        max_change_m: Longest shift tried.
+        base: (K, 3) metres, motions to the next sweep that shifts are added to.
+    """
+    # In steps to the first target, so that the grid is fine enough over a longer time.
+    unit = np.float32(targets[0].steps)
+    targets = [replace(target, steps=target.steps / float(unit)) for target in targets]
+    base, reach_m = unit * base, max_change_m * abs(float(unit))
+    margin_m = reach_m + float(np.abs(base).max(initial=0.0))
+    grid = VotingGrid(
+        objects.positions, margin_m * max(1.0, *(abs(target.steps) for target in targets))
+    )
+    shifts = _shifts(int(reach_m / grid.cell_m))
     columns, levels = zip(
         *(
             grid.cells_of(objects.positions + np.float32(target.steps) * base[objects.owners])
@@ -59,11 +98,14 @@ def voted_motions(
         np.stack(steps),
         grid.occupied(targets),
         shifts,
-        number,
+        _NUM_VOTED,
     )
-    motions = np.tile(base, (number, 1, 1))
-    motions[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
-    return list(motions)
+    voted = np.tile(base, (_NUM_VOTED, 1, 1))
+    voted[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
+    return [
+        fit_motion_field(objects, targets[0], start, _NUM_ITERATIONS).flows / unit
+        for start in voted
+    ]
 
 
 @compiled(
