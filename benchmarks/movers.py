@@ -32,7 +32,8 @@ from mnsf_ros.evaluation.summary import summarize
 
 KITTI: Final = "KITTI 0005"
 PAIRS: Final = "KITTI 0005, two sweeps"
-_DURATION_S: Final = 2.5
+DURATION_S: Final = 2.5
+CACHE: Final = Path(tempfile.gettempdir()) / f"mnsf_worlds_{os.getuid()}"
 # One world in so many is run a second time without anything that moves.
 _STANDING_EVERY: Final = 5
 _LIDARS: Final = ("16 beams", "32 beams", "64 beams", "128 beams", "solid state")
@@ -64,8 +65,9 @@ def main() -> None:
     seeds = parser.add_argument("--seeds", nargs=2, type=int, metavar=("A", "B"), default=(0, 30))
     seeds.help = "worlds from A to B - 1 (default: 0 30; 0 1000 are all for tuning)"
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes")
-    cache = Path(tempfile.gettempdir()) / f"mnsf_worlds_{os.getuid()}"
-    parser.add_argument("--cache", type=Path, default=cache, help=f"of sweeps (default: {cache})")
+    parser.add_argument(
+        "--cache", type=Path, default=CACHE, help="of worlds (default: %(default)s)"
+    )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the figures of each world")
     parser.add_argument("--worst", type=int, default=8, help="worlds to list")
     options = parser.parse_args()
@@ -131,7 +133,7 @@ def world_scores(seeds: Sequence[int], num_workers: int, cache: Path) -> list[Wo
 
 
 def _score(seed: int, scenario: str, cache: Path) -> WorldScore:
-    return world_score(kept_world(seed, _DURATION_S, scenario, cache), scenario)
+    return world_score(kept_world(seed, DURATION_S, scenario, cache), scenario)
 
 
 def figures(scores: Sequence[WorldScore]) -> pd.DataFrame:

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.evidence import Visibility
+from mnsf_ros.objects.evidence import Visibility, moving_scores
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.settings import ObjectSettings
@@ -26,7 +27,7 @@ class Decision:
         fitted: The F of these that a motion may explain better.
         moving: The motions that were found.
         seen: What the other sweeps could see of them.
-        scores: (F,) logarithm of the odds that they move.
+        evidence: (F, E) features for and against their motions.
         may_move: (F,) whether they are worth following.
         is_moving: (F,) whether they are said to move.
     """
@@ -37,9 +38,14 @@ class Decision:
     fitted: Suspects
     moving: JudgedMotions
     seen: Visibility
-    scores: NDArray[np.float64]
+    evidence: NDArray[np.float64]
     may_move: NDArray[np.bool_]
     is_moving: NDArray[np.bool_]
+
+    @cached_property
+    def scores(self) -> NDArray[np.float64]:
+        """(F,) logarithm of the odds that they move."""
+        return moving_scores(self.evidence)
 
     @property
     def num_left_out(self) -> int:

@@ -134,12 +134,11 @@ class ObjectFlowEstimator:
         with clock.stage("gate"):
             seen = Visibility.of(fitted.objects, targets, moving.motions)
             are_parts = scene.current.are_parts[fitted.objects.numbers]
-            scores = moving_scores(evidence(fitted, moving, seen, are_parts))
-            may_move, is_moving = moves(
-                fitted.standing, moving, scores, scene.usual_interval_s, settings
-            )
+            features = evidence(fitted, moving, seen, are_parts)
+            scores, interval_s = moving_scores(features), scene.usual_interval_s
+            may_move, is_moving = moves(fitted.standing, moving, scores, interval_s, settings)
         return Decision(
-            suspects, searched, start, fitted, moving, seen, scores, may_move, is_moving
+            suspects, searched, start, fitted, moving, seen, features, may_move, is_moving
         )
 
     def _followed(self, scene: Scene, decision: Decision) -> tuple[list[Track], NDArray[np.int64]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mnsf_ros.compiled import compiled
 from mnsf_ros.ego_motion.ego_motion import SensorPose
 from mnsf_ros.errors import SweepError
-from mnsf_ros.geometry.point_sets import bounds, chosen_points, thinned
+from mnsf_ros.geometry.point_sets import chosen_points, thinned
 from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.range_view import RangeView
 from mnsf_ros.objects.segmentation import Segmentation
@@ -95,12 +95,14 @@ class ObjectSweep:
             return other
         chosen = np.take(self.thinned, rows, axis=0)
         parts = Segmentation(chosen, _PART_CELL_M)
-        box = [*map(float, bounds(chosen))]
+        low, high = chosen[:, :2].min(axis=0), chosen[:, :2].max(axis=0)
         is_split = np.zeros(self.num_objects, np.bool_)
         is_split[self.thinned_objects[rows]] = True
 
         def apart(points: NDArray[np.float32], objects: NDArray[np.int64]) -> NDArray[np.int64]:
-            own = _inside(points, is_split[objects], *box)
+            own = np.flatnonzero(is_split[objects])
+            places = np.take(points, own, axis=0)[:, :2]
+            own = own[((places >= low) & (places <= high)).all(axis=1)]
             numbers, changed = parts.objects_of(np.take(points, own, axis=0)), objects.copy()
             changed[own[numbers > 0]] = numbers[numbers > 0] + self.num_objects - 1
             return changed
@@ -127,26 +129,6 @@ class ObjectSweep:
 def _thinned(points: NDArray[np.float32], settings: Settings) -> NDArray[np.float32]:
     stride = max(1, -(-len(points) // settings.objects.max_points))
     return thinned(points[::stride], settings.objects.thinning_m)
-
-
-@compiled("int64[::1](float32[:, ::1], boolean[::1], float64, float64, float64, float64)")
-def _inside(
-    points: NDArray[np.float32],
-    wanted: NDArray[np.bool_],
-    low_x: float,
-    low_y: float,
-    high_x: float,
-    high_y: float,
-) -> NDArray[np.int64]:
-    """Returns the mask of points (N, 3) inside a box, seen from above."""
-    rows = np.empty(len(points), np.int64)
-    number = 0
-    for point in range(len(points)):
-        x, y = points[point, 0], points[point, 1]
-        if wanted[point] and low_x <= x <= high_x and low_y <= y <= high_y:
-            rows[number] = point
-            number += 1
-    return rows[:number]
 
 
 @compiled("float32[::1](float32[:, ::1], int64[::1], int64)")

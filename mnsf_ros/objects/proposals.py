@@ -45,7 +45,8 @@ def first_guesses(
     """
     if len(suspects) == 0:
         return suspects.standing.motions, np.zeros(0, dtype=bool)
-    some, expected = suspects.objects.thinner(_NUM_POINTS), suspects.expected
+    expected = suspects.expected
+    some = suspects.objects.thinner(_NUM_POINTS)
     standing = best = judge(some, targets, suspects.standing.motions)
     voted = _voted(some, targets.near, settings.max_speed_m_s * interval_s, best.motions)
     best = best_of(some, targets, best, voted)

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.objects.expectation import Expectation
-from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.motion_fusion import JudgedMotions, judge
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
+# To suspect an object few points are enough.
+_NUM_POINTS: Final = 16
 # An object that an older sweep explains as well as this without motion is not a suspect.
 _MIN_PAST_M: Final = 0.05
 # The same for the mean of the neighbouring sweeps, where there are no older ones.
@@ -43,28 +45,17 @@ class Suspects:
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
         one sweep does not show may be hidden.
         """
-        # The past first: it decides most objects, and few remain for the other sweeps.
+        some, limit_m = objects.thinner(_NUM_POINTS), _MIN_PAST_M if targets.past else _MIN_NEAR_M
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
-        residuals: list[NDArray[np.float64]] = []
-        num_past = len(targets.past)
-        for number, target in enumerate((*reversed(targets.past), *targets.near)):
-            values = np.zeros(len(objects))
-            values[is_suspect] = target.residuals(objects.only(is_suspect), no_motion[is_suspect])
-            residuals.append(values)
-            if number < num_past:
-                is_suspect &= expected.is_known | (values > _MIN_PAST_M)
-        columns = np.stack(residuals, axis=1)
-        if not targets.past:
-            is_suspect &= expected.is_known | (columns.mean(axis=1) > _MIN_NEAR_M)
-        rows = np.flatnonzero(is_suspect)
-        standing = JudgedMotions(
-            no_motion[rows],
-            near=columns[rows, num_past:],
-            past=columns[rows, :num_past][:, ::-1],
-            disagreement=no_motion[rows, 0],
-        )
-        return cls(rows, objects.only(is_suspect), standing, expected.only(is_suspect))
+        # The oldest first: it decides most objects, and few remain for the other sweeps.
+        for target in reversed(targets.past or targets.near):
+            open_ = is_suspect & ~expected.is_known
+            left_m = target.residuals(some.only(open_), no_motion[open_])
+            is_suspect[open_] = left_m > limit_m
+        own = objects.only(is_suspect)
+        standing = judge(own, targets, no_motion[is_suspect])
+        return cls(np.flatnonzero(is_suspect), own, standing, expected.only(is_suspect))
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -53,7 +53,7 @@ class TestCar:
         return estimates(drive(9))
 
     def test_keeps_its_number(self, all_known):
-        assert {car_of(known).track_id for known in all_known} == {1}
+        assert len({car_of(known).track_id for known in all_known}) == 1
 
     def test_has_its_box(self, all_known):
         for index, known in enumerate(all_known, start=1):
@@ -113,7 +113,7 @@ class TestPerson:
 class TestIdentity:
     def test_outlasts_a_sweep_in_which_it_is_hidden(self):
         known = estimates(drive(10, hidden=(5,)))
-        assert car_of(known[0]).track_id == car_of(known[-1]).track_id == 1
+        assert car_of(known[0]).track_id == car_of(known[-1]).track_id
         assert 1 not in known[4].track_ids
 
     def test_goes_on_with_other_settings_of_objects(self):
