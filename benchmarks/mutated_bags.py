@@ -166,7 +166,7 @@ def evaluate(path: Path) -> tuple[Rows, bool, bool]:
     for method in evaluated_methods(METHODS, options):
         for event in run_task(EvaluationTask(recording, method), options):
             if isinstance(event, Findings):
-                is_warned = is_warned or bool(event.damages) or bool(event.warnings)
+                is_warned = is_warned or bool(event.damages) or bool(event.counts)
                 continue
             row = json.loads(to_json(event))
             is_warned = is_warned or bool(row["failure"])

@@ -140,7 +140,7 @@ def own_domain(monkeypatch, tmp_path):
     lock.close()
 
 
-_DRAWN = ("curve_chart", "share_bars", "stage_bars")
+_DRAWN = ("curve_chart", "stage_bars")
 _PICTURES = ("evaluation.pictures.example_picture", "evaluation.pictures.frame")
 
 

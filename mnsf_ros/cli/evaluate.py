@@ -98,11 +98,6 @@ def _add_method_arguments(group: Arguments) -> None:
         default="truth",
         choices=("truth", "settings"),
     )
-    group.flag(
-        "--check-cycle",
-        "also estimate the flow back and report how far from its start a point ends (doubles the "
-        "run time)",
-    )
 
 
 def _add_run_arguments(group: Arguments) -> None:

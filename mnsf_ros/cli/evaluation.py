@@ -216,7 +216,6 @@ def _evaluation_options(options: argparse.Namespace) -> EvaluationOptions:
         seed=options.seed,
         ground=options.ground,
         realtime_rate=options.realtime,
-        check_cycle=options.check_cycle,
         flow_folder=options.out / FLOW_FOLDER if options.write_flow else None,
         num_pictured=max(0, options.pictures),
     )

@@ -55,28 +55,6 @@ def curve_chart(
     return inline_svg(figure, f"{title}: {_ERROR} over {across}.")
 
 
-@mpl.rc_context(CHART_STYLE)
-def share_bars(
-    title: str, across: str, bins: Sequence[str], shares: Mapping[str, Sequence[float]]
-) -> str:
-    """Returns shares of points in B bins as inline SVG, a bar for each bin and series.
-
-    Each series has B shares from 0 to 1.
-    """
-    figure, axes, columns = _with_legend(_WIDTH, _HEIGHT, shares)
-    width = 0.8 / max(1, len(shares))
-    for number, (name, series) in enumerate(shares.items()):
-        lefts = [place - 0.4 + number * width for place in range(len(bins))]
-        look = {"color": _look(number)["color"], "edgecolor": CARD, "linewidth": 0.5}
-        percent = [100 * share for share in series]
-        axes.bar(lefts, percent, width, align="edge", label=shortened(name), **look)
-    axes.set_xticks(range(len(bins)), bins)
-    axes.set(xlim=(-0.5, len(bins) - 0.5), xlabel=across, title="points (%)")
-    axes.grid(axis="y")
-    _draw_legend(figure, axes, columns)
-    return inline_svg(figure, f"{title}: share of points over {across}.")
-
-
 def _look(number: int) -> dict[str, Any]:
     """Returns the style of the line of a series."""
     return {

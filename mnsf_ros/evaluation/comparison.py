@@ -3,35 +3,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from itertools import product
 from typing import Final
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
-from mnsf_ros.evaluation.summary import GROUPS, summary_of
+from mnsf_ros.evaluation.summary import GROUPS, SWEEP, errors_by_sweep, summary_of
 
-CONFIDENCE: Final = 0.95
-# Consecutive sweeps are alike: so many are drawn together, about a second of them.
+_CONFIDENCE: Final = 0.95
+# Consecutive sweeps are alike: so many count as one observation, about a second of them.
 _LONGEST_BLOCK: Final = 10
 _MIN_BLOCKS: Final = 8
-_NUM_DRAWS: Final = 2000
-
-_SWEEP: Final = ["recording", "number"]
-
-
-def errors_by_sweep(table: pd.DataFrame, group: str) -> pd.DataFrame:
-    """Returns the EPE of a group of points in metres: a line for each sweep, a column a method.
-
-    `table` is a `summary.row_table`; sweeps without any error are missing.
-    """
-    name = f"errors.{group}.epe_m"
-    if name not in table:
-        return pd.DataFrame()
-    return table.dropna(subset=name).pivot(index=_SWEEP, columns="method", values=name)
 
 
 def common_sweeps(table: pd.DataFrame) -> tuple[int, pd.DataFrame] | None:
@@ -40,12 +24,11 @@ def common_sweeps(table: pd.DataFrame) -> tuple[int, pd.DataFrame] | None:
     None if all methods answered the same sweeps.
     """
     answered = table.loc[[row.failure is None for row in table["row"]]]
-    is_answered = answered.assign(one=1).pivot(index=_SWEEP, columns="method", values="one").notna()
-    common = is_answered.index[is_answered.all(axis=1)]
-    if len(common) == len(is_answered):
+    num_methods = answered.groupby(SWEEP)["method"].transform("nunique")
+    common = answered[num_methods == answered["method"].nunique()]
+    if len(common) == len(answered):
         return None
-    own = answered.loc[answered.set_index(_SWEEP).index.isin(common)]
-    return len(common), summary_of(own)
+    return len(common.drop_duplicates(SWEEP)), summary_of(common)
 
 
 def differences(table: pd.DataFrame, under_test: str, methods: Iterable[str]) -> pd.DataFrame:
@@ -57,30 +40,25 @@ def differences(table: pd.DataFrame, under_test: str, methods: Iterable[str]) ->
         A line for each other method and group of points, on the sweeps that both answered:
         `num_sweeps`, `under_test_m`, `other_m`, their difference `mean_m` (above 0 if the method
         under test is better) and its interval from `low_m` to `high_m`, NaN with too few sweeps.
-        The interval is a bootstrap over blocks of consecutive sweeps. It holds for other sweeps
-        of these recordings, not for other recordings.
+        The interval is Student's, of the means of blocks of consecutive sweeps. It holds for other
+        sweeps of these recordings, not for other recordings.
     """
     errors_m = {group: errors_by_sweep(table, group) for group in GROUPS}
     lines: dict[tuple[str, str], dict[str, float]] = {}
     for method, group in product(methods, GROUPS):
         both = errors_m[group].reindex(columns=[under_test, method]).dropna()
         if method != under_test and len(both):
-            lines[method, group] = _difference(both)
+            gain_m = both[method] - both[under_test]
+            half_m = _half_interval(gain_m)
+            lines[method, group] = {
+                "num_sweeps": len(both),
+                "under_test_m": both[under_test].mean(),
+                "other_m": both[method].mean(),
+                "mean_m": gain_m.mean(),
+                "low_m": gain_m.mean() - half_m,
+                "high_m": gain_m.mean() + half_m,
+            }
     return pd.DataFrame.from_dict(lines, orient="index")
-
-
-def _difference(errors_m: pd.DataFrame) -> dict[str, float]:
-    """Compares two columns: the method under test, and another one."""
-    under_test, other = (errors_m.iloc[:, place] for place in (0, 1))
-    low_m, high_m = _interval(other - under_test)
-    return {
-        "num_sweeps": len(errors_m),
-        "under_test_m": under_test.mean(),
-        "other_m": other.mean(),
-        "mean_m": other.mean() - under_test.mean(),
-        "low_m": low_m,
-        "high_m": high_m,
-    }
 
 
 def verdict(difference: pd.Series) -> str:
@@ -90,24 +68,9 @@ def verdict(difference: pd.Series) -> str:
     return "worse" if difference["high_m"] < 0 else "undecided"
 
 
-def _interval(differences_m: pd.Series) -> tuple[float, float]:
-    """Interval of the mean: percentiles over draws of as many blocks as there are."""
-    blocks = _blocks(differences_m)
-    if len(blocks) < 2:
-        return math.nan, math.nan
-    sums = np.array([block.sum() for block in blocks])
-    counts = np.array([float(len(block)) for block in blocks])
-    drawn = np.random.default_rng(0).integers(len(blocks), size=(_NUM_DRAWS, len(blocks)))
-    means_m = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
-    low, high = np.quantile(means_m, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return float(low), float(high)
-
-
-def _blocks(differences_m: pd.Series) -> list[NDArray[np.float64]]:
-    """Consecutive sweeps of one recording each, as long as there are enough blocks."""
+def _half_interval(differences_m: pd.Series) -> float:
+    """Half the width of the interval of the mean; NaN with fewer than two blocks."""
     length = min(_LONGEST_BLOCK, max(1, len(differences_m) // _MIN_BLOCKS))
-    return [
-        block
-        for _, part in differences_m.groupby(level="recording")
-        for block in np.array_split(part.to_numpy(), max(1, round(len(part) / length)))
-    ]
+    place = differences_m.groupby(level="recording").cumcount() // length
+    means_m = differences_m.groupby(["recording", place]).mean()
+    return float(student_t.ppf((1 + _CONFIDENCE) / 2, len(means_m) - 1) * means_m.sem())

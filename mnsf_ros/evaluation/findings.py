@@ -19,56 +19,32 @@ _MAX_DAMAGES: Final = 100
 
 
 class Event(Enum):
-    """An event that is counted while a recording is read, with its name in `tasks.jsonl`."""
+    """An event that is counted while a recording is read, as `tasks.jsonl` and notes name it."""
 
-    text: str
-
-    SWEEPS_READ = "sweeps_read", "sweeps read"
-    SWEEPS_UNSTAMPED = (
-        "sweeps_unstamped",
-        "sweeps without a stamp; the time of reception was used",
-    )
+    SWEEPS_UNSTAMPED = "sweeps without a stamp; the time of reception was used"
     SWEEPS_TIMES_UNUSED = (
-        "sweeps_times_unused",
         "sweeps whose times per point cannot be read; they count as taken in one moment "
-        "(time.field, time.unit)",
+        "(time.field, time.unit)"
     )
-    SWEEPS_WITHOUT_TRUTH = "sweeps_without_truth", "sweeps without truth"
-    SWEEPS_WITHOUT_POSE = "sweeps_without_pose", "sweeps without odometry"
-    SWEEPS_DUPLICATE = (
-        "sweeps_duplicate",
-        "sweeps with the stamp of the previous sweep, skipped",
-    )
-    SWEEPS_OUT_OF_ORDER = "sweeps_out_of_order", "sweeps older than the previous sweep, skipped"
-    JUMPS_BACK = "jumps_back", "jumps back in time; no triplet spans them"
-    GAPS = "gaps", "gaps in time; no triplet spans them"
-    FRAME_CHANGES = "frame_changes", "changes of frame_id; no triplet spans them"
-    INTERRUPTIONS = "interruptions", "missing sweeps; no triplet spans the gap"
-    SWEEPS_MISSING = (
-        "sweeps_missing",
-        "sweeps missing by the stamps of their neighbours, without damage found there",
-    )
-    TRUTH_WITHOUT_SWEEP = "truth_without_sweep", "truth clouds without a sweep"
-    TRUTH_UNFIT = (
-        "truth_unfit",
-        "truth clouds that do not match their sweep or cannot be read, not used",
-    )
+    SWEEPS_WITHOUT_TRUTH = "sweeps without truth"
+    SWEEPS_WITHOUT_POSE = "sweeps without odometry"
+    SWEEPS_DUPLICATE = "sweeps with the stamp of the previous sweep, skipped"
+    SWEEPS_OUT_OF_ORDER = "sweeps older than the previous sweep, skipped"
+    JUMPS_BACK = "jumps back in time; no triplet spans them"
+    GAPS = "gaps in time; no triplet spans them"
+    FRAME_CHANGES = "changes of frame_id; no triplet spans them"
+    INTERRUPTIONS = "missing sweeps; no triplet spans the gap"
+    SWEEPS_MISSING = "sweeps missing by the stamps of their neighbours, without damage found there"
+    TRUTH_WITHOUT_SWEEP = "truth clouds without a sweep"
+    TRUTH_UNFIT = "truth clouds that do not match their sweep or cannot be read, not used"
     FRAMES_DIFFER = (
-        "frames_differ",
         "sweeps whose frame is not the odometry's child frame; set ego_motion.sensor_x_m to "
-        "sensor_yaw_deg to where the sensor is mounted",
+        "sensor_yaw_deg to where the sensor is mounted"
     )
     ODOMETRY_CONTRADICTS = (
-        "odometry_contradicts",
         "sweeps whose odometry contradicts the truth of static points; methods that use odometry "
-        "(ego) are wrong there",
+        "(ego) are wrong there"
     )
-
-    def __new__(cls, value: str, text: str) -> Event:
-        """Returns an event with its text."""
-        event = object.__new__(cls)
-        event._value_, event.text = value, text
-        return event
 
 
 # Arrivals at the sweep buffer that are counted.
@@ -102,11 +78,6 @@ class Findings:
         """Notes damage; several passes over a file find the same."""
         if len(self.damages) < _MAX_DAMAGES:
             self.damages.setdefault(damage)
-
-    @property
-    def warnings(self) -> dict[Event, int]:
-        """The counts of all events but sweeps that were read."""
-        return {event: count for event, count in self.counts.items() if event != Event.SWEEPS_READ}
 
 
 _LONG: Final = 1.5  # usual intervals: from here on at least one sweep is missing

@@ -36,7 +36,6 @@ _COSINE_MARGIN: Final = 1e-7
 
 # Upper limits; a value on a limit belongs to the band above it.
 RANGE_LIMITS_M: Final = (10.0, 20.0, 35.0, 50.0, 80.0, np.inf)
-ERROR_LIMITS_M: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, np.inf)
 SPEED_LIMITS_M_S: Final = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, np.inf)
 
 
@@ -120,13 +119,6 @@ def errors_by_band(
         for number, limit in enumerate(limits)
         if (bands == number).any()
     }
-
-
-def error_counts(errors_m: NDArray[np.float64]) -> list[int]:
-    """Returns how many errors (N,), metres, are in each bin up to `ERROR_LIMITS_M`."""
-    bins = np.searchsorted(np.asarray(ERROR_LIMITS_M), errors_m, side="right")
-    counts: list[int] = np.bincount(bins, minlength=len(ERROR_LIMITS_M)).tolist()
-    return counts
 
 
 def mean(values: Sequence[float]) -> float:

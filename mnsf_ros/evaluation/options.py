@@ -52,7 +52,6 @@ class EvaluationOptions:
             settings.
         realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
             to estimate all of them.
-        check_cycle: Estimate the backward flow, too, and compare: twice the work.
         flow_folder: Folder for recordings of the flow; None for no recordings.
         num_pictured: Number of the worst flows of each task that are kept for pictures.
         num_sweeps: Minimum number of sweeps of an example, the most that a method looks at, so that
@@ -71,7 +70,6 @@ class EvaluationOptions:
     seed: int = 0
     ground: Literal["truth", "settings"] = "truth"
     realtime_rate: float | None = None
-    check_cycle: bool = False
     flow_folder: Path | None = None
     num_pictured: int = 0
     num_sweeps: int = 3

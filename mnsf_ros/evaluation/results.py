@@ -29,15 +29,12 @@ class ResultRow:
         stop_reasons: Stage to the stop reason of its optimization.
         iterations: Stage to number of steps.
         errors: Group of points (all, dynamic, static) to its errors; empty without truth.
-        error_counts: Points with an error in each bin up to `metrics.ERROR_LIMITS_M`; empty without
-            truth.
         by_range: Upper limit of a range bin in metres, as text, to its errors.
         by_speed: Upper limit of a bin of true residual speed in m/s, as text, to its errors.
         sums: Group of points of the metrics of Argoverse 2 to number of points, sum of errors and
             sum of motion, see `argoverse_metrics`.
         consistency: Figures without truth: nearest_m (mean distance of the moved points to the next
-            sweep), zero_nearest_m (the same for zero flow), cycle_m (forward-backward
-            disagreement where the method has both).
+            sweep), zero_nearest_m (the same for zero flow).
         latency_ms: From the arrival of the next sweep to the flow, in real time; else NaN.
         start: Source of the start weights (warm or cold); empty if the method has none.
         device: `cpu` or `cuda`; empty without a flow.
@@ -55,7 +52,6 @@ class ResultRow:
     stop_reasons: dict[str, str] = field(default_factory=dict)
     iterations: dict[str, int] = field(default_factory=dict)
     errors: dict[str, FlowErrors] = field(default_factory=dict)
-    error_counts: list[int] = field(default_factory=list)
     by_range: dict[str, FlowErrors] = field(default_factory=dict)
     by_speed: dict[str, FlowErrors] = field(default_factory=dict)
     sums: dict[str, list[float]] = field(default_factory=dict)

@@ -18,7 +18,6 @@ from mnsf_ros.evaluation.metrics import (
     SPEED_LIMITS_M_S,
     by_motion,
     end_point_errors,
-    error_counts,
     errors_by_band,
 )
 from mnsf_ros.evaluation.movers import TrueMotion, mover_row
@@ -165,7 +164,6 @@ def _with_errors(
         row,
         movers=movers,
         errors=by_motion(flow, true_flow, dynamic),
-        error_counts=error_counts(errors_m),
         by_range=errors_by_band(flow, true_flow, np.linalg.norm(xy, axis=1), RANGE_LIMITS_M),
         by_speed=errors_by_band(flow, true_flow, own_m / interval_s, SPEED_LIMITS_M_S),
         sums={
@@ -194,42 +192,3 @@ def landing_distances(
     moved, _ = tree.query(xyz + flow[rows])
     unmoved, _ = tree.query(xyz)
     return {"nearest_m": float(moved.mean()), "zero_nearest_m": float(unmoved.mean())}
-
-
-def cycle_distance(
-    triplet: SweepTriplet,
-    flow: NDArray[np.float32],
-    backward_flow: NDArray[np.float32],
-    points: NDArray[np.bool_],
-) -> dict[str, float]:
-    """Returns the forward-backward disagreement: distance between a point and its return.
-
-    `flow` is (N, 3) metres, finite at the measured `points` (N,); `backward_flow` (M, 3) is the
-    flow of the next sweep. A moved point returns by the flow of its nearest point.
-
-    Returns:
-        `cycle_m`, the mean over the points. Empty if either sweep has no points.
-    """
-    rows, following = np.flatnonzero(points), triplet.next
-    next_xyz = following.kept_xyz
-    if len(rows) == 0 or len(next_xyz) == 0:
-        return {}
-    _, nearest = cKDTree(next_xyz).query(triplet.current.xyz[rows] + flow[rows])
-    kept_flow = backward_flow if following.kept is None else backward_flow[following.kept]
-    way = flow[rows] + kept_flow[nearest]
-    return {"cycle_m": float(np.linalg.norm(way.astype(np.float64), axis=1).mean())}
-
-
-def reversed_pair(triplet: SweepTriplet) -> SweepTriplet:
-    """Returns the next and the current sweep in reversed order, without a third sweep.
-
-    Stamps still ascend, as methods that use time expect.
-    """
-    motion = triplet.next_from_current
-    way_back = None if motion is None else np.asarray(np.linalg.inv(motion), dtype=np.float64)
-    return SweepTriplet(
-        previous=None,
-        current=replace(triplet.next, stamp_ns=triplet.current.stamp_ns, odometry=None),
-        next=replace(triplet.current, stamp_ns=triplet.next.stamp_ns, odometry=None),
-        next_from_current=way_back,
-    )

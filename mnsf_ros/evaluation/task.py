@@ -12,21 +12,15 @@ from typing import Final
 import numpy as np
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
-from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import Record, flow_recorder
+from mnsf_ros.evaluation.flow_recording import flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
 from mnsf_ros.evaluation.results import ResultRow
-from mnsf_ros.evaluation.scoring import (
-    cycle_distance,
-    failed_row,
-    reversed_pair,
-    scored_row,
-)
+from mnsf_ros.evaluation.scoring import failed_row, scored_row
 from mnsf_ros.methods import make_method
 from mnsf_ros.online.stream import Stream
 from mnsf_ros.settings import Settings
@@ -61,9 +55,11 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     Raises:
         MnsfError: The recording cannot be opened, or there is no such method.
     """
-    findings = Findings()
-    recording = task.recording
-    scorer = _Scorer(task.method.name, options)
+    findings, recording = Findings(), task.recording
+    stream = Stream(options.settings, task.method.name)
+    if not stream.traits.is_external:
+        warm_up(stream.method, options.settings)
+    painter = Painter(options.num_pictured, has_frames=not stream.traits.is_reference)
     with (
         recording.open() as reader,
         flow_recorder(options.flow_folder, *task.key) as record,
@@ -74,85 +70,44 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
             for place, example in enumerate(examples)
             if example.number not in task.skipped
         )
-        yield from scorer.events(wanted, record)
+        for outcome in _outcomes(stream, wanted, options.realtime_rate):
+            example, estimate, row = outcome.example, outcome.result, _row(outcome, stream)
+            if isinstance(estimate, FlowEstimate) and row.failure is None:
+                record(example, estimate.flow)
+                yield from painter.frames(row, example, estimate)
+            yield row
+        yield from painter.worst()
     yield findings
 
 
-class _Scorer:
-    """Estimates and scores examples with one method."""
+def _outcomes(
+    stream: Stream, examples: Iterator[tuple[Example, bool]], realtime_rate: float | None
+) -> Iterator[Outcome]:
+    """The outcomes of the examples that are scored."""
+    if realtime_rate is not None:
+        yield from replayed(stream, (example for example, _ in examples), realtime_rate)
+        return
+    for example, is_scored in examples:
+        if is_scored or stream.traits.carries_state:
+            outcome = estimated(stream, example)
+            if is_scored:
+                yield outcome
 
-    def __init__(self, method: str, options: EvaluationOptions) -> None:
-        self._method = method
-        self._options = options
-        self._stream = Stream(options.settings, method)
-        self._traits = self._stream.traits
-        if not self._traits.is_external:
-            warm_up(method, options.settings)
-        # Predictions that were read from files, whose time says nothing, have no way back.
-        self._has_way_back = options.check_cycle and self._traits.is_timed
-        self._backward: SceneFlowEstimator | None = None
-        has_frames = not self._traits.is_reference
-        self._painter = Painter(options.num_pictured, has_frames=has_frames)
 
-    def events(
-        self, examples: Iterator[tuple[Example, bool]], record: Record
-    ) -> Iterator[ResultRow | Picture]:
-        """Yields a row for each example to be scored, and pictures."""
-        for outcome in self._outcomes(examples):
-            example, estimate = outcome.example, outcome.result
-            row = self._row(outcome)
-            if isinstance(estimate, FlowEstimate) and row.failure is None:
-                record(example, estimate.flow)
-                yield from self._painter.frames(row, example, estimate)
-            yield row
-        yield from self._painter.worst()
-
-    def _outcomes(self, examples: Iterator[tuple[Example, bool]]) -> Iterator[Outcome]:
-        rate = self._options.realtime_rate
-        if rate is not None:
-            yield from replayed(self._stream, (example for example, _ in examples), rate)
-            return
-        for example, is_scored in examples:
-            if is_scored or self._traits.carries_state:
-                outcome = estimated(self._stream, example)
-                if is_scored:
-                    yield outcome
-
-    def _row(self, outcome: Outcome) -> ResultRow:
-        example, result = outcome.example, outcome.result
-        if isinstance(result, str):
-            return failed_row(example, self._method, result)
-        row = attempted(
-            lambda: scored_row(example, self._method, result, self._time_ms(outcome, result))
-        )
-        if isinstance(row, str):
-            return failed_row(example, self._method, row)
-        row = replace(row, latency_ms=outcome.latency_ms)
-        return self._with_cycle(row, example, result)
-
-    def _time_ms(self, outcome: Outcome, estimate: FlowEstimate) -> float:
-        """The sum of its stages: a program that runs a network reports it without its start."""
-        if not self._traits.is_timed:
-            return math.nan
-        return estimate.time_ms if estimate.times_ms else outcome.time_ms
-
-    def _with_cycle(self, row: ResultRow, example: Example, result: FlowEstimate) -> ResultRow:
-        if not self._has_way_back:
-            return row
-        triplet, looked_at = example.triplet, example.scored & np.isfinite(result.flow).all(axis=1)
-
-        def cycle() -> dict[str, float]:
-            way_back = self._way_back().estimate(reversed_pair(triplet))
-            return cycle_distance(triplet, result.flow, way_back.flow, looked_at)
-
-        found = attempted(cycle)
-        return row if isinstance(found, str) else replace(row, consistency=row.consistency | found)
-
-    def _way_back(self) -> SceneFlowEstimator:
-        """An estimator of its own, which does not disturb the state of the other."""
-        if self._backward is None or self._traits.carries_state:
-            self._backward = make_method(self._method, self._options.settings)
-        return self._backward
+def _row(outcome: Outcome, stream: Stream) -> ResultRow:
+    example, result = outcome.example, outcome.result
+    if isinstance(result, str):
+        return failed_row(example, stream.method, result)
+    time_ms = outcome.time_ms
+    if not stream.traits.is_timed:
+        time_ms = math.nan
+    elif isinstance(result, FlowEstimate) and result.times_ms:
+        # The sum of its stages: a program that runs a network reports it without its start.
+        time_ms = result.time_ms
+    row = attempted(lambda: scored_row(example, stream.method, result, time_ms))
+    if isinstance(row, str):
+        return failed_row(example, stream.method, row)
+    return replace(row, latency_ms=outcome.latency_ms)
 
 
 _FEW_STEPS: Final = {

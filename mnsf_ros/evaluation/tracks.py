@@ -96,7 +96,6 @@ def recorded_sweeps(
     def sweep_of(message: Any, received_ns: int) -> Sweep:  # noqa: ANN401 - a PointCloud2
         sweep = sweep_from_message(message, settings, received_ns)
         cloud: CloudSource = sweep.source
-        findings.count(Event.SWEEPS_READ)
         findings.count(Event.SWEEPS_UNSTAMPED, int(not cloud.is_stamped))
         findings.count(Event.SWEEPS_TIMES_UNUSED, int(bool(cloud.times.fault)))
         source = CloudRows(np.flatnonzero(cloud.finite), len(cloud.finite), recording)

@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 
 import pandas as pd
 
-from mnsf_ros.evaluation.findings import Event
 from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
@@ -19,7 +18,6 @@ from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
 _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
-_EVENTS: Final = {one.value: one.text for one in Event if one is not Event.SWEEPS_READ}
 
 
 def protocol_text(
@@ -134,10 +132,9 @@ def notes_of(
         *_failures(rows),
         *_recordings_without(run, rows),
         *(
-            Note(f"{task.recording}: {_EVENTS[name]}: {count:,}.")
+            Note(f"{task.recording}: {event}: {count:,}.")
             for task in finished
-            for name, count in task.counts.items()
-            if name in _EVENTS
+            for event, count in task.counts.items()
         ),
         *_mixed_sessions(run.sessions),
     ]

@@ -16,7 +16,7 @@ from mnsf_ros.drawing.side_by_side import animation
 from mnsf_ros.evaluation.pictures import Pictures
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.report.charts import charts_of
+from mnsf_ros.report.charts import error_chart, time_chart
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
 from mnsf_ros.report.text_table import format_number, format_percent
@@ -56,7 +56,8 @@ def write_report(
         results=results,
         tables=tables,
         tiles=tiles_of(results),
-        charts=charts_of(results),
+        error_chart=error_chart(results),
+        time_chart=time_chart(results),
         animation=_animation(results, folder.pictures) if num_pictured else None,
         cards=cards,
         why_not=why_not,

@@ -122,7 +122,7 @@ def differences_table(results: RunResults) -> TextTable:
     ]
     title = (
         f"{focus} against the others, on the sweeps that both answered: EPE of the other minus "
-        f"that of {focus} (paired; bootstrap over blocks of consecutive sweeps)"
+        f"that of {focus} (paired; Student's interval of the means of consecutive sweeps)"
     )
     return TextTable(header, rows, title)
 
@@ -179,7 +179,6 @@ _TRUE_ERRORS: Final = {
 _DISTANCES: Final = {
     "consistency.nearest_m": "moved points to the next sweep",
     "consistency.zero_nearest_m": "the same without any flow",
-    "consistency.cycle_m": "forward-backward disagreement",
 }
 
 

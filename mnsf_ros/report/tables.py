@@ -83,7 +83,6 @@ _WORK: Final = {
 _CONSISTENCY: Final = {
     "nearest_m": Column("nearest point, moved (m)"),
     "zero_nearest_m": Column("nearest point, unmoved (m)"),
-    "cycle_m": Column("there and back (m)"),
 }
 _GROUP_TITLES: Final = {
     "all": "All points",
@@ -127,7 +126,7 @@ def main_tables(summary: pd.DataFrame) -> list[TextTable]:
         objects_table(summary, (FAST, SLOW)),
         made_table(
             consistency,
-            {name: column for name, column in _CONSISTENCY.items() if name in consistency},
+            _CONSISTENCY,
             "Self-consistency (needs no truth; a small distance does not prove that a flow is "
             "right, a large one shows that it is wrong)",
         ),

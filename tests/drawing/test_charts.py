@@ -11,7 +11,6 @@ import pytest
 
 from mnsf_ros.drawing.charts import (
     curve_chart,
-    share_bars,
     stage_bars,
     stage_names,
     time_text,
@@ -68,7 +67,6 @@ def test_colors_are_variables_of_the_page():
         lambda: chart(a=[1, 2, 3]),
         chart,
         lambda: curve_chart("errors", "number of the sweep", [105, 115], {"a": [0.1, math.nan]}),
-        lambda: share_bars("shares", "error (m)", ["0-1", "1+"], {"a": [0.25, 0.75]}),
         lambda: stage_bars({"a": {"b": 1}}),
     ],
 )

@@ -95,7 +95,7 @@ def test_no_triplet_across_a_place_where_sweeps_may_be_missing():
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (4, 5, 6), (5, 6, 7)]
     assert all(not example.triplet.earlier for example in examples[2:3])
-    assert findings.warnings == {Event.INTERRUPTIONS: 1}
+    assert findings.counts == {Event.INTERRUPTIONS: 1}
 
 
 def test_gap_in_time_duplicate_and_other_frame_are_counted():
@@ -104,7 +104,7 @@ def test_gap_in_time_duplicate_and_other_frame_are_counted():
     sweeps += [small.sweep(index, frame_id="roof") for index in range(23, 26)]
     examples = list(examples_of(sweeps, findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (20, 21, 22), (23, 24, 25)]
-    assert findings.warnings == {
+    assert findings.counts == {
         Event.SWEEPS_DUPLICATE: 1,
         Event.GAPS: 1,
         Event.FRAME_CHANGES: 1,
@@ -129,7 +129,7 @@ def test_truth_is_not_used_across_a_sweep_that_is_missing():
     sweeps = [small.sweep(index) for index in range(9) if index != 4]
     examples = list(examples_of(sweeps, truth_of=range(9), findings=findings))
     assert triplets_of(examples) == [(0, 1, 2), (1, 2, 3), (5, 6, 7), (6, 7, 8)]
-    assert findings.warnings == {
+    assert findings.counts == {
         Event.TRUTH_WITHOUT_SWEEP: 1,
         Event.INTERRUPTIONS: 1,
         Event.SWEEPS_MISSING: 1,
@@ -162,7 +162,7 @@ def test_odometry_that_is_missing_or_of_another_frame_is_counted():
     poses = PoseTrack([StampedPose(small.stamp(1), small.pose(1), "base_link")])
     (example,) = examples_of(map(small.sweep, range(3)), poses=poses, findings=findings)
     assert example.triplet.next_from_current is None
-    assert findings.warnings == {Event.SWEEPS_WITHOUT_POSE: 2, Event.FRAMES_DIFFER: 1}
+    assert findings.counts == {Event.SWEEPS_WITHOUT_POSE: 2, Event.FRAMES_DIFFER: 1}
 
 
 def test_nothing_is_kept_of_a_recording_of_any_length():
@@ -197,7 +197,7 @@ def test_truth_that_no_sweep_fits_costs_no_example():
     examples = list(examples_of(sweeps, truth_of=(1, 3, 5, 7), findings=findings))
     assert triplets_of(examples) == [(0, 2, 4), (2, 4, 6)]
     assert [example.truth for example in examples] == [None, None]
-    assert findings.warnings == {
+    assert findings.counts == {
         Event.TRUTH_WITHOUT_SWEEP: 3,
         Event.SWEEPS_WITHOUT_TRUTH: 4,
     }

@@ -173,7 +173,7 @@ def done_run(out, recording, num_rows=2):
     """A run whose only task is finished, with these rows."""
     record = RunRecord(small.options(), small.methods_of(["ego"]), [recording], [small.SESSION])
     findings = Findings()
-    findings.count(Event.SWEEPS_READ, 6)
+    findings.count(Event.GAPS, 6)
     folder = RunFolder(out)
     (task,) = folder.begin(record, resume=False)
     assert not folder.has_results
@@ -187,7 +187,7 @@ def done_run(out, recording, num_rows=2):
 def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
     folder = done_run(tmp_path / "out", recording)
     known = folder.finished()["drive", "ego"]
-    assert (known.num_examples, known.counts) == (2, {"sweeps_read": 6})
+    assert (known.num_examples, known.counts) == (2, {Event.GAPS.value: 6})
     assert begin(folder.path, recording, resume=True)[1] == []
     rows = folder.path / "rows.jsonl"
     first, second = rows.read_text().splitlines(keepends=True)

@@ -12,10 +12,8 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.argoverse_metrics import over_all_points
 from mnsf_ros.evaluation.scoring import (
-    cycle_distance,
     failed_row,
     landing_distances,
-    reversed_pair,
     scored_row,
     true_motion,
 )
@@ -199,21 +197,3 @@ def test_landing_distance_by_hand():
         "zero_nearest_m": pytest.approx((1.0 + 3.0) / 2),
     }
     assert landing_distances(triplet, flow, ~BOTH) == {}
-
-
-def test_forward_backward_disagreement_by_hand():
-    triplet = pair_of([[0, 0, 0], [10, 0, 0]], [[10, 3, 0], [1, 0, 0]])
-    flow = np.array([[1, 0, 0], [0, 3, 0]], np.float32)
-    back = np.array([[0, -2, 0], [-1, 0, 0]], np.float32)
-    # The first point comes home, the second ends 1 m off.
-    assert cycle_distance(triplet, flow, back, BOTH) == {"cycle_m": pytest.approx(0.5)}
-
-
-def test_reversed_pair_swaps_sweeps_and_motion():
-    triplet = make_example().triplet
-    back = reversed_pair(triplet)
-    assert np.array_equal(back.current.xyz, triplet.next.xyz)
-    assert np.array_equal(back.next.xyz, triplet.current.xyz)
-    assert back.interval_s == triplet.interval_s > 0
-    assert back.previous is None
-    assert np.allclose(back.next_from_current @ MOTION, np.eye(4))

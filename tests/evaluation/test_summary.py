@@ -94,17 +94,6 @@ def test_tables_have_the_columns_of_the_paper_and_are_left_out_without_content()
     assert static.title.startswith("Static")
 
 
-@pytest.mark.parametrize("cycles", [[{}, {}], [{}, {"cycle_m": 0.1}]])
-def test_way_back_has_a_column_only_where_somebody_went_it(cycles):
-    rows = [
-        row(1, NAN, method, errors={}, consistency={"nearest_m": 0.2, "zero_nearest_m": 0.3, **one})
-        for method, one in zip(("zero", "mnsf"), cycles, strict=True)
-    ]
-    (table,) = shown(main_tables(summarize(rows, ["zero", "mnsf"])))
-    assert "needs no truth" in table.title
-    assert ("there and back (m)" in table.header) == (cycles[1] != {})
-
-
 def test_bands_are_in_order():
     bands = {"by_range": {"inf": errors(0.5), "80": errors(0.4), "10": errors(0.1)}}
     bins, work = shown(further_tables(summarize([row(1, 0.1, **bands)])))

@@ -213,4 +213,4 @@ def test_sweeps_have_the_times_of_their_points(tmp_path):
         good, bad = recorded_sweeps(reader, "/points", "drive", Settings().time, findings)
     np.testing.assert_allclose(good.times_s, rows * 1e-3, atol=1e-7)
     assert bad.times_s is None
-    assert findings.warnings == {Event.SWEEPS_TIMES_UNUSED: 1}
+    assert findings.counts == {Event.SWEEPS_TIMES_UNUSED: 1}

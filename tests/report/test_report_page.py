@@ -156,7 +156,7 @@ def test_without_truth_or_rows_there_is_still_a_report(tmp_path):
     page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"]))
     for text in ("0.200 m", "Where the time goes", "no true flow"):
         assert text in page.text
-    for text in ("Where the errors are", "EPE"):
+    for text in ("Error of each sweep", "EPE"):
         assert text not in page.text
     (image,) = page.all("img")
     assert "from the moved points to the next sweep" in image["alt"]
