@@ -38,8 +38,6 @@ class MethodTraits:
         is_external: Whether it is another program or its files. Such a method is not warmed up,
             and does not estimate again just for a picture.
         is_timed: False if its run time says nothing, as for predictions read from files.
-        settings_groups: Groups of settings that it reads besides those of every method, which are
-            crop, ground, ego motion and so on; None if it does not say.
     """
 
     num_sweeps: int = 2
@@ -49,7 +47,6 @@ class MethodTraits:
     is_reference: bool = False
     is_external: bool = False
     is_timed: bool = True
-    settings_groups: tuple[str, ...] | None = None
 
 
 class SceneFlowEstimator(Protocol):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Final
 
@@ -85,9 +85,7 @@ def summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
           (share of these in which the mover was found), `NAME.flicker` (share of all sweeps in
           which a mover is lost that was found before and is after), `NAME.delay_s` (mean time from
           coming into view until found, or until out of view);
-        * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection;
-        * of bands of confidence by their lower limit, `confidence.LIMIT.mean`, `.deserved` (share
-          of points with less than 0.1 m of error) and `.num_points`.
+        * `lost.STAGE`, number of mover-sweeps of 0.5 m/s and more up to 50 m without detection.
     """
     rows = sorted(rows, key=lambda row: (row.recording, row.stamp_ns))
     scored = [(row, row.movers) for row in rows if row.movers is not None]
@@ -112,7 +110,7 @@ def summarize_movers(rows: Iterable[ResultRow]) -> dict[str, float]:
         found |= {f"{group.name}.{key}": value for key, value in figures.items()}
     lost = _ANY.among(objects)["lost_by"].dropna().value_counts()
     found |= {f"lost.{stage.value}": number for stage, number in lost.items()}
-    return found | _calibration(movers.confidence for _, movers in scored)
+    return found
 
 
 def _objects(scored: Sequence[tuple[ResultRow, MoverRow]]) -> pd.DataFrame:
@@ -156,20 +154,6 @@ def _after_stop_s(objects: pd.DataFrame) -> float:
     stopped = objects[(stops > 0) & (moves == 0) & (objects["speed_m_s"] < STOPPED_M_S)]
     starts_s = stopped.groupby([stopped["view"], stops])["time_s"].transform("min")
     return float((stopped["time_s"] - starts_s).where(stopped["is_found"], 0.0).max())
-
-
-def _calibration(parts: Iterable[Mapping[str, Sequence[float]]]) -> dict[str, float]:
-    bands = pd.DataFrame(
-        [(band, *values) for part in parts for band, values in part.items()],
-        columns=["band", "number", "said", "close"],
-    )
-    sums = bands.groupby("band").sum().sort_index(key=lambda band: band.astype(float))
-    found: dict[str, float] = {}
-    for band, (number, said, close) in zip(sums.index, sums.to_numpy(), strict=True):
-        found[f"confidence.{band}.mean"] = said / number
-        found[f"confidence.{band}.deserved"] = close / number
-        found[f"confidence.{band}.num_points"] = number
-    return found
 
 
 def _share(part: float, whole: float) -> float:

@@ -29,10 +29,6 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 
 # A point that is faster over ground is dynamic: 0.05 m within a sweep at 10 Hz.
 _DYNAMIC_SPEED_M_S: Final = 0.5
-_SETTINGS_GROUPS: Final = (
-    *("distance", "nsfp", "mnsf_cycle", "linear", "field"),
-    *("optimization", "early_stopping", "fusion"),
-)
 
 FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
 
@@ -79,7 +75,6 @@ class NetworkEstimator:
             method.num_sweeps,
             carries_state=is_removed,
             max_gap_s=settings.ego_motion.max_gap_s if is_removed else math.inf,
-            settings_groups=_SETTINGS_GROUPS,
         )
         self._device = compute_device(settings.compute)
         check_memory(settings)

@@ -21,7 +21,7 @@ from mnsf_ros.sweeps.sweep import SweepTriplet
 class _Reference:
     """A method that fits nothing to the sweeps."""
 
-    traits = MethodTraits(is_reference=True, settings_groups=())
+    traits = MethodTraits(is_reference=True)
     _stage: str
 
     def __init__(self, settings: Settings) -> None:
@@ -60,7 +60,7 @@ class ZeroEstimator(_Reference):
 class EgoMotionEstimator(_Reference):
     """Returns the flow of a static world, from the ego motion of the recording."""
 
-    traits = MethodTraits(needs_poses=True, is_reference=True, settings_groups=())
+    traits = MethodTraits(needs_poses=True, is_reference=True)
     _stage = "rigid"
 
     def _flow(self, triplet: SweepTriplet) -> NDArray[np.float32]:
@@ -78,7 +78,7 @@ class EstimatedEgoMotionEstimator(_Reference):
     In most recordings the ego motion of `ego` is the ground truth itself.
     """
 
-    traits = MethodTraits(carries_state=True, is_reference=True, settings_groups=())
+    traits = MethodTraits(carries_state=True, is_reference=True)
     _stage = "ego motion"
 
     def __init__(self, settings: Settings) -> None:

@@ -59,7 +59,6 @@ class ObjectFlowEstimator:
             num_sweeps=3,
             carries_state=True,
             max_gap_s=min(settings.ego_motion.max_gap_s, settings.warm_start.max_gap_s),
-            settings_groups=("objects", "warm_start"),
         )
         self._sweeps = PreparedSweeps(settings)
         self._memory = MotionMemory(settings)

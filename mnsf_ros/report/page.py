@@ -20,12 +20,9 @@ from mnsf_ros.report.charts import error_chart, time_chart
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
 from mnsf_ros.report.text_table import format_number, format_percent
-from mnsf_ros.settings import declared_settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 REPORT_FILE: Final = "report.html"
-# Groups of settings that say which points there are, and where; every method has them.
-_COMMON_GROUPS: Final = ("method", "time", "crop", "ground", "buffer", "ego_motion", "compute")
 _TEMPLATES: Final = jinja2.Environment(
     loader=jinja2.PackageLoader("mnsf_ros.report"),
     autoescape=True,
@@ -61,23 +58,10 @@ def write_report(
         animation=_animation(results, folder.pictures) if num_pictured else None,
         cards=cards,
         why_not=why_not,
-        settings=_settings_used(results),
     )
     path = folder.path / REPORT_FILE
     replace_file(path, [f"{page}\n"])
     return path
-
-
-def _settings_used(results: RunResults) -> list[tuple[str, str]]:
-    """The settings that the method under test reads, each with value and unit."""
-    settings = results.used_settings[results.focus].settings
-    traits = (one.traits for one in results.record.methods if one.name == results.focus)
-    own = next((one.settings_groups for one in traits), None)
-    return [
-        (item.name, f"{settings.value_of(item.name)} {item.unit}".strip())
-        for item in declared_settings()
-        if own is None or item.group in (*_COMMON_GROUPS, *own)
-    ]
 
 
 class Image(NamedTuple):

@@ -175,23 +175,6 @@ def losses_table(summary: pd.DataFrame) -> TextTable:
     return made_table(lost, stages, title)
 
 
-def confidence_table(summary: pd.DataFrame) -> TextTable:
-    """Returns the calibration of the confidence of points called dynamic."""
-    known = part_of(_movers(summary), "confidence")
-    bands = sorted({name.rpartition(".")[0] for name in known}, key=float)
-    lines = {
-        f"{method}: {kind}": {band: known.at[method, f"{band}.{kind}"] for band in bands}
-        for method in known.index
-        for kind in ("mean", "deserved")
-    }
-    title = (
-        "Confidence of points called dynamic: mean, and share of points with less than 0.1 m of "
-        "error, by bands of confidence"
-    )
-    columns = {band: Column(f"from {band}") for band in bands}
-    return made_table(pd.DataFrame.from_dict(lines, orient="index"), columns, title)
-
-
 def further_tables(summary: pd.DataFrame) -> list[TextTable]:
     """Returns the details; the last table has the numbers of examples."""
     three_way, bucketed = part_of(summary, "three_way"), part_of(summary, "bucketed")
@@ -214,7 +197,6 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
         _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
         objects_table(summary, MOVER_GROUPS[2:]),
         losses_table(summary),
-        confidence_table(summary),
         made_table(summary, _WORK, work),
     ]
 

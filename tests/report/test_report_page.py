@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import re
 from html.parser import HTMLParser
@@ -22,11 +21,8 @@ from small_runs import (
 )
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
-from mnsf_ros.evaluation.options import EvaluatedMethod
 from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.methods import make_method
-from mnsf_ros.presets import preset
 from mnsf_ros.report.run_results import results_of
 
 without_drawing = pytest.mark.usefixtures("without_drawing")
@@ -67,24 +63,11 @@ def test_the_run_its_means_and_the_worst_sweeps_are_there(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
     for fact in ("mnsf evaluate street", "abc123", "torch 2.0", "box, fast, 2 cores", "Seed 7"):
         assert fact in text
-    assert "distance.cell_size_m" in text
     for mean in ("0.200 m", "0.210", "0.220", "1 / 0"):
         assert mean in text
     text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
     places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
     assert places == sorted(places)
-
-
-@without_drawing
-def test_settings_that_the_method_does_not_use_are_left_out(tmp_path):
-    traits = make_method("online", preset("online")).traits
-    method = EvaluatedMethod("online", traits)
-    run = dataclasses.replace(run_record(), methods=[method])
-    text = report(tmp_path, [row(1, "online", 0.1)], run).text
-    for name in ("objects.max_suspects", "crop.max_range_m", "ego_motion.source"):
-        assert name in text
-    for name in ("field.hidden_width", "fusion.kind", "node.odom_frame", "lidar_2.x_m"):
-        assert name not in text
 
 
 @without_drawing

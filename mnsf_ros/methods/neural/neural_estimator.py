@@ -60,7 +60,6 @@ class NeuralEstimator:
             num_sweeps=3,
             carries_state=True,
             max_gap_s=min(settings.ego_motion.max_gap_s, settings.warm_start.max_gap_s),
-            settings_groups=("objects", "warm_start"),
         )
         self._sweeps = PreparedSweeps(settings)
         self._stretch: Stretch | None = None
