@@ -104,7 +104,7 @@ def test_other_libraries_are_named_by_their_package():
 
 def test_a_run_is_recorded_without_torch(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
-    assert run_record.SessionRecord.now([]).machine.endswith(" cores")
+    assert run_record.session_now([])["machine"].endswith(" cores")
 
 
 @pytest.mark.usefixtures("own_domain")

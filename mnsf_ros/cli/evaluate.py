@@ -111,7 +111,6 @@ def _add_run_arguments(group: Arguments) -> None:
         "recording, 2 twice as fast (default: no drops)",
         float,
     )
-    group.flag("--write-flow", "store the flow as recordings in DIR/flow")
     group.value(
         "--pictures N",
         "draw the N worst sweeps of each method, and an animation, for report.html",

@@ -20,7 +20,6 @@ from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import FLOW_FOLDER
 from mnsf_ros.evaluation.options import (
     EvaluatedMethod,
     EvaluationOptions,
@@ -32,7 +31,7 @@ from mnsf_ros.evaluation.parallel import Executor, executor
 from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.task import TaskFailed
 from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
@@ -68,7 +67,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     )
     with pool as execute:
         folder = RunFolder(options.out)
-        session = SessionRecord.now(["mnsf", *sys.argv[1:]])
+        session = session_now(["mnsf", *sys.argv[1:]])
         record = RunRecord(evaluation, methods, recordings, [session])
         tasks = folder.begin(record, resume=options.resume)
         console.say(f"Results folder: {folder.path}")
@@ -216,7 +215,6 @@ def _evaluation_options(options: argparse.Namespace) -> EvaluationOptions:
         seed=options.seed,
         ground=options.ground,
         realtime_rate=options.realtime,
-        flow_folder=options.out / FLOW_FOLDER if options.write_flow else None,
         num_pictured=max(0, options.pictures),
     )
 

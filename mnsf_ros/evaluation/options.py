@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, Final, Literal
 
 from mnsf_ros.core.compute_device import node_threads
@@ -18,9 +17,6 @@ from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 
 TaskKey = tuple[str, str]
-
-# Options that rows do not depend on: a resumed run may keep flow or not, as it likes.
-UNRECORDED: Final = ("flow_folder", "num_pictured")
 
 # Settings that follow from the options.
 SET_BY_EVALUATOR: Final = ("compute.seed", "compute.num_threads")
@@ -52,7 +48,6 @@ class EvaluationOptions:
             settings.
         realtime_rate: Simulate a replay at this rate and drop triplets as the live node does; None
             to estimate all of them.
-        flow_folder: Folder for recordings of the flow; None for no recordings.
         num_pictured: Number of the worst flows of each task that are kept for pictures.
         num_sweeps: Minimum number of sweeps of an example, the most that a method looks at, so that
             all methods get the same examples. A shorter recording needs as many as it has.
@@ -70,7 +65,6 @@ class EvaluationOptions:
     seed: int = 0
     ground: Literal["truth", "settings"] = "truth"
     realtime_rate: float | None = None
-    flow_folder: Path | None = None
     num_pictured: int = 0
     num_sweeps: int = 3
     every: int = 1
@@ -100,7 +94,7 @@ class EvaluationOptions:
     @property
     def identity(self) -> dict[str, object]:
         """Name to value of all that rows depend on."""
-        others = {one.name for one in fields(self)} - {"settings", *UNRECORDED}
+        others = {one.name for one in fields(self)} - {"settings", "num_pictured"}
         return {
             **self.settings.to_mapping(),
             "explicit": sorted(self.settings.explicit),
@@ -118,8 +112,7 @@ class EvaluationOptions:
 
     def is_indivisible(self, method: EvaluatedMethod) -> bool:
         """Whether rows of a task depend on those before, so that it cannot be resumed halfway."""
-        is_replay = self.realtime_rate is not None or self.flow_folder is not None
-        return is_replay or method.traits.carries_state
+        return self.realtime_rate is not None or method.traits.carries_state
 
 
 @dataclass(frozen=True)

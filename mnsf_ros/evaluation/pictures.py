@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import math
+import re
 import shutil
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -21,7 +23,6 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.drawing.example_pictures import example_picture
 from mnsf_ros.drawing.side_by_side import frame
 from mnsf_ros.evaluation.examples import Example
-from mnsf_ros.evaluation.flow_recording import folder_name
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.evaluation.options import TaskKey
 from mnsf_ros.evaluation.outcomes import attempted
@@ -158,7 +159,7 @@ class Pictures:
         return {int(file.stem.split("_")[-1]): file.read_bytes() for file in files}
 
     def _files(self, recording: str, method: str, pattern: str) -> list[Path]:
-        files = (self._folder / folder_name(recording, method)).glob(pattern)
+        files = (self._folder / _folder_name(recording, method)).glob(pattern)
         return sorted(filter(Path.is_file, files), key=lambda file: (len(file.name), file.name))
 
     def add(self, picture: Picture, number: int) -> None:
@@ -167,7 +168,7 @@ class Pictures:
         Raises:
             OSError: It cannot be written.
         """
-        folder = self._folder / folder_name(picture.recording, picture.method)
+        folder = self._folder / _folder_name(picture.recording, picture.method)
         folder.mkdir(parents=True, exist_ok=True)
         kind = "frame" if picture.badness_m is None else f"worst_{picture.badness_m!r}"
         draft = folder / ".new"
@@ -180,4 +181,12 @@ class Pictures:
     def drop(self, keys: Collection[TaskKey]) -> None:
         """Removes the pictures of some tasks."""
         for key in keys:
-            shutil.rmtree(self._folder / folder_name(*key), ignore_errors=True)
+            shutil.rmtree(self._folder / _folder_name(*key), ignore_errors=True)
+
+
+def _folder_name(recording: str, method: str) -> str:
+    """A name for the folder of a task that any file system and locale can have."""
+    plain = f"{recording}.{method}"
+    safe = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._")[:100]
+    # Two tasks must not share a name.
+    return safe if safe == plain else f"{safe}.{hashlib.sha256(plain.encode()).hexdigest()[:8]}"

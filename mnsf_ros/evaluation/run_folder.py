@@ -23,12 +23,10 @@ from pathlib import Path
 from typing import IO, Any, Final, TypeVar
 
 import cattrs
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import flow_path
-from mnsf_ros.evaluation.options import UNRECORDED, EvaluationOptions, EvaluationTask, TaskKey
+from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import PICTURES_FOLDER, Picture, Pictures
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
@@ -98,7 +96,7 @@ class RunFolder:
         options, numbers = record.options, self._numbers()
         finished = self._finished(numbers)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
-        left = [task for task in tasks if task.key not in finished or not _has_flow(task, options)]
+        left = [task for task in tasks if task.key not in finished]
         again = {task.key for task in left if options.is_indivisible(task.method)}
         self.pictures.drop(again)
         if self.has_results:
@@ -223,12 +221,6 @@ def _holds_something(out: Path) -> bool:
     return out.is_dir() and any(not entry.name.startswith(".") for entry in out.iterdir())
 
 
-def _has_flow(task: EvaluationTask, options: EvaluationOptions) -> bool:
-    """Whether the recording of a task's flow is there, or nobody wants it."""
-    path = flow_path(options.flow_folder, *task.key)
-    return path is None or path.exists()
-
-
 @contextmanager
 def _writing(file: Path) -> Iterator[None]:
     """Makes a WritingError of an OSError while a file or folder is written."""
@@ -270,13 +262,6 @@ def _converter() -> cattrs.Converter:
     converter.register_unstructure_hook(
         Settings, lambda one: {"values": one.to_mapping(), "explicit": sorted(one.explicit)}
     )
-    left_out: dict[str, Any] = {name: override(omit=True) for name in UNRECORDED}
-    structure = make_dict_structure_fn(
-        EvaluationOptions, converter, _cattrs_forbid_extra_keys=True, **left_out
-    )
-    converter.register_structure_hook(EvaluationOptions, structure)
-    unstructure = make_dict_unstructure_fn(EvaluationOptions, converter, **left_out)
-    converter.register_unstructure_hook(EvaluationOptions, unstructure)
     return converter
 
 

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""The record of a run: options, methods, recordings, versions, machine and commit."""
+"""The record of a run: options, methods, recordings, and the facts of its sessions."""
 
 from __future__ import annotations
 
@@ -23,61 +23,33 @@ from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import UsedSettings, used_settings
 
 # Layout of the files of a run.
-FORMAT: Final = 4
+FORMAT: Final = 5
 _PACKAGES: Final = ("torch", "numpy", "scipy", "edt", "rosbags", "mcap")
 _GIT_TIMEOUT_S: Final = 10
 # Another preset changes dozens of settings; a few of them say as much.
 _MAX_TOLD: Final = 5
 
 
-@dataclass(frozen=True)
-class SessionRecord:
-    """Time, machine, command and versions of one start of a run.
+# Time, command line, versions, machine and commit of one start of a run: name to text.
+Session = dict[str, str]
 
-    Attributes:
-        started: UTC, ISO 8601.
-        command: The command line; may be empty.
-        versions: Package to version.
-        machine: Name, processor, cores and GPU; no GPU unless PyTorch is loaded.
-        system: Operating system.
-        git_commit: Commit of the checkout, see `git_commit`; empty without a checkout.
+
+def session_now(arguments: Sequence[str]) -> Session:
+    """Returns the facts of a session that starts now, the command quoted for a shell.
+
+    There is no GPU in the machine unless PyTorch is loaded.
     """
-
-    started: str
-    command: list[str]
-    versions: dict[str, str]
-    machine: str
-    system: str
-    git_commit: str
-
-    @classmethod
-    def now(cls, arguments: Sequence[str]) -> SessionRecord:
-        """Returns the record of a session that starts now."""
-        parts = (platform.node(), _processor(), f"{os.cpu_count()} cores", _gpu())
-        return cls(
-            started=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
-            command=[plain_text(argument) for argument in arguments],
-            versions={
-                "mnsf_ros": __version__,
-                "python": platform.python_version(),
-                **{package: _version(package) for package in _PACKAGES},
-            },
-            machine=", ".join(filter(None, parts)),
-            system=platform.platform(),
-            git_commit=git_commit(),
-        )
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Name to text, for readers of results; the command quoted for a shell."""
-        facts = {
-            "started": self.started,
-            "command": shlex.join(self.command),
-            "machine": self.machine,
-            "versions": ", ".join(f"{name} {number}" for name, number in self.versions.items()),
-            "git commit": self.git_commit or "none, not a checkout",
-        }
-        return {name: text for name, text in facts.items() if text}
+    parts = (platform.node(), _processor(), f"{os.cpu_count()} cores", _gpu())
+    return {
+        "started": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+        "command": shlex.join(map(plain_text, arguments)),
+        "machine": ", ".join(filter(None, parts)),
+        "system": platform.platform(),
+        "mnsf_ros": __version__,
+        "git commit": git_commit(),
+        "python": platform.python_version(),
+        **{package: _version(package) for package in _PACKAGES},
+    }
 
 
 @dataclass(frozen=True)
@@ -88,14 +60,14 @@ class RunRecord:
         options: All that its rows depend on, apart from recording and method.
         methods: Its methods, in the order of the tables.
         recordings: Its recordings.
-        sessions: Starts of the run, at least one.
+        sessions: Facts of its starts, at least one, see `session_now`.
         format: Layout of the files.
     """
 
     options: EvaluationOptions
     methods: list[EvaluatedMethod]
     recordings: list[EvaluatedRecording]
-    sessions: list[SessionRecord]
+    sessions: list[Session]
     format: int = FORMAT
 
     @property

@@ -15,7 +15,6 @@ from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import MnsfError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
-from mnsf_ros.evaluation.flow_recording import flow_recorder
 from mnsf_ros.evaluation.options import EvaluationOptions, EvaluationTask
 from mnsf_ros.evaluation.outcomes import Outcome, attempted, estimated, replayed
 from mnsf_ros.evaluation.pictures import Painter, Picture
@@ -60,10 +59,7 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
     if not stream.traits.is_external:
         warm_up(stream.method, options.settings)
     painter = Painter(options.num_pictured, has_frames=not stream.traits.is_reference)
-    with (
-        recording.open() as reader,
-        flow_recorder(options.flow_folder, *task.key) as record,
-    ):
+    with recording.open() as reader:
         examples = islice(read_examples(reader, recording, options, findings), options.max_examples)
         wanted = (
             (example, options.is_scored(place))
@@ -73,7 +69,6 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
         for outcome in _outcomes(stream, wanted, options.realtime_rate):
             example, estimate, row = outcome.example, outcome.result, _row(outcome, stream)
             if isinstance(estimate, FlowEstimate) and row.failure is None:
-                record(example, estimate.flow)
                 yield from painter.frames(row, example, estimate)
             yield row
         yield from painter.worst()

@@ -13,7 +13,7 @@ import pandas as pd
 
 from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, Session
 from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
@@ -209,15 +209,10 @@ def _recordings_without(run: RunRecord, rows: Iterable[ResultRow]) -> Iterator[N
             yield Note(f"{_listed(names)}: {text}.")
 
 
-def _mixed_sessions(sessions: Sequence[SessionRecord]) -> Iterator[Note]:
+def _mixed_sessions(sessions: Sequence[Session]) -> Iterator[Note]:
     """Differences between the sessions of a resumed run."""
-    facts: dict[str, dict[str, None]] = {}
-    for session in sessions:
-        versions = {f"versions of {name}": number for name, number in session.versions.items()}
-        own = {"git commits": session.git_commit, "machines": session.machine}
-        for name, text in (own | versions).items():
-            facts.setdefault(name, {})[text] = None
-    for name, texts in facts.items():
+    for name in (one for one in sessions[0] if one not in ("started", "command", "system")):
+        texts = dict.fromkeys(session.get(name, "") for session in sessions)
         if len(texts) > 1:
             found = "; ".join(texts)
             yield Note(f"Rows of {len(sessions)} sessions with different {name}: {found}.")

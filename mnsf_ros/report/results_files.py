@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields
 from typing import Final
 
@@ -12,7 +12,7 @@ import pandas as pd
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
-from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.evaluation.run_record import Session
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables
@@ -36,6 +36,13 @@ _MOVERS: Final = {
     f"{kind}_{key}": f"movers.{group.name}.{key}"
     for kind, group in (("fast", FAST), ("slow", SLOW))
     for key in ("found", "flicker", "delay_s")
+}
+# Facts of the sessions, by their names in the file.
+_FACTS: Final = {
+    "mnsf_ros_version": "mnsf_ros",
+    "torch_version": "torch",
+    "machine": "machine",
+    "git_commit": "git commit",
 }
 _NUMBER: Final = ".num_points"
 # Groups of points: a prefix in the summary, and its name in the file.
@@ -78,7 +85,7 @@ def results_markdown(results: RunResults, tables: RunTables) -> str:
 def results_latex(results: RunResults, tables: RunTables) -> str:
     """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
-    command = results.record.sessions[-1].facts.get("command", "")
+    command = results.record.sessions[-1].get("command", "")
     return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables.listed)])
 
 
@@ -145,16 +152,10 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
         "realtime_rate": str(options.realtime_rate or ""),
         "every": str(options.every),
         **{
-            f"{package}_version": _each_once(one.versions.get(package, "") for one in sessions)
-            for package in ("mnsf_ros", "torch")
+            name: "; ".join(dict.fromkeys(one.get(fact, "") for one in sessions))
+            for name, fact in _FACTS.items()
         },
-        "machine": _each_once(one.machine for one in sessions),
-        "git_commit": _each_once(one.git_commit for one in sessions),
     }
-
-
-def _each_once(texts: Iterable[str]) -> str:
-    return "; ".join(dict.fromkeys(texts))
 
 
 def results_json(results: RunResults) -> str:
@@ -175,9 +176,10 @@ def _records(summary: pd.DataFrame) -> list[dict[str, object]]:
     return [{key: value for key, value in line.items() if pd.notna(value)} for line in lines]
 
 
-def session_lines(session: SessionRecord) -> list[str]:
+def session_lines(session: Session) -> list[str]:
     """Returns the facts of a session as lines of Markdown."""
     return [
         f"* {name}: {markdown_code(text) if name == 'command' else markdown_text(text)}"
-        for name, text in session.facts.items()
+        for name, text in session.items()
+        if text
     ]

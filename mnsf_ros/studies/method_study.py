@@ -17,7 +17,7 @@ from mnsf_ros.evaluation.options import MAX_SWEEPS, evaluated_methods
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
@@ -106,7 +106,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
     recordings = study_recordings(options, study.num_sweeps)
     if not any(recording.truth for recording in recordings):
         raise RecordingError("the recordings hold no true flow, which the study compares with")
-    record = RunRecord(evaluation, methods, recordings, [SessionRecord.now(options.command)])
+    record = RunRecord(evaluation, methods, recordings, [session_now(options.command)])
     folder = RunFolder(options.out / "evaluation")
     tasks, numbers = folder.begin(record, resume=options.resume), count(1)
     for task, event in run_serially(tasks, evaluation):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros.evaluation.run_folder import check_folder
-from mnsf_ros.evaluation.run_record import SessionRecord
+from mnsf_ros.evaluation.run_record import session_now
 from mnsf_ros.report.results_files import session_lines
 from mnsf_ros.report.text_table import markdown_text
 from mnsf_ros.studies.landscape_study import run_landscape_study
@@ -54,7 +54,7 @@ def _page(name: str, result: StudyResult, options: StudyOptions) -> str:
         "recordings": ", ".join(map(str, options.recordings)) or "a simulated street",
     }
     lines = [f"* {fact}: {markdown_text(text)}" for fact, text in facts.items()]
-    parts.append("\n".join([*session_lines(SessionRecord.now(options.command)), *lines]))
+    parts.append("\n".join([*session_lines(session_now(options.command)), *lines]))
     lines = [f"| {setting} | {value} |" for setting, value in options.settings.to_mapping().items()]
     parts.append("\n".join(["| setting | value |", "| :--- | ---: |", *lines]))
     return "\n\n".join(parts) + "\n"

@@ -19,7 +19,7 @@ from mnsf_ros.evaluation.options import (
 from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder, to_json
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.tracks import CloudRows
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -27,7 +27,7 @@ from mnsf_ros.recording.flow_truth import FlowTruth
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 from msg_utils.point_cloud2 import encode_columns
 
-SESSION = SessionRecord.now(["mnsf"])
+SESSION = session_now(["mnsf"])
 FIRST_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
 STEP_M = np.array([0.5, 0.0, 0.0], dtype=np.float32)

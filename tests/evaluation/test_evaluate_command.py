@@ -65,16 +65,15 @@ def content(folder):
 def test_bag_in_table_and_report_out(bag, tmp_path, mnsf):
     out = tmp_path / "out"
     methods = "--methods=zero,ego,fnsf"
-    ended = mnsf(bag, methods, "--num-points=30", "--write-flow", f"--out={out}", pictures=1)
+    ended = mnsf(bag, methods, "--num-points=30", f"--out={out}", pictures=1)
     assert ended.status == COMPLETE
     for text in ("EPE (m)", "mean over 4 examples", "Report: ", "ego on drive: done, examples: 4"):
         assert text in ended.out
-    files = ("run.json", "tasks.jsonl", "results.md", "results.csv", "report.html", "flow")
+    files = ("run.json", "tasks.jsonl", "results.md", "results.csv", "report.html")
     assert all((out / name).exists() for name in files)
     assert [row["method"] for row in rows_in(out)] == ["zero"] * 4 + ["ego"] * 4 + ["fnsf"] * 4
     assert json.loads((out / "results.json").read_text())["methods"][1]["method"] == "ego"
     assert "data:image/png" in (out / "report.html").read_text()
-    assert len(list((out / "flow").iterdir())) == 3
 
 
 def test_without_pytorch_the_default_is_what_robots_run(bag, tmp_path, mnsf, monkeypatch):

@@ -96,9 +96,9 @@ def test_run_json_tells_what_is_run(tmp_path, recording):
     assert (run.method_names, run.references) == (["ego"], {"ego"})
     assert run.recordings == [recording]
     (session,) = run.sessions
-    assert session.command == ["mnsf"]
-    assert {"torch", "numpy", "mnsf_ros", "python"} <= session.versions.keys()
-    assert "cores" in session.machine
+    assert session["command"] == "mnsf"
+    assert {"torch", "numpy", "mnsf_ros", "python"} <= session.keys()
+    assert "cores" in session["machine"]
 
 
 def test_empty_folder_and_resume_of_nothing_just_start(tmp_path, recording):

@@ -13,14 +13,12 @@ from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import choose_topics
-from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_messages import cloud_message
-from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_writer import BagWriter
 from mnsf_ros.settings import Settings
-from msg_utils.point_cloud2 import decode_points, encode_columns
+from msg_utils.point_cloud2 import encode_columns
 
 
 @pytest.fixture(scope="module")
@@ -162,43 +160,3 @@ def test_sampling_counts_examples_wherever_they_are(tmp_path):
     assert found == [[3, 4, 5, 6], [3, 6], [3]]
     rest = rows_of(task, small.options(every=2), frozenset({3}))
     assert [row.number for row in rest] == [5]
-
-
-def test_flow_error_and_truth_are_kept_as_a_recording(bag, tmp_path):
-    # What a killed process has left of the same task, and of another one.
-    left, other = tmp_path / ".drive.ego.x7.partial", tmp_path / ".drive.mnsf.x7.partial"
-    for folder in (left, other):
-        folder.mkdir()
-    rows = rows_of(small.task_at(bag, "ego"), small.options(flow_folder=tmp_path))
-    assert [left.exists(), other.exists()] == [False, True]
-    with BagReader(tmp_path / "drive.ego") as reader:
-        counts = {topic: summary.count for topic, summary in reader.topics.items()}
-        assert counts == {"/flow": 5, "/flow/error": 5, "/flow/truth": 5}
-        scans = [list(reader.messages(topic)) for topic in counts]
-    for row, *messages in zip(rows, *scans, strict=True):
-        assert messages[0].header.frame_id == "lidar"
-        flow, error, truth = (decode_points(message).ravel() for message in messages)
-        axes = ("flow_x", "flow_y", "flow_z")
-        distance = np.linalg.norm([flow[axis] - truth[axis] for axis in axes], axis=0)
-        assert error["error_m"] == pytest.approx(distance, abs=1e-6)
-        assert distance.mean() == pytest.approx(row.errors["all"].epe_m, abs=1e-6)
-
-
-def test_flow_that_is_asked_for_later_is_made_then(bag, tmp_path):
-    recordings, methods = [small.recording_at(bag)], small.methods_of(["zero", "ego"])
-    out = tmp_path / "out"
-
-    def killed_before_the_last_word(task, event):
-        if isinstance(event, Findings):
-            raise KeyboardInterrupt
-
-    small.run(out, recordings, methods, small.options())
-    options = small.options(flow_folder=out / "flow")
-    with pytest.raises(KeyboardInterrupt):
-        small.run(out, recordings, methods, options, resume=True, watch=killed_before_the_last_word)
-    events, folder = small.run(out, recordings, methods, options, resume=True)
-    assert sum(isinstance(event, ResultRow) for event in events) == 5
-    assert len(list(folder.rows)) == 10
-    assert len(list((out / "flow").iterdir())) == 2
-    events, _ = small.run(out, recordings, methods, options, resume=True)
-    assert events == []

@@ -12,7 +12,7 @@ from mnsf_ros.evaluation.pictures import Picture
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_tables import tables_of
@@ -65,16 +65,17 @@ def recording(name="street", truth="/truth/flow", **values):
     return EvaluatedRecording(name=name, truth=truth, **place, **known)
 
 
-def session(**values):
-    known = {
+def session(values=()):
+    return {
         "started": "2024-05-23T08:00:00+00:00",
-        "command": ["mnsf", "evaluate", "street"],
-        "versions": {"mnsf_ros": "1.0", "torch": "2.0"},
+        "command": "mnsf evaluate street",
         "machine": "box, fast, 2 cores",
         "system": "Linux",
-        "git_commit": "abc123",
+        "mnsf_ros": "1.0",
+        "git commit": "abc123",
+        "torch": "2.0",
+        **values,
     }
-    return SessionRecord(**known | values)
 
 
 def run_record(methods=METHODS, truth="/truth/flow", **values):

@@ -16,7 +16,7 @@ from mnsf_ros.evaluation.parallel import run_serially
 from mnsf_ros.evaluation.pictures import Picture, Pictures
 from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.run_folder import RunFolder
-from mnsf_ros.evaluation.run_record import RunRecord, SessionRecord
+from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
@@ -42,7 +42,7 @@ def evaluate(street, out, *, methods=METHODS, resume=False, num_events=None, **v
     options = EvaluationOptions(settings, num_points=80, seed=3, **values)
     recording = choose_topics(street, "street")
     methods = evaluated_methods(methods, options)
-    record = RunRecord(options, methods, [recording], [SessionRecord.now([])])
+    record = RunRecord(options, methods, [recording], [session_now([])])
     folder = RunFolder(out)
     tasks = folder.begin(record, resume=resume)
     for number, (task, event) in enumerate(run_serially(tasks, options)):

@@ -139,8 +139,8 @@ def test_truth_that_is_valid_nowhere_is_told():
 
 def test_rows_of_sessions_that_differ_are_told():
     assert notes(sessions=[session(), session()]) == ([], [])
-    other = session(git_commit="def", versions={"torch": "0.1"})
+    other = session({"git commit": "def", "torch": "0.1"})
     assert notes(sessions=[session(), other])[1] == [
-        "Rows of 2 sessions with different git commits: abc123; def.",
-        "Rows of 2 sessions with different versions of torch: 2.0; 0.1.",
+        "Rows of 2 sessions with different git commit: abc123; def.",
+        "Rows of 2 sessions with different torch: 2.0; 0.1.",
     ]

@@ -166,7 +166,7 @@ def test_csv_has_a_line_for_each_method_and_group_of_points_of_each_recording():
 
 
 def test_csv_has_the_settings_and_the_machine_of_all_sessions_on_every_line():
-    sessions = [session(git_commit=commit) for commit in ("abc", "def", "abc")]
+    sessions = [session({"git commit": commit}) for commit in ("abc", "def", "abc")]
     settings = run_record().options.settings.changed({"crop.max_range_m": 35.0})
     record = run_record(sessions=sessions)
     record = replace(record, options=replace(record.options, settings=settings))
