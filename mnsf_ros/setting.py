@@ -130,3 +130,13 @@ def settings_of(group: type, prefix: str = "") -> Iterator[Setting]:
     for item in fields(group):
         default = getattr(group, item.name)
         yield Setting(f"{prefix}{item.name}", kinds[item.name], default, **item.metadata)
+
+
+def check_declared(group: Any) -> None:  # noqa: ANN401 - any dataclass
+    """Checks the declared fields of a frozen dataclass, and sets each in its type.
+
+    Raises:
+        SettingsError: If a type does not fit, or a value is outside its range.
+    """
+    for setting in settings_of(type(group)):
+        object.__setattr__(group, setting.name, setting.checked(getattr(group, setting.name)))

@@ -6,11 +6,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.setting import settings_of
 from mnsf_ros.settings import Settings, parse_assignments
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[IntermixedParser]"
@@ -18,6 +19,9 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[IntermixedParser]"
 ALL = "all"
 RESUME = "continue an interrupted run: repeat the command and add --resume"
 FORCE = "overwrite an existing recording"
+# Of declared settings without a unit in their name.
+_METAVARS = {int: "N", float: "SHARE", str: "NAME"}
+Declared = TypeVar("Declared")
 
 
 class IntermixedParser(argparse.ArgumentParser):
@@ -86,6 +90,13 @@ class Arguments:
             *names, metavar=metavar, help=text, type=kind or str, default=default, **others
         )
 
+    def declared(self, group: type) -> None:
+        """Adds an option for each declared field of a dataclass; `chosen` returns the result."""
+        for setting in settings_of(group):
+            metavar = setting.unit.upper() or _METAVARS[setting.kind]
+            name = f"--{setting.name.replace('_', '-')} {metavar}"
+            self.value(name, setting.text, default=setting.default)
+
     def recordings(self, name: str, text: str, **others: Any) -> None:  # noqa: ANN401 - as above
         """Adds an argument or option with recordings, which must be there, as for `value`."""
         self.value(name, text, _existing, **others)
@@ -143,6 +154,11 @@ def add_subcommand(
     )
     parser.set_defaults(run=run)
     return Arguments(parser)
+
+
+def chosen(options: argparse.Namespace, group: type[Declared]) -> Declared:
+    """Returns a dataclass from the options of its declared fields."""
+    return group(**{one.name: getattr(options, one.name) for one in settings_of(group)})
 
 
 def chosen_settings(options: argparse.Namespace) -> Settings:

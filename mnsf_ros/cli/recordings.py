@@ -9,17 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand
+from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand, chosen
 from mnsf_ros.cli.console import Console
 from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
 from mnsf_ros.node.environment import prepare_environment, require_ros
 from mnsf_ros.presets import PRESET_NAMES, preset
-from mnsf_ros.simulation.settings import SimulationSettings, simulation_settings
+from mnsf_ros.simulation.settings import SimulationSettings
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
-# Of settings of the simulator without a unit in their name.
-_METAVARS: Final = {int: "N", float: "SHARE", str: "NAME"}
 
 
 def add_simulate(subparsers: Subparsers) -> None:
@@ -28,19 +26,13 @@ def add_simulate(subparsers: Subparsers) -> None:
     arguments = add_subcommand(subparsers, "simulate", summary, _simulate)
     arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
-    for setting in simulation_settings():
-        metavar = setting.unit.upper() or _METAVARS[setting.kind]
-        name = f"--{setting.name.replace('_', '-')} {metavar}"
-        arguments.value(name, setting.text, default=setting.default)
+    arguments.declared(SimulationSettings)
 
 
 def _simulate(options: argparse.Namespace) -> None:
     from mnsf_ros.demo.console_progress import simulate_with_progress
 
-    settings = SimulationSettings(
-        **{setting.name: getattr(options, setting.name) for setting in simulation_settings()}
-    )
-    console = Console()
+    settings, console = chosen(options, SimulationSettings), Console()
     simulator = simulate_with_progress(settings, options.out, console, overwrite=options.force)
     console.say(simulator.scene.text, soft_wrap=True)
     console.say(

@@ -10,14 +10,14 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import (
     ALL,
     RESUME,
-    Arguments,
     Subparsers,
     add_subcommand,
+    chosen,
     chosen_settings,
     number_or_all,
 )
 from mnsf_ros.cli.console import Console
-from mnsf_ros.errors import SettingsError
+from mnsf_ros.studies.settings import CaseStudySettings
 
 _NAMES = {
     "ablation": "FNSF, and MNSF without single parts: (a) to (d) of the paper",
@@ -57,27 +57,7 @@ def add_to(subparsers: Subparsers) -> None:
         int,
     )
     arguments.value("--seed S", "seed of everything random", default=0)
-    _add_landscape_arguments(arguments.group("landscape"))
-    _add_stability_arguments(arguments.group("stability"))
-
-
-def _add_landscape_arguments(group: Arguments) -> None:
-    group.value(
-        "--radius R",
-        "half width of the picture around the optimum, in lengths of the weight vector",
-        default=0.5,
-    )
-    group.value(
-        "--steps N", "grid points along each side of the picture, an odd number", default=21
-    )
-    group.value("--directions N", "random directions in which sharpness is measured", default=10)
-
-
-def _add_stability_arguments(group: Arguments) -> None:
-    sizes = "128,256,512,1024,2048"
-    group.value("--sizes N,...", "numbers of points, at least three values", default=sizes)
-    group.value("--repeats N", "random draws for each number of points", default=5)
-    group.value("--methods NAME,...", "methods to compare", default="nsfp,fnsf,mnsf")
+    arguments.group("case studies").declared(CaseStudySettings)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -99,22 +79,10 @@ def _run(options: argparse.Namespace) -> None:
         resume=options.resume,
         command=("mnsf", *sys.argv[1:]),
         say=console.say,
-        radius=options.radius,
-        num_steps=options.steps,
-        num_directions=options.directions,
-        sizes=tuple(_numbers("sizes", options.sizes)),
-        num_repeats=options.repeats,
-        methods=tuple(options.methods.split(",")),
+        case=chosen(options, CaseStudySettings),
     )
     result, paths = run_study(options.name, study)
     for table in result.tables:
         console.print(table)
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):
         console.say(text)
-
-
-def _numbers(name: str, text: str) -> list[int]:
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError as error:
-        raise SettingsError(f"{name}: got {text!r}, expected whole numbers") from error

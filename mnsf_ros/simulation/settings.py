@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.setting import Setting, declared, settings_of
+from mnsf_ros.setting import Setting, check_declared, declared, settings_of
 
 BEAM_CHOICES = (16, 32, 64, 128)
 SCENARIOS = ("street", "random", "standing")
@@ -41,8 +41,7 @@ class SimulationSettings:
     )
 
     def __post_init__(self) -> None:
-        for setting in simulation_settings():
-            object.__setattr__(self, setting.name, setting.checked(getattr(self, setting.name)))
+        check_declared(self)
         if self.num_beams not in BEAM_CHOICES:
             raise SettingsError(f"num_beams: got {self.num_beams}, expected one of {BEAM_CHOICES}")
         if self.dropout == 1.0:

@@ -102,16 +102,16 @@ class Landscape:
 
 def landscape(network: nn.Module, loss_of: Loss, options: StudyOptions) -> Landscape:
     """Measures the loss around the weights of a network."""
-    generator = torch.Generator().manual_seed(options.seed)
+    case, generator = options.case, torch.Generator().manual_seed(options.seed)
     pair = [random_direction(network, generator) for _ in range(2)]
-    axis = np.linspace(-options.radius, options.radius, options.num_steps, dtype=np.float64)
+    axis = np.linspace(-case.radius, case.radius, case.steps, dtype=np.float64)
     places = [(x, y) for y in axis for x in axis]
     losses_m = losses_along(network, loss_of, pair, places).reshape(len(axis), len(axis))
-    radii = options.radius * np.array([0.1, 0.2, 0.5, 1.0])
+    radii = case.radius * np.array([0.1, 0.2, 0.5, 1.0])
     there_and_back = [(sign * step,) for step in radii for sign in (1.0, -1.0)]
     loss_m = float(losses_along(network, loss_of, [], [()])[0])
     rises_m = []
-    for _ in range(options.num_directions):
+    for _ in range(case.directions):
         direction = random_direction(network, generator)
         losses = losses_along(network, loss_of, [direction], there_and_back)
         rises_m.append(losses.reshape(-1, 2).mean(axis=1) - loss_m)

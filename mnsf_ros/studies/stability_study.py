@@ -60,7 +60,7 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
         MnsfError: A recording or a setting cannot be used, or an estimate fails.
     """
     settings = options.evaluation().settings
-    estimators = {method: make_method(method, settings) for method in options.methods}
+    estimators = {method: make_method(method, settings) for method in options.case.method_names}
     triplet = first_example(options).triplet
     found: list[dict[str, object]] = []
     for method, estimator in estimators.items():
@@ -86,9 +86,9 @@ def changes(
         EvaluationError: A sweep has too few points.
         MnsfError: An estimate fails.
     """
-    sweeps = _full_sweeps(triplet, max(options.sizes))
+    sweeps = _full_sweeps(triplet, max(options.case.numbers_of_points))
     tree = cKDTree(triplet.next.kept_xyz)
-    for size, repeat in product(options.sizes, range(options.num_repeats)):
+    for size, repeat in product(options.case.numbers_of_points, range(options.case.repeats)):
         random = np.random.default_rng([options.seed, size, repeat])
         # So many rows of each sweep, and one more.
         drawn = {
@@ -150,27 +150,27 @@ def fitted_slope(means: pd.Series) -> tuple[float, float]:
 
 def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
     text = (
-        f"Mean change over {options.num_repeats} draws when one of N points of one sweep is "
+        f"Mean change over {options.case.repeats} draws when one of N points of one sweep is "
         "replaced by another, all else equal: start weights, and all other points. The slope is "
         "that of the logarithm of the change over the logarithm of N, with its standard error: -1 "
         "is one over N, as the theorem's bound falls. Methods that do not look at the previous "
         "sweep do not change with it. Fits end after the steps of the settings, converged or not, "
         "unless early stopping was asked for."
     )
-    header = ["replaced in", *(f"N = {size:,}" for size in options.sizes), "slope"]
+    header = ["replaced in", *(f"N = {size:,}" for size in options.case.numbers_of_points), "slope"]
     tables: list[TextTable] = []
     panels: dict[str, list[LogLine]] = {}
     for part, words in _PARTS.items():
         cells, panels[words] = [], []
         means = found.groupby(["method", "sweep", "num_points"])[part].mean()
-        for method, sweep in product(options.methods, SWEEPS):
+        for method, sweep in product(options.case.method_names, SWEEPS):
             own = means[method, sweep]
             cells.append([f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)])
             if known := own[own > 0].to_dict():
-                places = options.methods.index(method), SWEEPS.index(sweep)
+                places = options.case.method_names.index(method), SWEEPS.index(sweep)
                 panels[words].append(LogLine(f"{method}, {sweep}", known, *places))
         tables.append(TextTable(header, cells, words))
-    picture = log_lines(_TITLE, "points N of each sweep", options.sizes, panels)
+    picture = log_lines(_TITLE, "points N of each sweep", options.case.numbers_of_points, panels)
     return StudyResult(_TITLE, [text], tables, found, picture)
 
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.errors import EvaluationError, RecordingError
+from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
@@ -19,13 +19,12 @@ from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.settings import Settings
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.studies.settings import CaseStudySettings
 
 # A lidar of medium density: a few thousand points without ground, as the paper's smaller table.
 _BEAMS, _COLUMNS = 32, 1024
 # Of a simulated street, by default.
 _SIMULATED_EXAMPLES: Final = 4
-# In lengths of the weight vector; far beyond, losses are not finite.
-_MAX_RADIUS: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -43,13 +42,7 @@ class StudyOptions:
         resume: Whether to continue with the files in the folder.
         command: The command line, for the record.
         say: Gets one line for each step.
-        radius: Half width of the picture of a landscape, in lengths of the weight vector.
-        num_steps: Steps from one side of a landscape to the other, an odd number.
-        num_directions: Random directions in which the sharpness of a landscape is measured.
-        sizes: Numbers of points at which stability is measured, ascending; three or more, for a
-            slope with its standard error.
-        num_repeats: Draws of points for each of them.
-        methods: Methods whose stability is measured.
+        case: Settings of the case studies.
 
     Raises:
         EvaluationError: If a number is out of its range.
@@ -64,27 +57,9 @@ class StudyOptions:
     resume: bool = False
     command: tuple[str, ...] = ()
     say: Callable[[str], None] = lambda text: None
-    radius: float = 0.5
-    num_steps: int = 21
-    num_directions: int = 10
-    sizes: tuple[int, ...] = (128, 256, 512, 1024, 2048)
-    num_repeats: int = 5
-    methods: tuple[str, ...] = ("nsfp", "fnsf", "mnsf")
+    case: CaseStudySettings = field(default_factory=CaseStudySettings)
 
     def __post_init__(self) -> None:
-        sizes, methods = (", ".join(map(str, values)) for values in (self.sizes, self.methods))
-        has_slope = len(self.sizes) >= 3 and list(self.sizes) == sorted(set(self.sizes))
-        for name, value, is_good, expected in (
-            ("radius", f"{self.radius:g}", 0 < self.radius <= _MAX_RADIUS, "above 0, at most 10"),
-            ("steps", self.num_steps, self.num_steps in range(3, 10_000, 2), "an odd number"),
-            ("directions", self.num_directions, self.num_directions >= 2, "2 or more"),
-            ("sizes", sizes, has_slope, "3 or more numbers in ascending order"),
-            ("sizes", sizes, min(self.sizes, default=0) >= 2, "2 points or more each"),
-            ("repeats", self.num_repeats, self.num_repeats >= 1, "1 or more"),
-            ("methods", methods, len(set(self.methods)) == len(self.methods), "each once"),
-        ):
-            if not is_good:
-                raise EvaluationError(f"{name}: got {value}, expected {expected}")
         self.evaluation()
 
     def evaluation(self, num_sweeps: int = 3) -> EvaluationOptions:

@@ -10,6 +10,7 @@ from torch import nn
 
 from mnsf_ros.presets import preset
 from mnsf_ros.studies.landscape_study import landscape, losses_along, random_direction
+from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.study import StudyOptions
 
 
@@ -55,7 +56,9 @@ def test_weights_are_put_back_even_after_an_error(network):
 
 
 def test_landscape_of_a_bowl_is_lowest_in_the_middle(network, tmp_path):
-    options = StudyOptions(tmp_path, preset("paper"), seed=5, num_steps=5, num_directions=3)
+    options = StudyOptions(
+        tmp_path, preset("paper"), seed=5, case=CaseStudySettings(steps=5, directions=3)
+    )
     found = landscape(network, bowl(network), options)
     assert found.losses_m.shape == (5, 5)
     assert found.losses_m.argmin() == 12

@@ -14,6 +14,7 @@ import pytest
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.presets import preset
+from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.stability_study import changes, fitted_slope
 from mnsf_ros.studies.study import StudyOptions
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -42,8 +43,9 @@ def triplet():
 def changes_of(tmp_path):
     """Replaces points with an estimator."""
 
-    def changes_with(estimator, triplet, sizes=(100, 300, 900), num_repeats=40):
-        options = StudyOptions(tmp_path, preset("paper"), sizes=sizes, num_repeats=num_repeats)
+    def changes_with(estimator, triplet, sizes="100,300,900", repeats=40):
+        case = CaseStudySettings(sizes=sizes, repeats=repeats)
+        options = StudyOptions(tmp_path, preset("paper"), case=case)
         return list(changes("mean", estimator, triplet, options))
 
     return changes_with

@@ -16,6 +16,7 @@ from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.studies.run_study import STUDIES, run_study
+from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
 from mnsf_ros.studies.study import StudyOptions
 
@@ -28,14 +29,7 @@ FEW_STEPS = {
     "optimization.max_iterations": 3,
     "fusion.max_iterations": 3,
 }
-SMALL = {
-    "radius": 0.5,
-    "num_steps": 3,
-    "num_directions": 2,
-    "sizes": (16, 32, 64),
-    "num_repeats": 1,
-    "methods": ("fnsf", "mnsf"),
-}
+SMALL = CaseStudySettings(steps=3, directions=2, sizes="16,32,64", repeats=1, methods="fnsf,mnsf")
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +44,7 @@ def options_in(folder, street):
         recordings=(street,),
         num_points=100,
         max_examples=2,
-        **SMALL,
+        case=SMALL,
     )
 
 
@@ -87,7 +81,7 @@ def test_study_writes_page_numbers_and_picture(name, studied):
     assert [path.name for path in paths] == [f"{name}.md", f"{name}.csv", f"{name}.png"]
     page = paths[0].read_text()
     assert page.startswith(f"# {result.title}\n")
-    for fact in ("* seed: 0", "| field.hidden_width | 8 |", f"({name}.png)", "* versions: "):
+    for fact in ("* seed: 0", "| field.hidden_width | 8 |", f"({name}.png)", "* torch: "):
         assert fact in page
     assert len(rows_of(paths)) == len(result.numbers) > 0
     assert paths[2].read_bytes().startswith(b"\x89PNG")
