@@ -27,12 +27,10 @@ Settings are chosen on the first half of each recording and judged on the second
 
 Goals:
   epe          three-way end point error; needs true flow
-  iou          share of dynamic points that are found, and of others that are
-               called dynamic; needs true flow
   consistency  without labels: points must land on a surface 0.3 s later
 
-Files in DIR: tuned.yaml (a ROS parameter file with what changes), tuning.md,
-trials.log (all trials, for --resume).
+Files in DIR: tuned.yaml (a ROS parameter file with what changes), trials.log (all
+trials, for --resume).
 """
 
 
@@ -53,7 +51,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value(
         "--goal NAME",
         "what to improve, see below (default: epe, or consistency without true flow)",
-        choices=("epe", "iou", "consistency"),
+        choices=("epe", "consistency"),
     )
     arguments.value("--trials N", "number of trials in all", default=60)
     arguments.value("--minutes M", "end the search after M minutes (default: none)", float)
@@ -71,7 +69,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
-    from mnsf_ros.tuning.outcome import figures_table, write_outcome
+    from mnsf_ros.tuning.outcome import figures_table, write_parameters
     from mnsf_ros.tuning.tune import check_optuna
 
     check_optuna()
@@ -83,7 +81,7 @@ def _run(options: argparse.Namespace) -> None:
     console.print(figures_table(outcome))
     for line in (*outcome.changes, outcome.verdict):
         console.say(line)
-    for path in write_outcome(outcome, options.out, shlex.join(["mnsf", *sys.argv[1:]])):
+    if path := write_parameters(outcome, options.out, shlex.join(["mnsf", *sys.argv[1:]])):
         console.say(f"Written: {path}", soft_wrap=True)
 
 

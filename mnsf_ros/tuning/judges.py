@@ -7,7 +7,7 @@ Settings are chosen on the first half and judged on the second one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -115,13 +115,11 @@ class Judgement:
     figures: dict[str, float]
 
 
-# Name of a goal to the name of its cost, and the cost of a summary.
-LABELLED_GOALS: Final[dict[str, tuple[str, Callable[[pd.Series], float]]]] = {
-    "epe": ("three-way EPE (m)", lambda summary: summary.get("three_way.mean", math.nan)),
-    "iou": ("1 - IoU of dynamic points", lambda summary: 1 - summary.get("movers.iou", math.nan)),
-}
-# Names of further figures to columns of the summary.
+_EPE: Final = "three-way EPE (m)"
+# Names of figures to columns of the summary.
 _FIGURES: Final = {
+    _EPE: "three_way.mean",
+    "IoU of dynamic points": "movers.iou",
     "EPE of dynamic points (m)": "errors.dynamic.epe_m",
     "EPE of static points (m)": "errors.static.epe_m",
     "precision of dynamic points": "movers.precision",
@@ -131,21 +129,20 @@ _FIGURES: Final = {
 
 
 class LabelledJudge:
-    """Judges settings by the true flow."""
+    """Judges settings by the three-way EPE of a half with true flow."""
 
-    def __init__(self, half: Half, name: str) -> None:
-        """Judges by one of `LABELLED_GOALS`, on examples with true flow."""
+    goal: Final = _EPE
+
+    def __init__(self, half: Half) -> None:
         self._half = half
-        self.goal, _ = LABELLED_GOALS[name]
 
     def __call__(self, settings: Settings) -> Judgement:
         """Estimates and scores all examples."""
         summary = self.summary(settings)
         failed = float(summary["num_failed"]) / self._half.num_examples
-        figures = {goal: float(of(summary)) for goal, of in LABELLED_GOALS.values()}
-        figures |= {name: float(summary[key]) for name, key in _FIGURES.items() if key in summary}
-        cost = figures[self.goal]
-        cost = math.inf if math.isnan(cost) else cost + FAILURE_COST * failed
+        figures = {name: float(summary.get(key, math.nan)) for name, key in _FIGURES.items()}
+        epe_m = figures[self.goal]
+        cost = math.inf if math.isnan(epe_m) else epe_m + FAILURE_COST * failed
         return Judgement(cost, figures | {"failed share": failed})
 
     def summary(self, settings: Settings) -> pd.Series:

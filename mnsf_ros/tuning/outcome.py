@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.report.text_table import TextTable, format_number, markdown_code
+from mnsf_ros.report.text_table import TextTable, format_number
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.tuning.judges import Judgement
 
 PARAMETER_FILE: Final = "tuned.yaml"
-PAGE: Final = "tuning.md"
 
 
 @dataclass(frozen=True)
@@ -71,21 +70,17 @@ def figures_table(outcome: Outcome) -> TextTable:
     return TextTable(header, rows, "Before and after")
 
 
-def write_outcome(outcome: Outcome, folder: Path, command: str) -> list[Path]:
-    """Writes the page, and the parameter file if anything changes; returns their paths.
+def write_parameters(outcome: Outcome, folder: Path, command: str) -> Path | None:
+    """Writes the parameter file, if anything changes, and returns its path.
 
     Raises:
         OSError: Writing fails.
     """
-    page = folder / PAGE
-    parts = ["# Tuning", outcome.verdict, f"Command: {markdown_code(command)}"]
-    parts += [figures_table(outcome).markdown(), *(f"* {line}" for line in outcome.changes), ""]
-    page.write_text("\n\n".join(parts), encoding="utf-8")
-    parameters = folder / PARAMETER_FILE
+    path = folder / PARAMETER_FILE
     if not outcome.changed:  # and none of an earlier search
-        parameters.unlink(missing_ok=True)
-        return [page]
+        path.unlink(missing_ok=True)
+        return None
     settings = outcome.start.changed(outcome.changed)
     title = f"Written by `{command}`. {outcome.verdict}"
-    parameters.write_text(settings_yaml(settings, title, outcome.changed), encoding="utf-8")
-    return [page, parameters]
+    path.write_text(settings_yaml(settings, title, outcome.changed), encoding="utf-8")
+    return path

@@ -19,13 +19,14 @@ from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.setting import Setting, SettingValue
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
-from mnsf_ros.tuning.judges import LABELLED_GOALS, Judgement, LabelledJudge, read_halves
+from mnsf_ros.tuning.judges import Judgement, LabelledJudge, read_halves
 from mnsf_ros.tuning.outcome import Outcome
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
 
 if TYPE_CHECKING:
     import optuna
 
+EPE: Final = "epe"
 CONSISTENCY: Final = "consistency"
 # A change that saves less than this share of the cost is taken back.
 _WORTH: Final = 0.002
@@ -51,7 +52,7 @@ class TuneOptions:
         num_trials: Number of trials in all.
         minutes: Time limit of the search.
         names: Full names of the settings to tune; if empty, all that are declared so.
-        goal: One of `LABELLED_GOALS` or `CONSISTENCY`; None for the default of the recordings.
+        goal: `EPE` or `CONSISTENCY`; None for the default of the recordings.
         max_examples: Maximum number of examples of each half of a recording.
         seed: Of the search and of the points that are scored.
         resume: Whether to continue with the trials in the folder.
@@ -96,9 +97,7 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
     }
     study = _open_study(options.out, identity, options.seed, resume=options.resume)
     tuned, held_out = (
-        ConsistencyJudge(half, start, options.seed)
-        if goal == CONSISTENCY
-        else LabelledJudge(half, goal)
+        ConsistencyJudge(half, start, options.seed) if goal == CONSISTENCY else LabelledJudge(half)
         for half in read_halves(recordings, evaluation, options.max_examples)
     )
 
@@ -119,8 +118,8 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
 def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:
     unlabelled = [one.name for one in recordings if one.truth is None]
     if wanted is None:
-        return CONSISTENCY if unlabelled else "epe"
-    if unlabelled and wanted in LABELLED_GOALS:
+        return CONSISTENCY if unlabelled else EPE
+    if unlabelled and wanted == EPE:
         raise EvaluationError(
             f"--goal {wanted} needs true flow, which {', '.join(unlabelled)} has not; use --goal "
             f"{CONSISTENCY}"

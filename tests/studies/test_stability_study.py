@@ -75,7 +75,7 @@ def test_only_one_point_is_another_one_and_points_keep_their_times(triplet, chan
             seen.append(triplet)
             return super().estimate(triplet)
 
-    changes_of(Watching(), replace(triplet, **timed), (20, 30, 50), 1)
+    changes_of(Watching(), replace(triplet, **timed), "20,30,50", 1)
     usual, *others = seen[-4:]
     for name, other in zip(names, others, strict=True):
         for sweep in names:
@@ -89,7 +89,7 @@ def test_only_one_point_is_another_one_and_points_keep_their_times(triplet, chan
 def test_too_few_points_are_refused(triplet, changes_of):
     text = "sizes: got 3000, but the current sweep has 3000 points, expected more"
     with pytest.raises(EvaluationError, match=re.escape(text)):
-        changes_of(MeanFlow(), triplet, (10, 20, 3000), 1)
+        changes_of(MeanFlow(), triplet, "10,20,3000", 1)
 
 
 @pytest.mark.parametrize(
