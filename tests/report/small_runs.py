@@ -65,7 +65,7 @@ def recording(name="street", truth="/truth/flow", **values):
     return EvaluatedRecording(name=name, truth=truth, **place, **known)
 
 
-def session(values=()):
+def session(values=None):
     return {
         "started": "2024-05-23T08:00:00+00:00",
         "command": "mnsf evaluate street",
@@ -74,7 +74,7 @@ def session(values=()):
         "mnsf_ros": "1.0",
         "git commit": "abc123",
         "torch": "2.0",
-        **values,
+        **(values or {}),
     }
 
 
