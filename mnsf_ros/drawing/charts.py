@@ -22,17 +22,13 @@ from mnsf_ros.drawing.figures import (
     shortened,
 )
 
-_MARKS: Final = ("o", "s", "D", "^", "v")
 _DASHES: Final = ("-", (0, (4, 2.5)), (0, (1, 1.5)))
-# With more areas than hues, the hues repeat, ever lighter.
-_SHADES: Final = (1.0, 0.5, 0.22)
 # Above this ratio of largest to smallest value, a linear scale would hide the small ones.
 _LOG_RATIO: Final = 30.0
 _SMALLEST_SHARE: Final = 1e-3
 _WIDTH, _HEIGHT = 10.4, 3.1
 _ERROR: Final = "EPE (m)"
 _LEGEND_ROW, _BAR_ROW = 0.21, 0.32
-_KNOWN_STAGES: Final = ("prepare", "forward", "backward", "fusion")
 
 
 @mpl.rc_context(CHART_STYLE)
@@ -46,24 +42,15 @@ def curve_chart(
     """
     figure, axes, columns = _with_legend(_WIDTH, _HEIGHT, curves)
     for number, (name, values) in enumerate(curves.items()):
+        hue, dashes = number % len(SERIES), number // len(SERIES) % len(_DASHES)
         # A sweep between two without a flow is a point, which a line alone would not show.
-        look = _look(number) | {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
-        axes.plot(places, values, label=shortened(name), **look)
+        look: dict[str, Any] = {"marker": ".", "markersize": 4.0, "linewidth": 1.2}
+        look |= {"color": SERIES[hue], "linestyle": _DASHES[dashes], "label": shortened(name)}
+        axes.plot(places, values, **look)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     _set_error_scale(axes, across, curves)
     _draw_legend(figure, axes, columns)
     return inline_svg(figure, f"{title}: {_ERROR} over {across}.")
-
-
-def _look(number: int) -> dict[str, Any]:
-    """Returns the style of the line of a series."""
-    return {
-        "color": SERIES[number % len(SERIES)],
-        "linestyle": _DASHES[number // len(SERIES) % len(_DASHES)],
-        "marker": _MARKS[number % len(_MARKS)],
-        "markersize": 5.5,
-        "linewidth": 1.7,
-    }
 
 
 def _set_error_scale(axes: Axes, across: str, series: Mapping[str, Sequence[float]]) -> None:
@@ -93,15 +80,15 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
 
     `times_ms` has method to stage to mean wall time, milliseconds.
     """
-    stages = stage_names(times_ms)
+    stages = list(dict.fromkeys(stage for parts in times_ms.values() for stage in parts))
     totals_ms = {name: math.fsum(part.values()) for name, part in times_ms.items()}
     longest_ms = max(totals_ms.values(), default=0.0) or 1.0
     figure, axes, columns = _with_legend(_WIDTH, _BAR_ROW * len(times_ms) + 0.15, stages)
     lefts_ms = [0.0] * len(times_ms)
     for number, stage in enumerate(stages):
         parts_ms = [part.get(stage, 0.0) for part in times_ms.values()]
-        color = SERIES[number % len(SERIES)]
-        alpha = _SHADES[number // len(SERIES) % len(_SHADES)]
+        # With more stages than hues, the hues repeat, ever lighter.
+        color, alpha = SERIES[number % len(SERIES)], 0.5 ** (number // len(SERIES))
         look: dict[str, Any] = {"color": color, "alpha": alpha, "ec": CARD, "lw": 0.8}
         axes.barh(range(len(times_ms)), parts_ms, 0.6, lefts_ms, label=shortened(stage), **look)
         lefts_ms = [left + part for left, part in zip(lefts_ms, parts_ms, strict=True)]
@@ -113,13 +100,6 @@ def stage_bars(times_ms: Mapping[str, Mapping[str, float]]) -> str:
     _draw_legend(figure, axes, columns)
     said = "; ".join(f"{name} {total_ms:.0f} ms" for name, total_ms in totals_ms.items())
     return inline_svg(figure, f"Mean wall time of an estimate, by stage. {said}.")
-
-
-def stage_names(times_ms: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Returns the stages of all methods: those of the paper's method first, in its order."""
-    found = dict.fromkeys(stage for stages in times_ms.values() for stage in stages)
-    first = [name for name in _KNOWN_STAGES if name in found]
-    return first + [name for name in found if name not in _KNOWN_STAGES]
 
 
 def time_text(time_ms: float) -> str:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mnsf_ros.drawing.color_wheel import SLOW, Color, flow_colors, wheel_image
-from mnsf_ros.drawing.figures import pixel_axes, pixel_figure, png_bytes, shortened
+from mnsf_ros.drawing.figures import DPI, png_bytes, shortened
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow
 
 _BACKGROUND, _FLOOR, _GRID = "#101216", "#16191f", "#2b3038"
@@ -25,7 +25,8 @@ _SLOW_M: Final = 0.1
 _SWEEPS_PER_ARROW: Final = 5
 _MIN_POINTS_PER_ARROW: Final = 5
 _MAX_POINTS: Final = 150_000
-_SLOW_AREA: Final = 0.8  # of the mark of a point, square typographic points
+_SLOW_AREA, _FAST_AREA = 0.8, 9.0  # of the mark of a point, square typographic points
+_ARROW_CELL_M: Final = 3.0
 # Scales that are easy to read, times a power of ten.
 _STEPS: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0)
 
@@ -75,14 +76,17 @@ def example_picture(
     def own(flow: NDArray[Any]) -> NDArray[np.float64]:
         return residual_flow(xyz, flow, motion)[finite, :2].astype(np.float64)
 
-    figure = pixel_figure(_WIDTH_PX, _HEIGHT_PX, _BACKGROUND)
-    left, middle, right = (pixel_axes(figure, x, _BOTTOM_PX, _SIDE_PX) for x in _LEFTS_PX)
+    figure = Figure((_WIDTH_PX / DPI, _HEIGHT_PX / DPI), dpi=DPI, facecolor=_BACKGROUND)
+    share = (_SIDE_PX / _WIDTH_PX, _SIDE_PX / _HEIGHT_PX)
+    left, middle, right = (
+        figure.add_axes((x / _WIDTH_PX, _BOTTOM_PX / _HEIGHT_PX, *share)) for x in _LEFTS_PX
+    )
     name = shortened(name, _MOST_LETTERS)
     # The truth sets the scale: a diverged flow must not make all grey.
     full_speed_m = full_speed(own(known))
     if truth is None:
         whole = flow[finite, :2].astype(np.float64)
-        _draw_flow(left, f"{name}: flow", xy, whole, full_speed(whole), view_m, 4.0, 10.0)
+        _draw_flow(left, f"{name}: flow", xy, whole, full_speed(whole), view_m)
     else:
         _draw_flow(left, "truth: what moves", xy, own(truth), full_speed_m, view_m)
     _draw_flow(middle, f"{name}: what moves", xy, own(flow), full_speed_m, view_m)
@@ -101,12 +105,10 @@ def _draw_flow(
     flow: NDArray[np.float64],
     full_speed_m: float,
     view_m: float,
-    fast_area: float = 9.0,
-    cell_m: float = 3.0,
 ) -> None:
     _draw_floor(axes, title, view_m)
-    _draw_points(axes, xy, flow, full_speed_m, view_m, fast_area)
-    _draw_arrows(axes, xy, flow, cell_m, view_m)
+    _draw_points(axes, xy, flow, full_speed_m, view_m)
+    _draw_arrows(axes, xy, flow, view_m)
     _draw_wheel(axes, full_speed_m)
 
 
@@ -164,7 +166,6 @@ def _draw_points(
     flow: NDArray[np.float64],
     full_speed_m: float,
     view_m: float,
-    fast_area: float,
 ) -> None:
     """Draws points (N, 2) in the colours of their flow (N, 2), the fastest on top and largest."""
     rows = np.flatnonzero((np.abs(xy) <= view_m).all(axis=1))
@@ -180,19 +181,19 @@ def _draw_points(
     order = order[np.argsort(speeds[order], kind="stable")]
     colors = flow_colors(flow[order], full_speed_m)
     colors[speeds[order] < _SLOW_M] = SLOW
-    areas = _SLOW_AREA + (fast_area - _SLOW_AREA) * np.clip(speeds[order] / full_speed_m, 0.0, 1.0)
+    areas = _SLOW_AREA + (_FAST_AREA - _SLOW_AREA) * np.clip(speeds[order] / full_speed_m, 0.0, 1.0)
     axes.scatter(xy[order, 0], xy[order, 1], s=areas, c=colors, linewidths=0)
 
 
 def _draw_arrows(
-    axes: Axes, xy: NDArray[np.float64], flow: NDArray[np.float64], cell_m: float, view_m: float
+    axes: Axes, xy: NDArray[np.float64], flow: NDArray[np.float64], view_m: float
 ) -> None:
     """Draws the mean motion over some sweeps as an arrow for each cell with moving points."""
     moving = np.hypot(flow[:, 0], flow[:, 1]) >= _SLOW_M  # NaN is not
     moving &= (np.abs(xy) <= view_m).all(axis=1)
     if not moving.any():
         return
-    cells = np.floor(xy[moving] / cell_m).astype(np.int64)
+    cells = np.floor(xy[moving] / _ARROW_CELL_M).astype(np.int64)
     _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     inverse = inverse.ravel()  # NumPy 2.0 returned it with the shape of a column
     # An absurd flow must not become a path that the renderer cannot hold.

@@ -8,8 +8,6 @@ import re
 from typing import Any, Final
 from xml.sax.saxutils import quoteattr
 
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -74,21 +72,6 @@ CHART_STYLE: Final[dict[str, Any]] = {
 def shortened(name: str, most_letters: int = _MOST_LETTERS) -> str:
     """Returns a name short enough for a chart."""
     return name if len(name) <= most_letters else f"{name[: most_letters - 1]}…"
-
-
-def pixel_figure(width_px: float, height_px: float, background: str) -> Figure:
-    """Returns an empty figure, to be filled with `pixel_axes`."""
-    figure = Figure((width_px / DPI, height_px / DPI), dpi=DPI, facecolor=background)
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def pixel_axes(figure: Figure, left_px: float, bottom_px: float, side_px: float) -> Axes:
-    """Adds square axes at a place in pixels from the lower left corner of the figure."""
-    width_px, height_px = figure.get_size_inches() * DPI
-    return figure.add_axes(
-        (left_px / width_px, bottom_px / height_px, side_px / width_px, side_px / height_px)
-    )
 
 
 def png_bytes(figure: Figure, *, dpi: int = DPI) -> bytes:
