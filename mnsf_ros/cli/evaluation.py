@@ -6,8 +6,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,12 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.parallel import Executor, executor
-from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
+from mnsf_ros.evaluation.recordings import (
+    EvaluatedRecording,
+    choose_topics,
+    inspected_recordings,
+    short_name,
+)
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
@@ -60,11 +65,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     methods, failed = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = _executor(options, evaluation)
-    recordings, unreadable = inspected_recordings(
-        options.bags,
-        *(options.points, options.truth, options.odometry),
-        watching=partial(_checking, console),
-    )
+    recordings, unreadable = inspected_recordings(options.bags, partial(_checked, options, console))
     with pool as execute:
         folder = RunFolder(options.out)
         session = session_now(["mnsf", *sys.argv[1:]])
@@ -116,12 +117,18 @@ def _title(key: TaskKey) -> str:
     return f"{method} on {recording}"
 
 
-@contextmanager
-def _checking(console: Console, name: str) -> Iterator[Callable[[int, int], None]]:
+def _checked(
+    options: argparse.Namespace, console: Console, path: Path, name: str
+) -> EvaluatedRecording:
     """Shows how much of a recording is read, and nothing when it is done."""
     with counting_progress(console, transient=True) as progress:
         bar = progress.add_task(f"checking {escape(name)}, MB", total=None)
-        yield lambda done, total: progress.update(bar, completed=done >> 20, total=total >> 20)
+
+        def show(done: int, total: int) -> None:
+            progress.update(bar, completed=done >> 20, total=total >> 20)
+
+        topics = options.points, options.truth, options.odometry
+        return choose_topics(path, name, *topics, watch=show)
 
 
 def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:

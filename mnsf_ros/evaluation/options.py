@@ -10,9 +10,9 @@ from typing import Any, Final, Literal
 
 from mnsf_ros.core.compute_device import node_threads
 from mnsf_ros.core.scene_flow_estimator import MethodTraits
-from mnsf_ros.errors import EvaluationError, SettingsError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.methods import make_method, method_names
+from mnsf_ros.methods import make_method
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 
@@ -134,23 +134,14 @@ def evaluated_methods(
 ) -> list[EvaluatedMethod]:
     """Returns methods with their traits, so that a wrong name is found before a run.
 
-    With `is_remote` methods run on other machines: their libraries and device may be missing here.
+    With `is_remote` methods run on other machines: their device may be missing here.
 
     Raises:
         MnsfError: There is no such method, or the settings do not suit it.
     """
     changes: dict[str, SettingValue] = {"compute.device": "cpu"} if is_remote else {}
-    settings, methods = options.settings.changed(changes), []
-    for name in names:
-        try:
-            traits = make_method(name, settings).traits
-        except SettingsError:
-            if not is_remote or name.partition("+")[0] not in method_names():
-                raise
-            # Nothing is known, so nothing is taken for granted.
-            traits = MethodTraits(num_sweeps=3, carries_state=True)
-        methods.append(EvaluatedMethod(name, traits))
-    return methods
+    settings = options.settings.changed(changes)
+    return [EvaluatedMethod(name, make_method(name, settings).traits) for name in names]
 
 
 def num_sweeps_needed(options: EvaluationOptions, there: int) -> int:

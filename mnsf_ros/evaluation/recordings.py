@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,64 +58,50 @@ def choose_topics(
     points: str | None = None,
     truth: str | None = None,
     odometry: str | None = None,
+    watch: Callable[[int, int], None] | None = None,
 ) -> EvaluatedRecording:
     """Opens a recording; returns it with its topics.
 
     Topics that are None are chosen: the only topic of point clouds; truth and odometry as in
-    `docs/recordings.md`, if they are there.
+    `docs/recordings.md`, if they are there. `watch` gets the progress of reading, see `BagReader`.
 
     Raises:
         RecordingError: The recording cannot be read, there is no such topic, or there are several
             to choose from.
     """
-    with BagReader(path) as reader:
-        return _with_topics(reader, name, points, truth, odometry)
-
-
-def _with_topics(reader: BagReader, name: str, *topics: str | None) -> EvaluatedRecording:
-    used = used_topics(reader.path, reader.topics, *topics)
-    return EvaluatedRecording(
-        name=name,
-        path=str(reader.path.resolve()),
-        points=used.points,
-        truth=used.truth,
-        odometry=used.odometry,
-        num_sweeps=reader.topics[used.points].count,
-        has_checksums=reader.has_checksums,
-        damages=[plain_text(damage) for damage in reader.damages],
-        fingerprint=fingerprint(reader.path),
-    )
-
-
-Watch = Callable[[int, int], None]
+    with BagReader(path, watch) as reader:
+        used = used_topics(reader.path, reader.topics, points, truth, odometry)
+        return EvaluatedRecording(
+            name=name,
+            path=str(reader.path.resolve()),
+            points=used.points,
+            truth=used.truth,
+            odometry=used.odometry,
+            num_sweeps=reader.topics[used.points].count,
+            has_checksums=reader.has_checksums,
+            damages=[plain_text(damage) for damage in reader.damages],
+            fingerprint=fingerprint(reader.path),
+        )
 
 
 def inspected_recordings(
-    paths: Sequence[Path],
-    *topics: str | None,
-    watching: Callable[[str], AbstractContextManager[Watch | None]],
+    paths: Sequence[Path], choose: Callable[[Path, str], EvaluatedRecording]
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """Opens each recording; returns the usable ones, and an error text for each other one.
 
-    Args:
-        paths: Where they are.
-        topics: Those of points, truth and odometry, see `choose_topics`; the same for all.
-        watching: Name of a recording to a context with the progress of reading, see `BagReader`.
+    `choose` opens the recording at a path and gives it a name, see `choose_topics`.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
-        RecordingError: None of them can be used, or a topic of one is not there.
+        RecordingError: None of them can be used.
     """
     found: list[EvaluatedRecording] = []
     errors: list[RecordingError] = []
     for name, path in named_recordings(paths):
-        with watching(name) as watch, ExitStack() as opened:
-            try:
-                reader = opened.enter_context(BagReader(path, watch))
-            except RecordingError as error:
-                errors.append(error)
-                continue
-            found.append(_with_topics(reader, name, *topics))
+        try:
+            found.append(choose(path, name))
+        except RecordingError as error:
+            errors.append(error)
     unreadable = [str(error) for error in errors]
     if not found:
         causes = (error.__cause__ for error in errors)

@@ -21,32 +21,32 @@ _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
 def protocol_text(
-    run: RunRecord, table: pd.DataFrame, used: Mapping[str, UsedSettings]
+    run: RunRecord,
+    summary: pd.DataFrame,
+    rows: Sequence[ResultRow],
+    used: Mapping[str, UsedSettings],
 ) -> list[str]:
     """Returns sentences on the examples, points, settings and times of a run.
 
-    `table` is a `summary.row_table`, `used` has the settings of each method.
+    `used` has the settings of each method.
     """
-    methods = [name for name in used if name in set(table["method"])]
+    own = {name: used[name] for name in used if name in summary.index}
     return [
-        _means_text(len(run.recordings), table, run.options.every),
+        _means_text(len(run.recordings), summary, run.options.every),
         _points_text(run.options, [one.truth is not None for one in run.recordings]),
-        _settings_text({name: used[name] for name in methods}, run.references),
-        _time_text(run.options, table),
+        _settings_text(own, run.references),
+        _time_text(run.options, summary, sorted({row.device for row in rows} - {""})),
     ]
 
 
-def _means_text(num_recordings: int, table: pd.DataFrame, every: int) -> str:
-    has_flow = [row.failure is None for row in table["row"]]
-    counts = sorted(pd.Series(has_flow, dtype=bool).groupby(list(table["method"])).sum().unique())
-    examples = " to ".join(f"{count:,}" for count in dict.fromkeys(counts[:1] + counts[-1:]))
+def _means_text(num_recordings: int, summary: pd.DataFrame, every: int) -> str:
+    counts = [f"{count:,}" for count in sorted(set(summary.get("num_examples", ())))]
+    examples = " to ".join(dict.fromkeys(counts[:1] + counts[-1:])) or "no"
     recordings = "1 recording" if num_recordings == 1 else f"{num_recordings} recordings"
-    noun = "example" if counts == [1] else "examples"
-    text = f"Unweighted mean over {examples or 'no'} {noun} from {recordings}"
-    if every > 1:
-        text += f", one in {every}"
+    text = f"Unweighted mean over {examples} {'example' if examples == '1' else 'examples'}"
+    text += f" from {recordings}{f', one in {every}' if every > 1 else ''}"
     text += ". An example is a triplet of consecutive sweeps"
-    missing = has_flow.count(False)
+    missing = int(summary.reindex(columns=["num_failed", "num_dropped"]).sum().sum())
     if missing:
         text += f". Examples without a flow, not in any mean: {missing:,}"
     if len(counts) > 1:
@@ -85,8 +85,7 @@ def _settings_text(used: Mapping[str, UsedSettings], references: Collection[str]
     return "Settings: " + "; ".join(f"{', '.join(m)}: {text}" for text, m in methods.items()) + "."
 
 
-def _time_text(options: EvaluationOptions, table: pd.DataFrame) -> str:
-    devices = sorted({row.device for row in table["row"]} - {""})
+def _time_text(options: EvaluationOptions, summary: pd.DataFrame, devices: Sequence[str]) -> str:
     threads = options.settings.compute.num_threads
     text = "Time: stages of one estimate, device synchronized"
     if devices:
@@ -98,8 +97,7 @@ def _time_text(options: EvaluationOptions, table: pd.DataFrame) -> str:
             f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
             "times: triplets that wait too long are dropped for newer ones, as in the live node"
         )
-    reasons = chain.from_iterable(row.stop_reasons.values() for row in table["row"])
-    limited = list(reasons).count("time_budget")
+    limited = int(sum(summary.get("num_out_of_time", ())))
     if limited:
         text += (
             f". {limited:,} optimizations reached their time budget, so errors depend on the speed "

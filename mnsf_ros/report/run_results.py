@@ -92,7 +92,7 @@ def results_of(
         used_settings=used,
         summary=summary,
         by_recording={name: summary_of(part, names) for name, part in parts.items()},
-        protocol=protocol_text(record, table, used),
+        protocol=protocol_text(record, summary, rows, used),
         notes=notes_of(record, list(finished), rows),
         focus=focus,
         worst=_worst_first(table[table["method"] == focus]),
