@@ -2,7 +2,6 @@
 """What the `mnsf` command says and which status it ends with."""
 
 import logging
-from pathlib import Path
 
 import pytest
 
@@ -14,14 +13,14 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 
 
-def only_line(capsys: pytest.CaptureFixture[str]) -> str:
+def only_line(capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1, lines
     assert lines[0].startswith("mnsf: ")
     return lines[0]
 
 
-def test_parameters_prints_a_parameter_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_parameters_prints_a_parameter_file(capsys):
     assert run(["parameters"]) == 0
     printed = capsys.readouterr().out
     assert printed.endswith(settings_yaml(Settings(), "x").partition("\n")[2])
@@ -30,9 +29,7 @@ def test_parameters_prints_a_parameter_file(capsys: pytest.CaptureFixture[str]) 
 HOSTILE = "\x1b]0;owned\x07\x9b31m\u202e<script>`"
 
 
-def test_names_of_files_send_nothing_to_the_terminal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_names_of_files_send_nothing_to_the_terminal(tmp_path, capsys):
     out = tmp_path / HOSTILE
     few = ["--duration-s=0.3", "--num-beams=16", "--num-columns=90"]
     assert run(["simulate", str(out), *few]) == 0
@@ -50,16 +47,14 @@ def test_names_of_files_send_nothing_to_the_terminal(
         assert not set(text) & set("\x1b\x07\x9b\u202e")
 
 
-def test_warnings_send_nothing_to_the_terminal(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_warnings_send_nothing_to_the_terminal(capsys, monkeypatch):
     monkeypatch.setattr(logging.getLogger(), "handlers", [])
     show_warnings()
     logging.getLogger("mnsf_ros.view").warning("no flow: %s", "field \x1b[31m")
     assert capsys.readouterr().err == "no flow: field \\x1b[31m\n"
 
 
-def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_writes_a_recording(tmp_path, capsys):
     out = tmp_path / "street"
     small = ["--duration-s", "0.3", "--num-beams", "16", "--num-columns", "90"]
     assert run(["simulate", str(out), *small]) == 0
@@ -78,9 +73,7 @@ def test_simulate_writes_a_recording(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run(["simulate", str(out), *small, "--force"]) == 0
 
 
-def test_an_unknown_option_shows_the_usage_of_its_subcommand(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_unknown_option_shows_the_usage_of_its_subcommand(capsys):
     with pytest.raises(SystemExit) as ended:
         run(["simulate", "street", "--beams", "16"])
     assert ended.value.code == 2
@@ -89,15 +82,13 @@ def test_an_unknown_option_shows_the_usage_of_its_subcommand(
     assert "unrecognized arguments: --beams" in error
 
 
-def test_a_wrong_value_is_one_line_and_leaves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_value_is_one_line_and_leaves_nothing(tmp_path, capsys):
     assert run(["simulate", str(tmp_path / "street"), "--duration-s", "0"]) == EXIT_USAGE
     assert "duration_s" in only_line(capsys)
     assert list(tmp_path.iterdir()) == []
 
 
-def other_bag(path: Path) -> Path:
+def other_bag(path):
     with BagWriter(path) as writer:
         for stamp_ns in (1, 2):
             writer.write_raw("/talk", "std_msgs/msg/Empty", stamp_ns, b"\x00\x01\x00\x00\x00")
@@ -115,13 +106,7 @@ def other_bag(path: Path) -> Path:
     ],
     ids=["missing", "empty folder", "no clouds", "unknown topic", "other type"],
 )
-def test_demo_names_what_is_wrong_with_a_bag(
-    prepare: object,
-    arguments: list[str],
-    said: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_demo_names_what_is_wrong_with_a_bag(prepare, arguments, said, tmp_path, capsys):
     pytest.importorskip("rclpy")
     bag, out = prepare(tmp_path), tmp_path / "out"
     assert run(["demo", "--bag", str(bag), "--out", str(out), *arguments]) == EXIT_USAGE

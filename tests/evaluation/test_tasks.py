@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import small_evaluations as small
 
-from mnsf_ros.errors import EvaluationError, RecordingError
+from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Event, Findings
 from mnsf_ros.evaluation.options import EvaluationOptions
-from mnsf_ros.evaluation.recordings import choose_topics
 from mnsf_ros.evaluation.task import run_task
 from mnsf_ros.presets import preset
 from mnsf_ros.recording.bag_messages import cloud_message
@@ -97,18 +96,6 @@ def test_rows_of_the_online_method_say_whether_it_was_warm(bag):
     starts = [row.start for row in rows_of(small.task_at(bag, "online"), options)]
     assert starts[0] == "cold: first triplet"
     assert set(starts[1:]) == {"warm"}
-
-
-def test_topics_are_the_usual_ones_or_those_named(bag):
-    used = choose_topics(bag, "drive")
-    assert (used.points, used.truth, used.odometry) == ("/points", "/truth/flow", "/truth/odometry")
-    assert used.num_sweeps == 7
-    with pytest.raises(RecordingError, match="no topic '/lidar'"):
-        choose_topics(bag, "drive", points="/lidar")
-    with pytest.raises(RecordingError, match="is of type nav_msgs"):
-        choose_topics(bag, "drive", truth="/truth/odometry")
-    with pytest.raises(RecordingError, match="cannot be both"):
-        choose_topics(bag, "drive", points="/truth/flow")
 
 
 @pytest.mark.parametrize(
