@@ -148,6 +148,6 @@ _PICTURES = ("evaluation.pictures.example_picture", "evaluation.pictures.frame")
 def without_drawing(monkeypatch):
     """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
     for name in _DRAWN:
-        monkeypatch.setattr(f"mnsf_ros.report.charts.{name}", lambda *_: "<svg></svg>")
+        monkeypatch.setattr(f"mnsf_ros.report.page.{name}", lambda *_: "<svg></svg>")
     for name in ("drawing.study_charts.png_bytes", *_PICTURES):
         monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

@@ -4,25 +4,32 @@
 from __future__ import annotations
 
 import base64
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import jinja2
+import pandas as pd
+from markupsafe import Markup
 
 from mnsf_ros import __version__
+from mnsf_ros.drawing.charts import curve_chart, stage_bars
 from mnsf_ros.drawing.figures import DARK, LIGHT
 from mnsf_ros.drawing.side_by_side import animation
 from mnsf_ros.evaluation.pictures import Pictures
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
-from mnsf_ros.report.charts import error_chart, time_chart
+from mnsf_ros.evaluation.summary import errors_by_sweep, part_of
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.run_tables import RunTables, tiles_of
 from mnsf_ros.report.text_table import format_number, format_percent
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 REPORT_FILE: Final = "report.html"
+_REST: Final = "other"
+# A smaller part of the time outside of all stages is not worth a colour.
+_REST_SHARE: Final = 0.02
 _TEMPLATES: Final = jinja2.Environment(
     loader=jinja2.PackageLoader("mnsf_ros.report"),
     autoescape=True,
@@ -53,8 +60,8 @@ def write_report(
         results=results,
         tables=tables,
         tiles=tiles_of(results),
-        error_chart=error_chart(results),
-        time_chart=time_chart(results),
+        error_chart=_error_chart(results),
+        time_chart=_time_chart(results),
         animation=_animation(results, folder.pictures) if num_pictured else None,
         cards=cards,
         why_not=why_not,
@@ -140,3 +147,42 @@ def _animation(results: RunResults, pictures: Pictures) -> Image | None:
 
 def _uri(picture: bytes, kind: str = "png") -> str:
     return f"data:image/{kind};base64,{base64.b64encode(picture).decode('ascii')}"
+
+
+def _error_chart(results: RunResults) -> Markup:
+    """The errors of sweeps, references only among themselves; empty with fewer than two."""
+    errors_m = errors_by_sweep(results.table, "all")
+    scored = [name for name in results.summary.index if name in errors_m]
+    shown = [name for name in scored if name not in results.record.references] or scored
+    errors_m = errors_m.reindex(columns=shown).dropna(how="all")
+    if len(errors_m) < 2:
+        return Markup()
+    places = errors_m.index.get_level_values("number").tolist()
+    across = "number of the sweep, as in the tables"
+    if (num_recordings := errors_m.index.get_level_values("recording").nunique()) > 1:
+        places = list(range(1, len(errors_m) + 1))
+        across = f"scored sweeps, counted from 1, {num_recordings} recordings in a row"
+    return Markup(curve_chart("Error of each sweep", across, places, errors_m.to_dict("list")))
+
+
+def _time_chart(results: RunResults) -> Markup:
+    """The time of each stage; empty if nothing was timed."""
+    times_ms = stage_times_ms(results.table)
+    return Markup(stage_bars(times_ms) if times_ms else "")
+
+
+def stage_times_ms(table: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Returns method to stage to mean wall time in milliseconds; `other` is outside of all stages.
+
+    `table` is a `summary.row_table`. Methods without times are missing.
+    """
+    timed = table.loc[[row.failure is None and row.time_ms >= 0 for row in table["row"]]]
+    found: dict[str, dict[str, float]] = {}
+    for method, own in timed.groupby("method", sort=False):
+        times_ms = part_of(own, "stage_times_ms").fillna(0.0).mean().to_dict()
+        whole_ms = own["time_ms"].mean()
+        rest_ms = whole_ms - math.fsum(times_ms.values())
+        found[str(method)] = times_ms | (
+            {_REST: rest_ms} if rest_ms > _REST_SHARE * whole_ms else {}
+        )
+    return found

@@ -18,7 +18,7 @@ from mnsf_ros.evaluation.comparison import differences, verdict
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
 from mnsf_ros.evaluation.summary import row_table
-from mnsf_ros.report.charts import stage_times_ms
+from mnsf_ros.report.page import stage_times_ms
 from mnsf_ros.report.results_files import (
     results_csv,
     results_latex,
