@@ -57,7 +57,7 @@ def test_files_are_written_and_options_may_stand_anywhere(street, tmp_path, caps
         (["stability", "--sizes=16,32,100000"], "sizes: got 100000"),
         (["stability", "--sizes=64,128"], "sizes: got 64,128, expected 3 or more numbers"),
         (["stability", "--repeats=0"], "repeats: got 0, expected a whole number from 1 to"),
-        (["stability", "--methods=fnsf,fnsf"], "methods: got fnsf, fnsf, expected each once"),
+        (["stability", "--methods=fnsf,fnsf"], "methods: got fnsf,fnsf, expected each once"),
         (["landscape", "--steps=4"], "steps: got 4, expected an odd number"),
         (["landscape", "--directions=0"], "directions: got 0, expected a whole number from 2 to"),
         (["landscape", "--radius=inf"], "radius: got inf, expected a number from 0.001 to 10"),
