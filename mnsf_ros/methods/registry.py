@@ -31,7 +31,7 @@ from mnsf_ros.errors import (
     library_missing,
     one_line,
 )
-from mnsf_ros.methods.neural.neural_estimator import NeuralEstimator
+from mnsf_ros.methods.neural_estimator import NeuralEstimator
 from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,

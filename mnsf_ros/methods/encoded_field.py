@@ -1,0 +1,115 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The flow field g(p; theta) of the live method: a linear head on an encoding of the position.
+
+The encoding of a point of an object is a constant, and its horizontal offset from the middle of
+the object: the flow may turn, stretch and shear with the object. The head of each object is
+fitted to a target sweep by Gauss-Newton steps: some milliseconds where a perceptron takes seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.geometry.rigid_motion import transformed
+from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.target import TRUNCATION_M, Target
+
+# The offset of which the encoding is 1.
+_OFFSET_M: Final = 2.0
+# Prior weights of the constant and of the offsets, in points: objects move nearly as a whole.
+_PRIOR: Final = np.diag((1e-3, 2.0, 2.0))
+_NUM_STEPS: Final = 4
+# A point this far from the target, plus twice its spacing, has half of its weight.
+_HALF_WEIGHT_M: Final = 0.1
+# The weight of a point that would be behind something.
+_HIDDEN_WEIGHT: Final = 0.1
+
+# (K, 3, 3) metres to the next sweep, of K objects: what the constant and each offset of the
+# encoding add to the flow.
+Heads = NDArray[np.float64]
+
+
+class EncodedPoints:
+    """Points of objects, encoded.
+
+    Attributes:
+        objects: K objects.
+    """
+
+    def __init__(self, objects: ObjectPoints, centers: NDArray[np.float32]) -> None:
+        """Encodes the points of K objects, by the middles (K, 3) of these, in metres."""
+        self.objects = objects
+        self._encoding = encoded(objects.positions - centers[objects.owners])
+        self._each = np.arange(len(objects.owners))
+
+    def flow(self, heads: Heads) -> NDArray[np.float32]:
+        """Returns (P, 3) metres to the next sweep, the flow of the points."""
+        return headed(self._encoding, heads[self.objects.owners])
+
+    def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
+        """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
+        objects = self.objects
+        moved = self._until(target, heads, self.flow(heads))
+        distances, _, _ = self._compared(target, moved, objects.spacing)
+        return np.asarray(objects.sums(distances) / objects.counts, np.float64)
+
+    def fitted(self, target: Target, start: Heads) -> Heads:
+        """Returns heads with which the points come to lie on a target.
+
+        They minimize a robust D(p + g(p), S) plus a prior around the start.
+
+        Args:
+            target: The target sweep S.
+            start: The heads to start from.
+        """
+        objects, encoding = self.objects, self._encoding
+        steps = target.steps_of(objects, start[:, 0].astype(np.float32)).astype(np.float64)
+        start = steps[:, :, None] * start
+        begin = flow = headed(encoding, start[objects.owners])
+        places = transformed(objects.positions + begin, target.from_current)
+        _, is_hidden = target.sweep.view.free_and_hidden(places)
+        visible = np.where(is_hidden, _HIDDEN_WEIGHT, 1.0)
+        half_m = _HALF_WEIGHT_M + 2 * objects.spacing
+        heads, exactly = start, np.zeros_like(objects.spacing)
+        for _ in range(_NUM_STEPS):
+            distances, vectors, counts = self._compared(target, flow, exactly)
+            weights = np.where(counts > 0, visible / (1 + (distances / half_m) ** 2), 0.0)
+            wanted = vectors @ target.from_current[:3, :3] + flow - begin
+            weighted = weights[:, None] * encoding
+            # Of the normal equations, the left sides and the right sides.
+            sides = weighted[:, :, None] * np.concatenate([encoding, wanted], axis=1)[:, None]
+            left, right = np.split(objects.sums(sides), 2, axis=2)
+            heads = start + np.linalg.solve(left + _PRIOR, right)
+            flow = headed(encoding, heads[objects.owners])
+        return np.asarray(heads / steps[:, :, None], np.float64)
+
+    def _until(
+        self, target: Target, heads: Heads, flow: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """(P, 3) metres, the flow (P, 3) to the next sweep, by the time of a target."""
+        steps = target.steps_of(self.objects, heads[:, 0].astype(np.float32))
+        return (steps if len(steps) == 1 else steps[self.objects.owners]) * flow
+
+    def _compared(
+        self, target: Target, moved: NDArray[np.float32], within_m: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """As `PointGrid.compared`, each point by itself, after motions (P, 3) until the target."""
+        positions, transform = self.objects.positions, target.from_current
+        return target.sweep.grid.compared(
+            positions, self._each, moved, transform, within_m, TRUNCATION_M
+        )
+
+
+def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Returns (P, 3) the encodings of points at offsets (P, 3) from their middle, metres."""
+    ones = np.ones((len(offsets), 1))
+    return np.concatenate([ones, offsets[:, :2] / _OFFSET_M], axis=1)
+
+
+def headed(encoding: NDArray[np.float64], heads: Heads) -> NDArray[np.float32]:
+    """Returns (P, 3) metres, what a head (P, 3, 3) each makes of encodings (P, 3)."""
+    flow: NDArray[np.float64] = (encoding[:, :, None] * heads).sum(axis=1)
+    return flow.astype(np.float32)

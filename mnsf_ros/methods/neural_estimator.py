@@ -1,0 +1,147 @@
+# Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
+"""The paper's method at the rate of the sensor: small fields, only where something may move.
+
+Forward field, backward field, inversion and learned fusion, as in section 3 of the paper, without
+the ego motion. There is one more backward field for each older sweep, as in the paper's method for
+more than three sweeps. Which objects may move, where the fits start and what is called dynamic is
+as in the online method; the last heads, as the tracks expect them, are the warm start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.core.flow_estimate import OverGround, StageClock
+from mnsf_ros.methods.encoded_field import EncodedPoints, Heads, encoded, headed
+from mnsf_ros.objects.decision import Decision
+from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.object_flow import ObjectFlowEstimator
+from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.objects.scene import Scene
+from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.tracks import Tracks
+
+# To compare flows, a third of the points is enough.
+_POINTS_TO_CHOOSE: Final = 16
+# How much residual makes a flow e times less likely.
+_FUSION_M: Final = 0.02
+_PAST_WEIGHT: Final = 0.3
+# A dynamic point bends with a point of a mover in this reach.
+_REACH_M: Final = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class FieldFlow(JudgedMotions):
+    """The flow of K objects by a field, and how well it explains the other sweeps.
+
+    Attributes:
+        heads: (K, 3, 3) metres to the next sweep, see `encoded_field`; `motions` are those of the
+            middles.
+    """
+
+    heads: Heads
+
+    @property
+    def loss(self) -> NDArray[np.float64]:
+        """(K,) metres; older sweeps count less, as nothing moves evenly over a longer time."""
+        past = self.past.mean(axis=1) if self.past.shape[1] else 0.0
+        return np.asarray(self.cost + _PAST_WEIGHT * past, np.float64)
+
+    @classmethod
+    def of(cls, points: EncodedPoints, targets: Targets, heads: Heads) -> FieldFlow:
+        """Measures the flow by heads (K, 3, 3) on all targets."""
+        near, past = (
+            np.stack([points.residuals(target, heads) for target in some], axis=1)
+            if some
+            else np.zeros((len(heads), 0))
+            for some in (targets.near, targets.past)
+        )
+        motions = heads[:, 0].astype(np.float32)
+        return cls(motions, near, past, np.zeros(len(heads), np.float32), heads)
+
+
+class NeuralEstimator(ObjectFlowEstimator):
+    """Estimates scene flow as ego motion plus fields fitted to what may move.
+
+    `prepare` and `estimate` may run in two threads. On the CPU only, without PyTorch.
+    """
+
+    def moved(
+        self, suspects: Suspects, scene: Scene, start: NDArray[np.float32], clock: StageClock
+    ) -> JudgedMotions:
+        """Forward field, backward fields, inversion, fusion; arguments as of the online method."""
+        objects, targets = suspects.objects, scene.targets
+        centers = objects.centers
+        points = EncodedPoints(objects, centers)
+        few = EncodedPoints(objects.thinner(_POINTS_TO_CHOOSE), centers)
+        motions = [start]
+        if suspects.expected.is_known.any():
+            motions.append(suspects.expected.motions)
+        starts = [FieldFlow.of(few, targets, _rigid(each)) for each in motions]
+        flows: list[FieldFlow] = []
+        for target in (*targets.near, *targets.past):
+            with clock.stage("backward" if flows else "forward"):
+                heads = points.fitted(target, _best([*starts, *flows]))
+                flows.append(FieldFlow.of(few, targets, heads))
+        with clock.stage("fusion"):
+            forward, backward = flows[0], flows[len(targets.near) - 1]
+            # Their mean is a candidate of its own: their errors often have opposite signs.
+            mean = FieldFlow.of(few, targets, (forward.heads + backward.heads) / 2)
+            fused_flow = FieldFlow.of(points, targets, fused([*flows, mean]))
+            disagreement = np.linalg.norm(forward.motions - backward.motions, axis=1)
+            return replace(fused_flow, disagreement=disagreement)
+
+    def over_ground(
+        self, scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
+    ) -> OverGround:
+        """Spreads the decision over the points of the sweep, as in the online method.
+
+        Points of movers bend with them.
+        """
+        spread = super().over_ground(scene, decision, tracks, ids)
+        movers, moving = decision.fitted.only(decision.is_moving).objects, decision.moving
+        if not isinstance(moving, FieldFlow) or len(movers) == 0:
+            return spread
+        rows = np.flatnonzero(spread.dynamic)
+        xyz = np.take(scene.current.xyz, rows, axis=0)
+        nearest = PointGrid(movers.positions).nearest(xyz, _REACH_M)
+        is_near = nearest >= 0
+        owners = movers.owners[nearest[is_near]]
+        heads = moving.heads[decision.is_moving][owners]
+        heads[:, 0] = 0
+        spread.motion[rows[is_near]] += headed(
+            encoded(xyz[is_near] - movers.centers[owners]), heads
+        )
+        return spread
+
+
+def fused(flows: Sequence[FieldFlow]) -> Heads:
+    """Fuses flows with weights learned for each object.
+
+    The weights w of an object minimize the sum of w_k D_k plus a constant times their negative
+    entropy, D_k being the residual of flow k: this is a softmax of the residuals.
+    """
+    residuals = np.stack([flow.loss for flow in flows])
+    weights = np.exp((residuals.min(axis=0) - residuals) / _FUSION_M)
+    weights /= weights.sum(axis=0)
+    heads = np.stack([flow.heads for flow in flows])
+    return np.asarray((weights[:, :, None, None] * heads).sum(axis=0), np.float64)
+
+
+def _best(flows: Sequence[FieldFlow]) -> Heads:
+    """(K, 3, 3) for each object the heads that leave the least residual, the first if in doubt."""
+    best = np.argmin([flow.loss for flow in flows], axis=0)
+    heads: Heads = np.stack([flow.heads for flow in flows])[best, np.arange(len(best))]
+    return heads
+
+
+def _rigid(motions: NDArray[np.float32]) -> Heads:
+    """(K, 3, 3) the heads of objects that move by (K, 3) metres as a whole."""
+    heads: Heads = np.zeros((len(motions), 3, 3))
+    heads[:, 0] = motions
+    return heads
