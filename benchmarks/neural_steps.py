@@ -22,9 +22,7 @@ from drives import TrueSweep, real_sweeps, simulated_sweeps, triplet_at
 from frame import Table, make_parser, publish
 
 from mnsf_ros.evaluation.metrics import by_motion
-from mnsf_ros.methods import make_method
-from mnsf_ros.methods.neural import encoded_field, neural_estimator
-from mnsf_ros.methods.neural.moving_points import MovingPoints
+from mnsf_ros.methods import encoded_field, make_method, neural_estimator
 from mnsf_ros.objects.prepared_sweeps import ReadySweeps
 from mnsf_ros.presets import preset
 
@@ -33,22 +31,13 @@ _NUM_SWEEPS: Final = 24
 _PARTS: Final = ("dynamic", "static")
 
 
-def _forward_only(_parts: object, _near: object, _past: object, flows: list[Any]) -> Any:  # noqa: ANN401
-    return flows[0]
-
-
-def _mean(_parts: object, near: list[Any], _past: object, flows: list[Any]) -> Any:  # noqa: ANN401
-    return np.mean(flows[: len(near)], axis=0, dtype=np.float32)
-
-
 # Row to what is replaced: owner, name and value.
-_STEPS: Final[dict[str, tuple[Any, str, Any] | None]] = {
-    "neural": None,
-    "no nodes": (encoded_field, "_NODE_WEIGHT", 1e9),
+_STEPS: Final[dict[str, tuple[Any, str, Any]]] = {
+    "no offsets": (encoded_field, "_PRIOR", np.diag((1e-3, 1e9, 1e9))),
     "no older sweeps": (ReadySweeps, "past", lambda *_: []),
-    "mean as fusion": (neural_estimator, "fused", _mean),
-    "forward alone": (neural_estimator, "fused", _forward_only),
-    "no neighbours": (MovingPoints, "attach", lambda *_: None),
+    # The last of the flows to fuse is the mean of f and f', the first one f.
+    "mean as fusion": (neural_estimator, "fused", lambda flows: flows[-1].heads),
+    "forward alone": (neural_estimator, "fused", lambda flows: flows[0].heads),
 }
 
 
@@ -63,15 +52,12 @@ def _tables() -> Iterator[Table]:
     drives = {"street": simulated_sweeps(_STREET_SEED, _NUM_SWEEPS)}
     drives = {"KITTI 0005": kitti, **drives} if kitti else drives
     header = [*(f"{drive}: {part}" for drive in drives for part in _PARTS), "CPU (ms)"]
-    rows = [["online", *_figures(drives, "online")]]
-    rows.append(["from scratch", *_figures(drives, "neural+warm_start.enabled=false")])
-    for name, step in _STEPS.items():
-        if step is None:
-            rows.insert(1, [name, *_figures(drives, "neural")])
-        else:
-            owner, attribute, value = step
-            with patch.object(owner, attribute, value):
-                rows.append([name, *_figures(drives, "neural")])
+    methods = {"online": "online", "neural": "neural"}
+    methods["from scratch"] = "neural+warm_start.enabled=false"
+    rows = [[name, *_figures(drives, method)] for name, method in methods.items()]
+    for name, (owner, attribute, value) in _STEPS.items():
+        with patch.object(owner, attribute, value):
+            rows.append([name, *_figures(drives, "neural")])
     yield Table("EPE (m), second half of each drive", ["", *header], rows)
 
 

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from mnsf_ros.core.flow_estimate import OverGround, StageClock
 from mnsf_ros.methods.encoded_field import EncodedPoints, Heads, encoded, headed
 from mnsf_ros.objects.decision import Decision
-from mnsf_ros.objects.motion_fusion import JudgedMotions, Targets
+from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_flow import ObjectFlowEstimator
 from mnsf_ros.objects.point_grid import PointGrid
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects
-from mnsf_ros.objects.tracks import Tracks
+from mnsf_ros.objects.target import Targets
+from mnsf_ros.objects.tracks import Track
 
 # To compare flows, a third of the points is enough.
 _POINTS_TO_CHOOSE: Final = 16
@@ -97,7 +98,7 @@ class NeuralEstimator(ObjectFlowEstimator):
             return replace(fused_flow, disagreement=disagreement)
 
     def over_ground(
-        self, scene: Scene, decision: Decision, tracks: Tracks, ids: NDArray[np.int64]
+        self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]
     ) -> OverGround:
         """Spreads the decision over the points of the sweep, as in the online method.
 
