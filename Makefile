@@ -32,7 +32,7 @@ STREET_OF_README := demo/street_seed3_6s
 PYTHONS := 3.10 3.11 3.12 3.13 3.14
 WHEELS_ONLY = --quiet --only-binary :all: --no-binary empy --python-version $$python
 
-.PHONY: setup complete demo view animation test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
+.PHONY: setup complete demo view animation picture test test-all fuzz lint pins audit benchmark benchmark-online benchmark-movers config clean
 
 setup: $(READY)
 
@@ -66,6 +66,10 @@ $(STREET) $(STREET_OF_README): | $(READY)
 # The animation in the README; half a minute of CPU.
 animation: $(READY) $(STREET_OF_README)
 	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
+
+# The picture of the page in the README; needs Chromium.
+picture: $(COMPLETE) $(STREET_OF_README)
+	$(BIN)/python tests/view/page_picture.py $(STREET_OF_README) 3.5 docs/page.webp
 
 # On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
 # after the other.

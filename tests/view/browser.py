@@ -8,9 +8,13 @@ import io
 import itertools
 import json
 import os
+import re
 import shutil
 import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +38,24 @@ OPTIONS = (
     "--remote-debugging-port=0",
 )
 PATIENCE_S = 60.0
+
+
+@contextmanager
+def served(*arguments: str) -> Iterator[str]:
+    """`mnsf view` on a free port of this computer; the address of its page."""
+    words = [sys.executable, "-m", "mnsf_ros.cli", "view", *arguments, "--port", "0"]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as view:
+        lines = []
+        try:
+            for line in view.stderr:
+                lines.append(line)
+                if match := re.match(r"open (http://127.0.0.1:\d+/) in a browser", line):
+                    yield match[1]
+                    break
+            else:
+                raise AssertionError(lines)
+        finally:
+            view.kill()
 
 
 class Browser:
@@ -95,6 +117,11 @@ class Browser:
     def click_at(self, x: float, y: float) -> None:
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def press(self, key: str, **options: object) -> bool:
+        """Presses a key in the page; whether the page has used it."""
+        event = json.dumps({"key": key, "bubbles": True, "cancelable": True} | options)
+        return not self.value(f"document.body.dispatchEvent(new KeyboardEvent('keydown', {event}))")
 
     def picture(self) -> np.ndarray:
         """The page as it is seen, (H, W, 3)."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 import socket
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
+from browser import CHROMIUM, Browser, served
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.recording.bag_writer import BagWriter
@@ -24,24 +23,6 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 CLOCK = "document.querySelector('#clock').textContent"
 STAMP = "document.body.dataset.stamp"
 KNOB = "document.getElementById('objects.max_speed_m_s')"
-
-
-@contextmanager
-def serving(*arguments: str) -> Iterator[str]:
-    """The command, on a free port of this computer; the address of its page."""
-    words = [sys.executable, "-m", "mnsf_ros.cli", "view", *arguments, "--port", "0"]
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as view:
-        lines = []
-        try:
-            for line in view.stderr:
-                lines.append(line)
-                if match := re.match(r"open (http://127.0.0.1:\d+/) in a browser", line):
-                    yield match[1]
-                    break
-            else:
-                raise AssertionError(lines)
-        finally:
-            view.kill()
 
 
 @pytest.fixture
@@ -54,7 +35,7 @@ def street(make_street: Callable[..., Path]) -> Path:
 def test_a_recording_is_played_stepped_and_changed_on_the_page(
     street: Path, tmp_path: Path
 ) -> None:
-    with serving(str(street)) as url, Browser(url, tmp_path) as browser:
+    with served(str(street)) as url, Browser(url, tmp_path) as browser:
         browser.until(STAMP)
         street_part = np.s_[80:560, :640]
         seen = [browser.picture()[street_part]]
@@ -86,10 +67,13 @@ def test_a_recording_is_played_stepped_and_changed_on_the_page(
 
         browser.click("#layers button:nth-child(3)")
         browser.until("document.querySelector('#layers .on').textContent === 'error'")
+        selection = "document.querySelector('#selection').textContent"
         browser.click_at(330, 400)
-        browser.until(
-            "document.querySelector('#selection').textContent.includes('Decided by the stage')"
-        )
+        browser.until(f"{selection}.includes('Decided by the stage')")
+        assert browser.press("n")
+        browser.until(f"{selection}.includes('Object')")
+        # The browser keeps its own keys.
+        assert not browser.press("f", ctrlKey=True)
         assert not browser.errors
 
 
@@ -112,7 +96,7 @@ def test_flow_of_a_node_and_its_parameters_are_on_the_page(
                 process.kill()
 
     with (
-        serving() as url,
+        served() as url,
         Browser(url, tmp_path) as browser,
         RawTopics("somebody_else") as other,
     ):

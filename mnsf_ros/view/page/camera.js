@@ -32,12 +32,12 @@ export const yawOf = (matrix) => Math.atan2(matrix[4], matrix[0]);
 
 export class Camera {
   target = [8, 0, 0];
-  distance = 42;
+  distance = 38;
   azimuth = 0;  // direction of the view about z, from x
-  elevation = 0.62;
+  elevation = 0.55;
 
   lookFromBehind() {
-    Object.assign(this, { distance: 42, elevation: 0.62 });
+    Object.assign(this, { distance: 38, elevation: 0.55 });
   }
 
   lookFromAbove() {

@@ -34,6 +34,7 @@ export class Overlay {
       if (view.selected.at && !view.selected.track) this.drawMark(view.selected.at, scene.groundZ);
       this.drawLabels(scene.objects, view.selected.track);
     }
+    if (!scene) this.text("no sweep yet", view.width / 2, view.bottom / 2, FAINT, "center", 14);
     this.drawLegend(view.layer);
   }
 
@@ -76,6 +77,18 @@ export class Overlay {
     context.globalAlpha = 1;
   }
 
+  // Fills a polygon of places of the frame that are all in front of the camera.
+  fill(places, color, alpha) {
+    const clipped = places.map((place) => this.clip(place));
+    if (clipped.some(([, , depth]) => depth < NEAREST)) return;
+    const context = this.context;
+    context.beginPath();
+    for (const place of clipped) context.lineTo(...this.pixel(place));
+    Object.assign(context, { fillStyle: color, globalAlpha: alpha });
+    context.fill();
+    context.globalAlpha = 1;
+  }
+
   drawRings({ groundZ }) {
     const around = (radius, turn) => moved(this.frameFromSensor,
       [radius * Math.cos(turn), radius * Math.sin(turn), groundZ]);
@@ -97,15 +110,8 @@ export class Overlay {
   }
 
   drawSensor(groundZ) {
-    const arrow = [[2.2, 0], [-1.6, 1.1], [-0.7, 0], [-1.6, -1.1]]
-      .map(([x, y]) => this.pixelOf([x, y, groundZ]));
-    if (arrow.some((at) => at === null)) return;
-    const context = this.context;
-    context.beginPath();
-    for (const at of arrow) context.lineTo(...at);
-    context.closePath();
-    context.fillStyle = INK;
-    context.fill();
+    this.fill([[1.5, 0], [-1.1, 0.75], [-0.5, 0], [-1.1, -0.75]]
+      .map(([x, y]) => moved(this.frameFromSensor, [x, y, groundZ])), INK, 1);
   }
 
   drawMark([x, y], groundZ) {
@@ -130,6 +136,7 @@ export class Overlay {
   drawBox(item, isSelected) {
     const corners = this.corners(item).map((corner) => moved(this.frameFromSensor, corner));
     const context = this.context;
+    this.fill([0, 1, 3, 2].map((k) => corners[k]), item.color, isSelected ? 0.4 : 0.18);
     context.setLineDash(item.points ? [] : [5, 5]);
     this.stroke(item.color, isSelected ? 3 : 1.6, isSelected ? 1 : 0.85, () => {
       for (const [first, second] of EDGES) this.line(corners[first], corners[second]);
@@ -145,19 +152,23 @@ export class Overlay {
 
   // Labels of near objects come first; where one has no place, it is left out.
   drawLabels(objects, selected) {
-    const context = this.context, placed = [];
+    const context = this.context;
+    const placed = [[this.width - 110, this.bottom - 130, this.width, this.bottom]];  // the legend
     const near = [...objects].sort((a, b) => (b.id === selected) - (a.id === selected)
       || Math.hypot(...a.center) - Math.hypot(...b.center));
     context.font = "12px system-ui, 'DejaVu Sans', sans-serif";
     for (const item of near) {
       const at = this.pixelOf([item.center[0], item.center[1], item.center[2] + item.size[2] / 2]);
       if (!at || at[0] < -20 || at[0] > this.width + 20 || at[1] < 0 || at[1] > this.bottom) continue;
-      const text = `${item.speed.toFixed(1)} m/s  ${item.age.toFixed(1)} s`;
-      const width = context.measureText(text).width + 16;
+      const texts = [`${item.speed.toFixed(1)} m/s`, `${item.age.toFixed(1)} s`];
+      const widths = texts.map((text) => context.measureText(text).width);
+      const width = widths[0] + widths[1] + 24;
       const box = this.freePlace(at, width, placed);
       if (!box) continue;
       placed.push(box);
-      this.drawLabel(text, at, box, item.color);
+      this.drawLabel(at, box, item.color);
+      this.text(texts[0], box[0] + 9, box[1] + 14, INK, "left", 12);
+      this.text(texts[1], box[0] + 17 + widths[0], box[1] + 14, FAINT, "left", 12);
     }
   }
 
@@ -173,7 +184,7 @@ export class Overlay {
     return null;
   }
 
-  drawLabel(text, [x, y], [left, top, right, bottom], color) {
+  drawLabel([x, y], [left, top, right, bottom], color) {
     const context = this.context;
     this.stroke(color, 1, 0.8, () => {
       context.moveTo(Math.min(Math.max(x, left + 4), right - 4), bottom);
@@ -185,7 +196,6 @@ export class Overlay {
     context.fill();
     context.fillStyle = color;
     context.fillRect(left, top + 4, 3, LABEL_PX - 8);
-    this.text(text, left + 9, top + 14, INK, "left", 12);
   }
 
   drawLegend(layer) {

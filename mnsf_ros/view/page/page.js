@@ -176,6 +176,14 @@ function select(track, at) {
   draw();
 }
 
+// Objects one after the other, the nearest first, then none.
+function selectNext() {
+  const near = [...(scene?.objects ?? [])].sort((a, b) =>
+    Math.hypot(...a.center) - Math.hypot(...b.center));
+  const item = near[near.findIndex(({ id }) => id === selected.track) + 1];
+  select(item?.id ?? 0, item?.center.slice(0, 2) ?? null);
+}
+
 function pick(x, y) {
   if (!scene) return;
   let best = { distance: PICK_PX, track: 0, at: null };
@@ -231,13 +239,16 @@ const KEYS = {
   "f": () => setFollowing(!follows),
   "o": () => look("lookFromBehind"),
   "t": () => look("lookFromAbove"),
+  "n": selectNext,
   "1": () => send({ do: "layer", name: "estimate" }),
   "2": () => send({ do: "layer", name: "truth" }),
   "3": () => send({ do: "layer", name: "error" }),
   "Escape": () => select(0, null),
 };
 document.onkeydown = (event) => {
-  if (event.target.closest("input, select, button, summary") || !KEYS[event.key]) return;
+  const isOfPage = event.target.closest(event.key === " " ? "input, select, button, summary"
+    : "input, select");
+  if (isOfPage || event.ctrlKey || event.metaKey || event.altKey || !KEYS[event.key]) return;
   event.preventDefault();
   KEYS[event.key]();
 };

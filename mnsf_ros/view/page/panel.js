@@ -81,8 +81,9 @@ export class Status {
     const highest = Math.max(10, 1.5 * (sorted[Math.floor(0.9 * (sorted.length - 1))] ?? 0));
     context.strokeStyle = "#6cb6ff";
     context.beginPath();
+    const first = LATENCIES - this.latencies.length;
     this.latencies.forEach((value, k) =>
-      context.lineTo(k * width / (LATENCIES - 1), height * (1 - value / highest)));
+      context.lineTo((first + k) * width / (LATENCIES - 1), height * (1 - value / highest)));
     context.stroke();
     context.fillStyle = "#8c939c";
     context.font = "11px system-ui, sans-serif";
@@ -96,7 +97,11 @@ export function showSelection(title, values, lines) {
   find("#selection h2 span").textContent = title;
   showValues(find("#selection dl"), values);
   find("#selection ul").replaceChildren(
-    ...lines.map((line) => element("li", { textContent: line })));
+    ...lines.map((line) => {
+      const [term, ...text] = line.split(": ");
+      return text.length ? element("li", {}, element("small", { textContent: `${term}:` }),
+        ` ${text.join(": ")}`) : element("li", { textContent: line });
+    }));
 }
 
 export class Knobs {
@@ -126,7 +131,7 @@ export class Knobs {
     this.inputs.clear();
     find("#knobs > div").replaceChildren(...groups.map(({ name, text, knobs }) =>
       element("details", { open: name === "objects" },
-        element("summary", {}, `${name} `, element("small", { textContent: text })),
+        element("summary", {}, `${name} `, element("small", { textContent: text.replaceAll("`", "") })),
         ...knobs.map((knob) => this.row(knob)))));
     this.filter();
   }

@@ -13,11 +13,15 @@ void main() {
   gl_Position = clip_from_sensor * vec4(position, 1.0);
   float depth = max(gl_Position.w, 0.3);
   is_large = float(packed_color >> 24u);
-  float size_px = pixels_per_metre / depth * (is_large > 0.5 ? 0.16 : 0.06);
-  gl_PointSize = clamp(size_px, is_large > 0.5 ? 3.2 : 1.4, is_large > 0.5 ? 14.0 : 6.0);
+  float size_px = pixels_per_metre / depth * (is_large > 0.5 ? 0.11 : 0.06);
+  gl_PointSize = clamp(size_px, is_large > 0.5 ? 2.4 : 1.4, is_large > 0.5 ? 10.0 : 6.0);
   color = vec3(packed_color >> 16u & 255u, packed_color >> 8u & 255u, packed_color & 255u) / 255.0;
-  if (is_large < 0.5)  // static points fade into the distance, and are lighter above the ground
-    color *= clamp(1.25 + 0.18 * position.z, 0.7, 1.8) * clamp(1.35 - 0.35 * depth / distance, 0.4, 1.1);
+  float height = smoothstep(-2.0, 2.0, position.z);
+  if (is_large > 0.5)  // enough shade to see the shape
+    color *= mix(0.7, 1.15, height);
+  else  // the ground and what is far away stay in the background
+    color *= mix(vec3(0.5, 0.55, 0.66), vec3(1.3, 1.34, 1.42), height)
+      * clamp(1.35 - 0.35 * depth / distance, 0.4, 1.1);
 }`;
 const FRAGMENT = `#version 300 es
 precision mediump float;
