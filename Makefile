@@ -69,7 +69,7 @@ animation: $(READY) $(STREET_OF_README)
 
 # The picture of the page in the README; needs Chromium.
 picture: $(COMPLETE) $(STREET_OF_README)
-	$(BIN)/python tests/view/page_picture.py $(STREET_OF_README) 3.5 docs/page.webp
+	$(BIN)/python tests/view/page_picture.py $(STREET_OF_README) 4.5 docs/page.webp
 
 # On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
 # after the other.

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from queue import Empty
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from mnsf_ros.core.reason_terms import rows_at
 from mnsf_ros.errors import EvaluationError, MnsfError, SettingsError
@@ -46,6 +46,9 @@ class _Shown:
     trails: Trails
 
 
+_Preview: TypeAlias = tuple[Stream, _Shown]
+
+
 class RecordingView:
     """Plays a recording for the viewers of a server; rests while there are none.
 
@@ -80,6 +83,7 @@ class RecordingView:
         self._place = -1  # of the shown sweep among the kept ones
         self._due_s = 0.0
         self._target_s: float | None = None
+        self._preview: _Preview | None = None
         self._start_at(0.0)
         self._publish_knobs()
         server.tell("title", text=short_name(reader.path))
@@ -121,7 +125,8 @@ class RecordingView:
                 self._speed = to
             case {"do": "layer", "name": str(name)} if name in self._layers:
                 self._layer = name
-                self._publish_scene()
+                if self._kept:
+                    self._publish_scene(self._kept[self._place])
             case {"do": "set", "name": str(name), "value": value}:
                 self._change(name, value)
             case {"do": "reset"}:
@@ -143,25 +148,31 @@ class RecordingView:
         self._stream.change_settings(settings)
         before, self._settings = self._settings, settings
         self._publish_knobs()
-        is_prepared_alike = settings.of_preparation == before.of_preparation
         if settings.time != before.time:
             self._start_at(self._position_s)
         elif not self._is_playing:
-            self._repeat(can_be_short=is_prepared_alike and settings.buffer == before.buffer)
-
-    def _repeat(self, *, can_be_short: bool) -> None:
-        """Estimates the shown sweep again: it alone if possible, else with all before it."""
-        is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
-        estimate = None
-        if can_be_short and is_newest:
-            with suppress(MnsfError):  # of which the longer way warns
-                estimate = self._stream.repeat()
-        if estimate is None:
+            preview = self._preview or self._newest()
             self._start_at(self._position_s)
+            if settings.of_preparation == before.of_preparation:
+                self._preview = preview
+                self._show_preview()
+
+    def _newest(self) -> _Preview | None:
+        """The shown sweep with the stream that has estimated it, unless that has gone on."""
+        is_newest = self._target_s is None and 0 <= self._place == len(self._kept) - 1
+        return (self._stream, self._kept[-1]) if is_newest else None
+
+    def _show_preview(self) -> None:
+        """Shows the sweep with other settings at once: those before it follow with the target."""
+        if self._preview is None:
             return
-        shown = self._kept.pop()
-        self._kept.append(replace(shown, sweep=replace(shown.sweep, estimate=estimate)))
-        self._show()
+        stream, shown = self._preview
+        # What fails here fails again, and is told, when all is estimated.
+        with suppress(MnsfError):
+            stream.change_settings(self._settings)
+            estimate = stream.repeat()
+            if estimate is not None:
+                self._publish_scene(replace(shown, sweep=replace(shown.sweep, estimate=estimate)))
 
     def _start_at(self, position_s: float) -> None:
         """Estimates from a while before a position on; shows the first sweep from there on."""
@@ -171,6 +182,7 @@ class RecordingView:
             self._reader.since(start_ns), self._topics, self._stream, self._warnings.append
         )
         self._paths = Paths()
+        self._preview = None
         self._target_s = position_s
         self._kept.clear()
         self._place = -1
@@ -209,7 +221,7 @@ class RecordingView:
         if self._target_s is not None and position_s < self._target_s - _SAME_S:
             self._publish_player(position_s)
             return
-        self._target_s = None
+        self._target_s, self._preview = None, None
         self._kept.append(_Shown(position_s, sweep, trails))
         self._place = len(self._kept) - 1
         self._show()
@@ -227,7 +239,7 @@ class RecordingView:
 
     def _show(self) -> None:
         shown = self._kept[self._place]
-        self._publish_scene()
+        self._publish_scene(shown)
         self._publish_status(shown.sweep)
         self._publish_player()
         self._explain()
@@ -236,11 +248,9 @@ class RecordingView:
         # Late sweeps are not caught up.
         self._due_s = max(now_s, self._due_s + interval_s)
 
-    def _publish_scene(self) -> None:
-        if self._kept:
-            shown = self._kept[self._place]
-            scene = scene_of(shown.sweep, self._layer)
-            self._server.publish("scene", scene_message(scene, shown.trails))
+    def _publish_scene(self, shown: _Shown) -> None:
+        scene = scene_of(shown.sweep, self._layer)
+        self._server.publish("scene", scene_message(scene, shown.trails))
 
     def _explain(self) -> None:
         lines: list[str] = []

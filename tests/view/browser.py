@@ -37,7 +37,8 @@ OPTIONS = (
     "--disable-dev-shm-usage",
     "--remote-debugging-port=0",
 )
-PATIENCE_S = 60.0
+# It draws without a graphics card.
+PATIENCE_S = 180.0
 
 
 @contextmanager
@@ -117,6 +118,10 @@ class Browser:
     def click_at(self, x: float, y: float) -> None:
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def seek(self, position_s: float) -> None:
+        self.value(f"document.querySelector('#time').value = {position_s}")
+        self.value("document.querySelector('#time').onchange()")
 
     def press(self, key: str, **options: object) -> bool:
         """Presses a key in the page; whether the page has used it."""

@@ -22,16 +22,19 @@ HAS_REASONS = "document.querySelector('#selection li') !== null"
 
 
 def main() -> None:
-    """Plays up to a second, pauses, and selects the nearest vehicle that moves."""
+    """Pauses at a second, and selects the nearest vehicle that moves."""
     recording, second, picture = sys.argv[1], float(sys.argv[2]), sys.argv[3]
     with (
         tempfile.TemporaryDirectory() as folder,
         served(recording) as url,
         Browser(url, Path(folder), SIZE) as browser,
     ):
-        browser.until(f"parseFloat({CLOCK}) >= {second}")
+        browser.until("document.body.dataset.stamp")
         browser.click("#play")
-        browser.until("document.querySelector('#play path').getAttribute('d').startsWith('M4')")
+        browser.value(
+            f"const bar = document.querySelector('#time'); bar.value = {second}; bar.onchange()"
+        )
+        browser.until(f"Math.abs(parseFloat({CLOCK}) - {second}) < 0.2")
         for _ in range(30):
             browser.press("n")
             if browser.value(SPEED) is None or browser.value(SPEED) > FASTER_THAN_M_S:
