@@ -106,15 +106,8 @@ def _sharpness(
     motions = np.tile(moving.motions, (4, 1))
     motions[:, 0] += (_BESIDE_M * np.cos(angles)).astype(np.float32).ravel()
     motions[:, 1] += (_BESIDE_M * np.sin(angles)).astype(np.float32).ravel()
-    # All at once: a call costs more than a few objects.
-    owners = np.arange(4)[:, None] * len(objects) + objects.owners
-    copies = ObjectPoints(
-        np.tile(objects.numbers, 4),
-        np.tile(objects.positions, (4, 1)),
-        owners.ravel(),
-        np.tile(objects.spacing, 4),
-    )
-    least = judge(copies, targets, motions).total.reshape(4, len(objects)).min(axis=0)
+    judged = judge(objects.repeated(4), targets, motions)
+    least = judged.total.reshape(4, len(objects)).min(axis=0)
     sharpness: NDArray[np.float64] = np.maximum(least - moving.total, 0.0)
     return sharpness
 

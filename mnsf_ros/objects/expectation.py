@@ -57,6 +57,10 @@ class Expectation:
             scores[is_known] = np.array([track.score for track in tracks])[rows[is_known]]
         return cls(is_known, motions, scores)
 
+    def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
+        return np.where(self.is_known[:, None], self.motions, motions)
+
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
         """Returns the predictions for the objects of the (K,) mask."""
         return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -56,23 +56,27 @@ class JudgedMotions:
         cost: NDArray[np.float64] = self.near.mean(axis=1)
         return cost
 
-    def only(self, wanted: NDArray[np.bool_]) -> JudgedMotions:
-        """Returns the objects of the (K,) mask."""
+    def only(self, wanted: NDArray[np.bool_] | NDArray[np.int64]) -> JudgedMotions:
+        """Returns the objects of the (K,) mask, or of rows."""
         return JudgedMotions(
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
+
+    def limit(self, share: float) -> NDArray[np.float64]:
+        """(K,) metres, the total below which a motion is clearly better, see `better`."""
+        return share * self.total - _MIN_BETTER_M
 
     def better(self, other: JudgedMotions, share: float) -> JudgedMotions:
         """Returns for each object its own motion, or the other one if that is clearly better.
 
         The other one must leave less than this share of the residual.
         """
-        wins = other.total < share * self.total - _MIN_BETTER_M
+        wins = other.total < self.limit(share)
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
             np.where(wins[:, None], other.past, self.past),
-            np.where(wins, other.disagreement, self.disagreement),
+            self.disagreement,
         )
 
 
@@ -81,6 +85,7 @@ def judge(
     targets: Targets,
     motions: NDArray[np.float32],
     disagreement: NDArray[np.float32] | None = None,
+    most_m: NDArray[np.float64] | float = np.inf,
 ) -> JudgedMotions:
     """Returns motions (K, 3) with their residuals on all targets.
 
@@ -89,11 +94,16 @@ def judge(
         targets: The other sweeps.
         motions: (K, 3) metres, to the next sweep.
         disagreement: (K,) metres, 0 if not given.
+        most_m: (K,) metres; totals above are infinite.
     """
     sweeps = (*targets.near, *targets.past)
     residuals = np.empty((len(objects), len(sweeps)))
+    left_m = np.broadcast_to(most_m, len(objects))
     for column, target in enumerate(sweeps):
-        residuals[:, column] = target.residuals(objects, motions)
+        size = len(targets.near) if column < len(targets.near) else len(targets.past)
+        residuals[:, column] = target.residuals(objects, motions, size * left_m)
+        left_m = left_m - residuals[:, column] / size
+    residuals[left_m < 0] = np.inf
     if disagreement is None:
         disagreement = np.zeros(len(objects), np.float32)
     near, past = np.split(residuals, [len(targets.near)], axis=1)
@@ -104,7 +114,7 @@ def best_of(
     objects: ObjectPoints,
     targets: Targets,
     first: JudgedMotions,
-    others: Iterable[NDArray[np.float32]],
+    others: Sequence[NDArray[np.float32]],
     share: float = 1.0,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
@@ -116,8 +126,14 @@ def best_of(
         others: (K, 3) metres each, further candidates.
         share: They must leave less than this share of the residual.
     """
-    for motions in others:
-        first = first.better(judge(objects, targets, motions, first.disagreement), share)
+    tried = np.stack([first.motions, *others])
+    are_again = [
+        (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
+    ]
+    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.limit(share), len(others)))
+    judged = judge(objects.repeated(len(others)), targets, np.concatenate(others), most_m=most_m)
+    for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
+        first = first.better(judged.only(rows), share)
     return first
 
 

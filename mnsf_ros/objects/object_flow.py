@@ -169,7 +169,7 @@ class ObjectFlowEstimator:
         next_, *previous = targets.near
         others = [start]
         if suspects.expected.is_known.any():
-            others.append(suspects.expected.motions)
+            others.append(suspects.expected.or_else(start))
         with clock.stage("fit to next"):
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:

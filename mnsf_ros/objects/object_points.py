@@ -72,6 +72,16 @@ class ObjectPoints:
             nearest[np.argsort(ranges, kind="stable")[number:]] = False
         return nearest
 
+    def repeated(self, number: int) -> ObjectPoints:
+        """Returns the objects several times, as others: a call costs more than a few objects."""
+        owners = np.arange(number)[:, None] * len(self) + self.owners
+        return ObjectPoints(
+            np.tile(self.numbers, number),
+            np.tile(self.positions, (number, 1)),
+            owners.ravel(),
+            np.tile(self.spacing, number),
+        )
+
     def thinner(self, points_per_object: int) -> ObjectPoints:
         """Returns the same objects with fewer points each."""
         step = np.maximum(1, -(-self.counts // points_per_object))[self.owners]

@@ -54,6 +54,7 @@ class PointGrid:
         transform: NDArray[np.float64],
         within_m: NDArray[np.float32],
         reach_m: float,
+        most_m: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Compares the points of objects with those of the grid.
 
@@ -64,6 +65,8 @@ class PointGrid:
             transform: (4, 4) from the frame of the positions to that of the grid.
             within_m: (P,) metres; a point of the grid that is nearer is as good as the nearest one.
             reach_m: Points farther off do not count, at most `MAX_REACH_M`.
+            most_m: (K,) metres; from where its sum of distances is above, the other points of an
+                object are left out.
 
         Returns:
             Sums over each object's points: (K,) distances beyond `within_m`, at most `reach_m`;
@@ -76,6 +79,7 @@ class PointGrid:
             np.ascontiguousarray(transform[:3], np.float32),
             within_m,
             np.float32(reach_m),
+            np.full(len(motions), np.inf) if most_m is None else most_m,
             self.starts,
             self.points,
         )
@@ -204,7 +208,7 @@ def _rows_of_nearest(
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], int64[::1]))"
     "(float32[:, ::1], int64[::1], float32[:, ::1], float32[:, ::1], float32[::1], float32,"
-    " int32[::1], float32[:, ::1])"
+    " float64[::1], int32[::1], float32[:, ::1])"
 )
 def _compared(
     positions: NDArray[np.float32],
@@ -213,6 +217,7 @@ def _compared(
     transform: NDArray[np.float32],
     within_m: NDArray[np.float32],
     reach_m: np.float32,
+    most_m: NDArray[np.float64],
     starts: NDArray[np.int32],
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
@@ -223,6 +228,8 @@ def _compared(
     to_x, to_y, to_z = transform[0], transform[1], transform[2]
     for row in range(len(positions)):
         owner = owners[row]
+        if distances[owner] > most_m[owner]:
+            continue
         x = positions[row, 0] + motions[owner, 0]
         y = positions[row, 1] + motions[owner, 1]
         z = positions[row, 2] + motions[owner, 2]

@@ -51,7 +51,7 @@ def first_guesses(
     voted = _voted(some, targets.near, settings.max_speed_m_s * interval_s, best.motions)
     best = best_of(some, targets, best, voted)
     if expected.is_known.any():
-        best = best_of(some, targets, best, [expected.motions])
+        best = best_of(some, targets, best, [expected.or_else(best.motions)])
     if targets.past:
         voted = _voted(some, targets.past, _MAX_CHANGE_M_S * interval_s, best.motions)
         best = best_of(some, targets, best, voted)
@@ -103,10 +103,9 @@ def _voted(
     )
     voted = np.tile(base, (_NUM_VOTED, 1, 1))
     voted[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
-    return [
-        fit_motion_field(objects, targets[0], start, _NUM_ITERATIONS).flows / unit
-        for start in voted
-    ]
+    copies = objects.repeated(_NUM_VOTED)
+    fitted = fit_motion_field(copies, targets[0], voted.reshape(-1, 3), _NUM_ITERATIONS)
+    return list((fitted.flows / unit).reshape(voted.shape))
 
 
 @compiled(

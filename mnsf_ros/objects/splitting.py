@@ -20,16 +20,18 @@ _MAX_RANGE_M: Final = 30.0
 # size of a pedestrian, and if no more of the object is new: else it moved itself.
 _SHORT_M: Final = 2.0
 _PEDESTRIAN_M: Final = 1.2
+# The same of an object that is too long to move as a whole, such as a wall that a car is beside.
+_LORRY_M: Final = 8.0
 # Points that came lately, in touching cells of this size, are measured as one part: the front of a
 # bus has gaps.
 _GAP_CELL_M: Final = 0.5
 
 
 def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
-    """Returns the sweep with pedestrians split from what they touch, if they came lately.
+    """Returns the sweep with movers split from what they touch, if they came lately.
 
     A point came lately if another sweep saw through its place and nothing was near: that of a
-    pedestrian beside a wall or in a row of parked cars.
+    pedestrian in a row of parked cars, or of a car beside a wall.
 
     Args:
         current: The sweep.
@@ -46,10 +48,10 @@ def split(current: ObjectSweep, targets: Sequence[Target]) -> ObjectSweep:
         has_come |= target.are_new(points)
     num_new = np.bincount(objects[rows[has_come]], minlength=len(sizes))
     shares = num_new / np.maximum(np.bincount(objects, minlength=len(sizes)), 1)
-    rows = rows[has_come & (shares * sizes < _PEDESTRIAN_M)[objects[rows]]]
-    return current.with_parts(
-        rows[_part_sizes(np.take(current.thinned, rows, axis=0)) < _PEDESTRIAN_M]
-    )
+    most_m = np.where(current.may_move, _PEDESTRIAN_M, _LORRY_M)
+    rows = rows[has_come & (shares * sizes < most_m)[objects[rows]]]
+    part_sizes = _part_sizes(np.take(current.thinned, rows, axis=0))
+    return current.with_parts(rows[part_sizes < most_m[objects[rows]]])
 
 
 def _part_sizes(points: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -120,12 +120,18 @@ class Target:
         )
         return free, hidden
 
-    def residuals(self, objects: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[np.float64]:
+    def residuals(
+        self,
+        objects: ObjectPoints,
+        motions: NDArray[np.float32],
+        most_m: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
         """How far moved objects are from the target, beyond the spacing of its points.
 
         Args:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
+            most_m: (K,) metres; residuals above need not be exact.
 
         Returns:
             (K,) metres, mean over each object's points, truncated.
@@ -137,6 +143,7 @@ class Target:
             self.from_current,
             objects.spacing,
             TRUNCATION_M,
+            None if most_m is None else most_m * objects.counts,
         )
         return np.asarray(sums / objects.counts, np.float64)
 
@@ -147,7 +154,7 @@ class Target:
             objects: K objects.
             motions: (K, 3) metres, to the next sweep.
         """
-        return self.steps_of(objects, motions) * motions
+        return self.steps_of(objects, motions) * motions if motions.any() else motions
 
 
 @dataclass(frozen=True)
