@@ -115,7 +115,7 @@ def _points_around(objects: ObjectPoints, target: Target) -> NDArray[np.float32]
 
 def _match(objects: ObjectPoints, target: Target, motion: NDArray[np.float32]) -> Match:
     """Compares the only object, moved by (3,) metres to the next sweep, with a target."""
-    positions = objects.positions + target.shifts(objects, motion[None, None])[0]
+    positions = objects.positions + target.shifts(objects, motion[None])
     places = transformed(positions, target.from_current)
     nearest = target.sweep.grid.nearest(places, TRUNCATION_M)
     distances = np.linalg.norm(target.sweep.thinned[nearest] - places, axis=1)

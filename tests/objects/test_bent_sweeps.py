@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bent_sweeps import Turning
 
+from mnsf_ros.core.flow_estimate import Verdict
 from mnsf_ros.evaluation.metrics import end_point_errors
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -48,6 +49,15 @@ def test_flow_is_that_of_the_points_as_they_came(street):
         errors_m["dynamic"].append(of_points[true.dynamic & ~true.ground].mean())
     assert np.mean(errors_m["static"]) < 0.02
     assert np.mean(errors_m["dynamic"]) < 0.2
+
+
+def test_reason_has_the_residuals_of_points_with_times(street):
+    true, found = street[1], estimates(street)[0]
+    movers = np.flatnonzero(true.dynamic & found.over_ground.dynamic)
+    reason = found.reason_of(movers)
+    assert reason.verdict is Verdict.DYNAMIC
+    for terms in reason.sweeps[:2]:
+        assert terms.moving.residual_m < terms.static.residual_m
 
 
 def test_without_times_nothing_changes(street):
