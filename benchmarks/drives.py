@@ -150,8 +150,9 @@ def kept_world(seed: int, duration_s: float, scenario: str, folder: Path) -> Wor
 
 
 def _simulated(item: SimulatedSweep) -> TrueSweep:
+    times_s = None if item.times_ns is None else (item.times_ns / 1e9).astype(np.float32)
     return TrueSweep(
-        Sweep(item.xyz, item.stamp_ns, "lidar", times_s=_seconds(item.times_ns)),
+        Sweep(item.xyz, item.stamp_ns, "lidar", times_s=times_s),
         item.world_from_sensor,
         item.flow,
         item.dynamic,
@@ -165,10 +166,6 @@ def _simulated(item: SimulatedSweep) -> TrueSweep:
 def triplet_at(sweeps: Sequence[TrueSweep], index: int) -> SweepTriplet:
     """Returns the triplet around a sweep, without odometry."""
     return SweepTriplet(*(item.sweep for item in sweeps[index - 1 : index + 2]))
-
-
-def _seconds(times_ns: NDArray[np.uint32] | None) -> NDArray[np.float32] | None:
-    return None if times_ns is None else (times_ns / 1e9).astype(np.float32)
 
 
 def to_and_fro(items: Iterable[Item]) -> list[Item]:

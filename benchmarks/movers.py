@@ -55,7 +55,6 @@ _MORE: Final = {
 _FIGURES: Final = _MAIN | _MORE
 # A band of confidence with fewer points is not judged.
 _MIN_BAND_POINTS: Final = 500
-_MAX_FAULTS: Final = 5
 
 
 def main() -> None:
@@ -69,14 +68,12 @@ def main() -> None:
         "--cache", type=Path, default=CACHE, help="of worlds (default: %(default)s)"
     )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the figures of each world")
-    parser.add_argument("--worst", type=int, default=8, help="worlds to list")
     options = parser.parse_args()
 
     def measured() -> Iterator[Table]:
         yield from kitti_tables(options.half)
         scores = world_scores(range(*options.seeds), options.workers, options.cache)
         yield from world_tables(scores)
-        print_worst(scores, options.worst)
         if options.csv:
             figures(scores).to_csv(options.csv)
 
@@ -229,20 +226,6 @@ def targets(name: str, scores: Sequence[WorldScore]) -> Iterator[Target]:
         for part in ("held", "released"):
             share = total(scores, part) / number
             yield Target(f"vehicles that stop: {part}", 0.95, share, is_minimum=True)
-
-
-def print_worst(scores: Sequence[WorldScore], number: int) -> None:
-    """Prints the worlds that are worst in recall or in false movers, and what went wrong."""
-    by_recall = sorted(scores, key=lambda one: np.nan_to_num(one.figures["recall"], nan=1.0))
-    by_false = sorted(scores, key=lambda one: -one.figures["false movers"])
-    half = (number + 1) // 2
-    print("Worst worlds\n")
-    for one in dict.fromkeys([*by_recall[:half], *by_false[: number - half]]):
-        recall, false_movers = one.figures["recall"], one.figures["false movers"]
-        print(f"  {one.scenario} {one.seed}: {one.text}")
-        print(f"    recall {recall:.2f}, false movers {false_movers:.2f} a sweep")
-        for fault in one.faults[:_MAX_FAULTS]:
-            print(f"    {fault}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -175,7 +175,6 @@ class WorldScore:
         scenario: `random` or `standing`.
         figures: Name to figure; NaN where there is nothing to judge.
         confidence: Band, and whether from scratch, to numbers as in `MoverRow`.
-        faults: Lines about missed and false movers, most sweeps first.
     """
 
     seed: int
@@ -184,7 +183,6 @@ class WorldScore:
     scenario: str
     figures: dict[str, float]
     confidence: dict[tuple[str, bool], NDArray[np.float64]]
-    faults: list[str]
 
 
 def world_score(world: World, scenario: str = "random") -> WorldScore:
@@ -214,7 +212,7 @@ def world_score(world: World, scenario: str = "random") -> WorldScore:
         for band, numbers in (pair for one in each for pair in one.row.movers.confidence.items()):
             confidence[band, is_scratch] += numbers
     about = (world.seed, world.lidar, world.text, scenario)
-    return WorldScore(*about, figures, dict(confidence), _faults(run))
+    return WorldScore(*about, figures, dict(confidence))
 
 
 # Confidence of the points called dynamic, whether they are, and how many dynamic points there are.
@@ -280,28 +278,3 @@ def _braking(objects: pd.DataFrame) -> tuple[list[bool], list[bool]]:
         held.append(bool(own["is_called"][brakes].all()))
         released.append(not own["is_called"][later].any())
     return held, released
-
-
-def _faults(run: Sequence[Scored]) -> list[str]:
-    """Missed movers and static things called movers: number of sweeps, and where at first."""
-    counts: Counter[str] = Counter()
-    places: dict[str, str] = {}
-    for name, sweep, x_m, y_m in (fault for one in run for fault in _faults_of(one)):
-        counts[name] += 1
-        places.setdefault(name, f"first in sweep {sweep} at ({x_m:.0f}, {y_m:.0f}) m")
-    return [f"{name}: {number} sweeps, {places[name]}" for name, number in counts.most_common()]
-
-
-def _faults_of(one: Scored) -> Iterator[tuple[str, int, float, float]]:
-    """Name, number of the sweep, x and y of each fault."""
-    for item in one.row.movers.objects:
-        if item.moves and not item.is_found and item.range_m <= _MAX_RANGE_M:
-            stage = "" if item.lost_by is None else f" ({item.lost_by.value})"
-            yield f"missed {item.kind} {item.object_id}{stage}", one.row.number, *item.place_m
-    false = one.called & one.is_static
-    numbers, counts = np.unique(one.truth.object_id[false], return_counts=True)
-    for number in numbers[counts >= _MIN_FALSE_POINTS].tolist():
-        own = false & (one.truth.object_id == number)
-        kind = SurfaceClass(int(one.truth.class_id[own][0])).name.lower().replace("_", " ")
-        x_m, y_m = np.median(one.truth.xyz[own, :2], axis=0).tolist()
-        yield f"false {kind} {number}" if number else "false ground", one.row.number, x_m, y_m

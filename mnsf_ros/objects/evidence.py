@@ -28,7 +28,6 @@ _WITHOUT_PAST: Final = (-1.27, -0.78, 0.76, 0.79, -0.38, 0.89, _PER_LOG)
 # Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
 _NOISE_M: Final = 0.01
 _PAST_NOISE_M: Final = 0.02
-_LONG_M: Final = 1.0
 # The longest motion that is slow, to the next sweep.
 _SLOW_M: Final = 0.3
 # By noise alone surfaces are thicker than this.
@@ -110,7 +109,7 @@ def evidence(
             _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1), _PAST_NOISE_M),
         ]
     else:
-        columns.append(np.where(is_same, 0.0, np.log(np.maximum(lengths / _LONG_M, 1.0))))
+        columns.append(np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))))
     return np.stack(columns, axis=1).astype(np.float64)
 
 

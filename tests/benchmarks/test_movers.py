@@ -22,8 +22,6 @@ def test_a_world_is_scored(score):
     assert 0 < score.figures["recall"] < 1
     assert 0 < score.figures["static EPE"] < score.figures["dynamic EPE"]
     assert {is_scratch for _, is_scratch in score.confidence} == {False, True}
-    assert score.faults
-    assert all(fault.startswith(("missed ", "false ")) for fault in score.faults)
 
 
 def test_recall_counts_where_precision_is_high_enough(load):
@@ -57,7 +55,7 @@ def test_a_braking_vehicle_is_called_a_mover_until_it_stands(load, called, held,
     assert load("world_scores")._braking(drive(called, speeds_m_s)) == (held, released)
 
 
-def test_worlds_are_summed_up_for_each_lidar(load, score, capsys):
+def test_worlds_are_summed_up_for_each_lidar(load, score):
     movers = load("movers")
     worse = replace(score, seed=7, figures=score.figures | {"recall": 0.1, "false movers": 2.0})
     other = replace(score, seed=8, lidar="64 beams")
@@ -78,10 +76,6 @@ def test_worlds_are_summed_up_for_each_lidar(load, score, capsys):
     assert "64 beams: pedestrians to 30 m, median" in names
     assert names[-1] == "standing: false movers a sweep, worst tenth"
     assert movers.figures(scores).loc[7, "recall"] == 0.1
-    movers.print_worst(scores[:3], 2)
-    said = capsys.readouterr().out
-    assert "random 7: " in said
-    assert score.faults[0] in said
 
 
 def test_the_worst_tenth_is_at_the_bad_end(load, score):
