@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -93,6 +94,9 @@ class SceneFlowLifecycleNode(_FlowNode, LifecycleNode):
         set_logger_level("rcl_lifecycle", LoggingSeverity.ERROR)
         self._own_parameters = NodeParameters(self, has_life_cycle=True)
         self._own_entities = _entities(self)
+        for service in self.services:
+            if service.srv_type is ChangeState:
+                service.callback = partial(self._answer_change, service.callback)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Makes the parts; fails if the settings ask for something unavailable."""
@@ -135,6 +139,20 @@ class SceneFlowLifecycleNode(_FlowNode, LifecycleNode):
         for entity, kind in _entities(self).items():
             if entity not in self._own_entities:
                 getattr(self, f"destroy_{kind}")(entity)
+
+    def _answer_change(
+        self,
+        change: Callable[[ChangeState.Request, ChangeState.Response], ChangeState.Response],
+        request: ChangeState.Request,
+        response: ChangeState.Response,
+    ) -> ChangeState.Response:
+        """Refuses what rclpy raises at without an answer: a number that the state does not have."""
+        try:
+            return change(request, response)
+        except Exception as error:  # noqa: BLE001 - its class is private
+            self.report_error(error)
+            response.success = False
+            return response
 
     def _result_of(self, transition: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         """Result of a transition; an error is logged, which rclpy does not."""

@@ -312,14 +312,13 @@ class SceneFlowPeer(Spinner):
         self.spin_until(future.done, f"an answer of {request}")
         return future.result()
 
-    def call(self, service, name, request, *, waits=True):
-        """Calls a service of the node, which may never answer; the response if it waits."""
+    def call(self, service, name, request):
+        """Response of a service of the node."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service, f"{self._node_name}/{name}")
         self.spin_until(self._clients[name].service_is_ready, f"the service {name}")
         future = self._clients[name].call_async(request)
-        if waits:
-            self.spin_until(future.done, f"an answer of {name}")
+        self.spin_until(future.done, f"an answer of {name}")
         return future.result()
 
     # Waiting
