@@ -139,7 +139,6 @@ def add_subcommand(
     summary: str,
     run: Callable[[argparse.Namespace], int | None],
     *,
-    description: str = "",
     epilog: str = "",
     usage: str | None = None,
 ) -> Arguments:
@@ -147,7 +146,7 @@ def add_subcommand(
     parser = subparsers.add_parser(
         name,
         help=summary,
-        description=description or f"{summary[0].upper()}{summary[1:]}.",
+        description=f"{summary[0].upper()}{summary[1:]}.",
         epilog=epilog,
         usage=usage,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -46,10 +46,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "evaluate",
-        "score methods on recordings",
+        "score methods on recordings, print tables and write a report",
         _run,
-        description="Estimate scene flow on whole recordings, score it, print tables and "
-        "write a report.",
         epilog=_EPILOG,
     )
     arguments.recordings("bags BAG", "recordings", nargs="+")

@@ -28,9 +28,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "explain",
-        "explain why one place was called dynamic or not",
+        "explain why one place of one sweep was called dynamic or not",
         _run,
-        description="Print how the method decided about the object at one place of one sweep.",
         epilog=_EPILOG,
     )
     arguments.recordings("bag BAG", "recording")

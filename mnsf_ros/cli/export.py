@@ -37,10 +37,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "export",
-        "write estimates as files of OpenSceneFlow or Argoverse 2",
+        "write estimates of any method as files of OpenSceneFlow or Argoverse 2",
         _run,
-        description="Estimate the flow of recordings with any method, for other projects to show,\n"
-        "score or train on.",
         epilog=_EPILOG,
     )
     arguments.value("format FORMAT", ", ".join(_FORMATS), choices=_FORMATS)

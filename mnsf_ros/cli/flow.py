@@ -38,9 +38,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "flow",
-        "estimate the flow of one sweep in a file",
+        "estimate where each point of a sweep in a file is in the next one",
         _run,
-        description="Estimate where each point of CURRENT is in NEXT.",
         usage="mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT [options]",
         epilog=_EPILOG,
     )

@@ -20,9 +20,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "report",
-        "write the HTML report of an evaluation again",
+        "write the HTML report of an evaluation again, from its rows.jsonl",
         _run,
-        description="Write report.html into the folder of an evaluation, from its rows.jsonl.",
         epilog=_EPILOG,
     )
     arguments.value("folder", "folder of `mnsf evaluate --out`", Path)

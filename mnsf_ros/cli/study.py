@@ -35,9 +35,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "study",
-        "reproduce a table or case study of the paper",
+        "reproduce a table or case study of the paper: NAME.md, NAME.csv, NAME.png",
         _run,
-        description="Write NAME.md, NAME.csv and NAME.png into a folder.",
         epilog=_EPILOG,
     )
     arguments.value("name NAME", "study, see below", choices=_NAMES)

@@ -39,10 +39,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "tune",
-        "find the best settings of the method online for recordings",
+        "find the best settings of the method online for recordings (Optuna)",
         _run,
-        description="Find the parameters of the method online that are best on recordings, by "
-        "many trials (Optuna).",
         epilog=_EPILOG,
     )
     arguments.value("bags BAG", "recordings", Path, nargs="+")

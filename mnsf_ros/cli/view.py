@@ -19,10 +19,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments = add_subcommand(
         subparsers,
         "view",
-        "show flow in a browser, or write an animation",
+        "show the flow of a recording, or of the running node, in a browser",
         _run,
-        description="Serves a page that shows the flow of a recording, without ROS, or that of the "
-        "running node,\nand changes the parameters.",
     )
     arguments.recordings("bag", "recording; without it, the running node is shown", nargs="?")
     arguments.points()

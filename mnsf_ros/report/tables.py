@@ -84,6 +84,8 @@ _CONSISTENCY: Final = {
     "nearest_m": Column("nearest point, moved (m)"),
     "zero_nearest_m": Column("nearest point, unmoved (m)"),
 }
+_THREE_WAY: Final = {name: Column(name, 4, "min") for name in (*THREE_WAY, "mean")}
+_LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
@@ -116,21 +118,50 @@ def errors_table(errors: pd.DataFrame, title: str = "", row_title: str = "method
 
 def main_tables(summary: pd.DataFrame) -> list[TextTable]:
     """Returns errors, movers and self-consistency of each method."""
-    consistency = part_of(summary, "consistency")
+    tracked = "Tracked objects (median; after a stop: longest time)"
+    consistency = (
+        "Self-consistency (needs no truth; a small distance does not prove that a flow is right, a "
+        "large one shows that it is wrong)"
+    )
     return [
         *_group_tables(summary),
-        movers_table(summary),
-        made_table(
-            _movers(summary), _TRACKED, "Tracked objects (median; after a stop: longest time)"
-        ),
-        objects_table(summary, (FAST, SLOW)),
-        made_table(
-            consistency,
-            _CONSISTENCY,
-            "Self-consistency (needs no truth; a small distance does not prove that a flow is "
-            "right, a large one shows that it is wrong)",
-        ),
+        _part_table(summary, "movers", _CALLED_DYNAMIC, "Points called dynamic, and false movers"),
+        _part_table(summary, "movers", _TRACKED, tracked),
+        _objects_table(summary, (FAST, SLOW)),
+        _part_table(summary, "consistency", _CONSISTENCY, consistency),
     ]
+
+
+def further_tables(summary: pd.DataFrame) -> list[TextTable]:
+    """Returns the details; the last table has the numbers of examples."""
+    classes = {name: name.replace(".", " ") for name in part_of(summary, "bucketed")}
+    # The mean over the classes comes last.
+    classes = dict(sorted(classes.items(), key=lambda item: item[0].startswith("mean.")))
+    bucketed = {name: Column(title, 3, "min") for name, title in classes.items()}
+    bucketed_title = (
+        "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
+        "dynamic (1: ego motion only) and static (m)"
+    )
+    three_way = "Three-way EPE (m) of Argoverse 2, over all points of all examples"
+    lost = "Mover-sweeps without detection, by the stage that rejected the mover (to 50 m)"
+    work = "Examples (out of time: optimizations ended by their time budget)"
+    return [
+        _part_table(summary, "three_way", _THREE_WAY, three_way),
+        _part_table(summary, "bucketed", bucketed, bucketed_title),
+        _bins_table(summary, "by_range", "EPE (m) in bins of range", "m"),
+        _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
+        _objects_table(summary, MOVER_GROUPS[2:]),
+        _part_table(summary, "movers.lost", _LOST, lost),
+        made_table(summary, _WORK, work),
+    ]
+
+
+def _part_table(
+    summary: pd.DataFrame, prefix: str, columns: Mapping[str, Column], title: str
+) -> TextTable:
+    """The methods with values in a part of the summary, in the columns that it has."""
+    part = part_of(summary, prefix).dropna(how="all")
+    return made_table(part, {name: one for name, one in columns.items() if name in part}, title)
 
 
 def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
@@ -144,18 +175,8 @@ def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
             yield errors_table(errors.join(times), f"{words} ({points} points)")
 
 
-def movers_table(summary: pd.DataFrame) -> TextTable:
-    """Returns the scores of points called dynamic and of false movers."""
-    return made_table(_movers(summary), _CALLED_DYNAMIC, "Points called dynamic, and false movers")
-
-
-def _movers(summary: pd.DataFrame) -> pd.DataFrame:
-    """Scores of the methods that detect movers."""
-    return part_of(summary, "movers").dropna(how="all")
-
-
-def objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTable:
-    """Returns the detection of moving objects."""
+def _objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTable:
+    """The detection of moving objects."""
     parts = {group.name: part_of(summary, f"movers.{group.name}") for group in groups}
     lines = {
         f"{method}: {name}": part.loc[method]
@@ -165,40 +186,6 @@ def objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTa
     }
     frame = pd.DataFrame.from_dict(lines, orient="index")
     return made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
-
-
-def losses_table(summary: pd.DataFrame) -> TextTable:
-    """Returns the stages that rejected movers, of methods that give reasons."""
-    lost = part_of(_movers(summary), "lost").fillna(0)
-    stages = {one.value: Column(one.value, None) for one in LostBy if one.value in lost}
-    title = "Mover-sweeps without detection, by the stage that rejected the mover (to 50 m)"
-    return made_table(lost, stages, title)
-
-
-def further_tables(summary: pd.DataFrame) -> list[TextTable]:
-    """Returns the details; the last table has the numbers of examples."""
-    three_way, bucketed = part_of(summary, "three_way"), part_of(summary, "bucketed")
-    # The mean over the classes comes last.
-    classes = sorted(bucketed, key=lambda name: name.startswith("mean."))
-    work = "Examples (out of time: optimizations ended by their time budget)"
-    return [
-        made_table(
-            three_way,
-            {name: Column(name, 4, "min") for name in (*THREE_WAY, "mean") if name in three_way},
-            "Three-way EPE (m) of Argoverse 2, over all points of all examples",
-        ),
-        made_table(
-            bucketed,
-            {name: Column(name.replace(".", " "), 3, "min") for name in classes},
-            "Bucket-normalized error of Argoverse 2 within 35 m, over all points of all examples: "
-            "dynamic (1: ego motion only) and static (m)",
-        ),
-        _bins_table(summary, "by_range", "EPE (m) in bins of range", "m"),
-        _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
-        objects_table(summary, MOVER_GROUPS[2:]),
-        losses_table(summary),
-        made_table(summary, _WORK, work),
-    ]
 
 
 def _bins_table(summary: pd.DataFrame, field: str, title: str, unit: str) -> TextTable:
