@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from itertools import cycle
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,16 +16,8 @@ from mnsf_ros.drawing.figures import SERIES, chart_figure, png_bytes
 
 _DPI: Final = 120
 _LEVELS: Final = 16
+_LOOKS: Final = (("o", "-"), ("s", "--"), ("^", ":"))
 _GROUP_COLORS: Final = (SERIES[0], "#e2703a", "#8a94a3")
-
-
-class LogLine(NamedTuple):
-    """A line through x and y above 0, with numbers of its colour, and of its mark and dashes."""
-
-    label: str
-    values: Mapping[int, float]
-    color: int
-    look: int
 
 
 def grouped_bars(
@@ -83,13 +76,19 @@ def height_maps(
 
 
 def log_lines(
-    title: str, across: str, sizes: Sequence[int], panels: Mapping[str, Sequence[LogLine]]
+    title: str,
+    across: str,
+    sizes: Sequence[int],
+    panels: Mapping[str, Mapping[str, Mapping[str, Mapping[int, float]]]],
 ) -> bytes:
-    """Draws panels of lines over ascending sizes, with one over the size for comparison."""
+    """Draws panels of lines over ascending sizes, with one over the size for comparison.
+
+    Each panel has groups of lines of one colour; each line has values above 0 by their size.
+    """
     figure = chart_figure(11.0, 5.0)
     axes_of = np.atleast_1d(figure.subplots(1, len(panels)))
-    for axes, (name, lines) in zip(axes_of, panels.items(), strict=True):
-        _draw_log_lines(axes, sizes, lines)
+    for axes, (name, groups) in zip(axes_of, panels.items(), strict=True):
+        _draw_log_lines(axes, sizes, groups)
         axes.set_xlabel(across)
         axes.set_title(name)
     axes_of[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -97,14 +96,17 @@ def log_lines(
     return png_bytes(figure, dpi=_DPI)
 
 
-def _draw_log_lines(axes: Axes, sizes: Sequence[int], lines: Sequence[LogLine]) -> None:
-    for line in lines:
-        x, y = list(line.values), list(line.values.values())
-        mark, dashes = (("o", "-"), ("s", "--"), ("^", ":"))[line.look % 3]
-        color = SERIES[line.color % len(SERIES)]
-        axes.loglog(x, y, color=color, marker=mark, ls=dashes, label=line.label)
-    top = max((value for line in lines for value in line.values.values()), default=1.0)
-    guide = [top * sizes[0] / size for size in sizes]
+def _draw_log_lines(
+    axes: Axes, sizes: Sequence[int], groups: Mapping[str, Mapping[str, Mapping[int, float]]]
+) -> None:
+    top = 0.0
+    for (group, lines), color in zip(groups.items(), cycle(SERIES)):
+        for (line, values), (mark, dashes) in zip(lines.items(), cycle(_LOOKS)):
+            if values:
+                x, y = list(values), list(values.values())
+                label, top = f"{group}, {line}", max(top, *y)
+                axes.loglog(x, y, color=color, marker=mark, ls=dashes, label=label)
+    guide = [(top or 1.0) * sizes[0] / size for size in sizes]
     axes.loglog(sizes, guide, color="grey", lw=1.0, ls="-.", label="1/N")
     axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
     axes.minorticks_off()

@@ -37,15 +37,11 @@ class CaseStudySettings:
             raise SettingsError(
                 f"sizes: got {self.sizes}, expected 3 or more numbers from 2 in ascending order"
             )
-        if len(set(self.method_names)) < len(self.method_names):
+        methods = self.methods.split(",")
+        if len(set(methods)) < len(methods):
             raise SettingsError(f"methods: got {self.methods}, expected each once")
 
     @property
     def numbers_of_points(self) -> list[int]:
         """The `sizes`."""
         return [int(text) if text.isdecimal() else 0 for text in self.sizes.split(",")]
-
-    @property
-    def method_names(self) -> list[str]:
-        """The `methods`."""
-        return self.methods.split(",")

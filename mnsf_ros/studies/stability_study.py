@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import linregress
 
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
-from mnsf_ros.drawing.study_charts import LogLine, log_lines
+from mnsf_ros.drawing.study_charts import log_lines
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number
@@ -60,7 +60,9 @@ def run_stability_study(options: StudyOptions) -> StudyResult:
         MnsfError: A recording or a setting cannot be used, or an estimate fails.
     """
     settings = options.evaluation().settings
-    estimators = {method: make_method(method, settings) for method in options.case.method_names}
+    estimators = {
+        method: make_method(method, settings) for method in options.case.methods.split(",")
+    }
     triplet = first_example(options).triplet
     found: list[dict[str, object]] = []
     for method, estimator in estimators.items():
@@ -159,16 +161,15 @@ def _result(found: pd.DataFrame, options: StudyOptions) -> StudyResult:
     )
     header = ["replaced in", *(f"N = {size:,}" for size in options.case.numbers_of_points), "slope"]
     tables: list[TextTable] = []
-    panels: dict[str, list[LogLine]] = {}
+    panels: dict[str, dict[str, dict[str, dict[int, float]]]] = {}
     for part, words in _PARTS.items():
-        cells, panels[words] = [], []
+        cells: list[list[str]] = []
         means = found.groupby(["method", "sweep", "num_points"])[part].mean()
-        for method, sweep in product(options.case.method_names, SWEEPS):
+        panels[words] = {method: {} for method in options.case.methods.split(",")}
+        for method, sweep in product(panels[words], SWEEPS):
             own = means[method, sweep]
             cells.append([f"{method}, {sweep} sweep", *map("{:.2e}".format, own), _slope_text(own)])
-            if known := own[own > 0].to_dict():
-                places = options.case.method_names.index(method), SWEEPS.index(sweep)
-                panels[words].append(LogLine(f"{method}, {sweep}", known, *places))
+            panels[words][method][sweep] = own[own > 0].to_dict()
         tables.append(TextTable(header, cells, words))
     picture = log_lines(_TITLE, "points N of each sweep", options.case.numbers_of_points, panels)
     return StudyResult(_TITLE, [text], tables, found, picture)
