@@ -7,7 +7,6 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -64,7 +63,7 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     check_folder(options.out, resume=options.resume)
     methods, failed = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
-    pool = _executor(options, evaluation)
+    pool = executor(options.workers, options.ray, options.num_gpus)
     recordings, unreadable = inspected_recordings(options.bags, partial(_checked, options, console))
     with pool as execute:
         folder = RunFolder(options.out)
@@ -224,12 +223,3 @@ def _evaluation_options(options: argparse.Namespace) -> EvaluationOptions:
         realtime_rate=options.realtime,
         num_pictured=max(0, options.pictures),
     )
-
-
-def _executor(
-    options: argparse.Namespace, evaluation: EvaluationOptions
-) -> AbstractContextManager[Executor]:
-    num_gpus = options.num_gpus
-    if num_gpus is None:
-        num_gpus = float(evaluation.settings.compute.device == "cuda")
-    return executor(options.workers, options.ray, num_gpus)

@@ -26,12 +26,7 @@ from mnsf_ros.recording.flow_truth import SurfaceClass
 # Group of points to their number, sum of errors (m) and sum of motion without ego motion (m).
 Sums = dict[str, list[float]]
 
-FOREGROUND_DYNAMIC: Final = "foreground dynamic"
-FOREGROUND_STATIC: Final = "foreground static"
-BACKGROUND_STATIC: Final = "background static"
-THREE_WAY: Final = (FOREGROUND_DYNAMIC, FOREGROUND_STATIC, BACKGROUND_STATIC)
-DYNAMIC: Final = "dynamic"
-STATIC: Final = "static"
+THREE_WAY: Final = ("foreground dynamic", "foreground static", "background static")
 
 _REACH_M: Final = 35.0
 _EDGES_M: Final = np.append(np.linspace(0.0, 2.0, 51), np.inf)
@@ -55,15 +50,9 @@ def three_way_sums(
     `dynamic` and `class_id` are (N,), see `docs/recordings.md`. Groups without points are missing.
     """
     foreground = np.isin(class_id, list(_OBJECTS))
-    groups = {
-        FOREGROUND_DYNAMIC: foreground & dynamic,
-        FOREGROUND_STATIC: foreground & ~dynamic,
-        BACKGROUND_STATIC: ~foreground & ~dynamic,
-    }
-    motion = np.zeros_like(errors_m)
-    return {
-        name: _sums(errors_m[mask], motion[mask]) for name, mask in groups.items() if mask.any()
-    }
+    masks = (foreground & dynamic, foreground & ~dynamic, ~foreground & ~dynamic)
+    groups, motion = zip(THREE_WAY, masks, strict=True), np.zeros_like(errors_m)
+    return {name: _sums(errors_m[mask], motion[mask]) for name, mask in groups if mask.any()}
 
 
 def bucket_sums(
@@ -118,8 +107,8 @@ def over_all_points(parts: Iterable[Mapping[str, list[float]]]) -> dict[str, flo
     buckets = [name for name in sums.index if "/" in name]
     classes = pd.DataFrame(
         {
-            DYNAMIC: ratios[[name for name in buckets if not name.endswith("/0")]],
-            STATIC: epe_m[[name for name in buckets if name.endswith("/0")]],
+            "dynamic": ratios[[name for name in buckets if not name.endswith("/0")]],
+            "static": epe_m[[name for name in buckets if name.endswith("/0")]],
         },
         index=buckets,
     )

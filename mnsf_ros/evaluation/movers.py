@@ -131,6 +131,11 @@ class TrueMotion:
     object_id: NDArray[Any] | None
     interval_s: float = USUAL_INTERVAL_S
 
+    def mean_motion(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Returns the mean motion (3,) of some points until the next sweep, metres over ground."""
+        motion: NDArray[np.float64] = self.velocity[rows].mean(axis=0) * self.interval_s
+        return motion
+
 
 def mover_row(
     truth: TrueMotion,
@@ -154,7 +159,9 @@ def mover_row(
         num_ghosts=_num_ghosts(said.motion[rows][called], tracks[called], moves[called]),
         confidence=_by_confidence(said.confidence[rows][called], errors_m[called] < _CLOSE_M),
         objects=[
-            item if reason_of is None else _with_loss(item, truth, own, reason_of(rows[own]))
+            replace(item, lost_by=lost_by(reason_of(rows[own]), truth.mean_motion(own)))
+            if reason_of is not None and item.moves and not item.is_found
+            else item
             for item, own in _object_rows(truth, called, tracks, said.objects)
         ],
         standing=_standing(truth, called),
@@ -238,16 +245,6 @@ def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
     stands = (ids > 0) & (counts >= _MIN_POINTS) & (mean_m_s < STOPPED_M_S)
     numbers: list[int] = ids[stands & (share < _FOUND_SHARE)].tolist()
     return numbers
-
-
-def _with_loss(
-    item: ObjectRow, truth: TrueMotion, own: NDArray[np.int64], reason: Reason
-) -> ObjectRow:
-    """The row, of a missed mover with the stage that rejected it."""
-    if not item.moves or item.is_found:
-        return item
-    motion = truth.velocity[own].mean(axis=0) * truth.interval_s
-    return replace(item, lost_by=lost_by(reason, motion))
 
 
 def lost_by(reason: Reason, true_motion: NDArray[np.float64]) -> LostBy:

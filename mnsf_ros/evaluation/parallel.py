@@ -44,14 +44,14 @@ def run_serially(
 
 
 def executor(
-    num_workers: int = 1, ray_address: str | None = None, num_gpus: float = 0.0
+    num_workers: int = 1, ray_address: str | None = None, num_gpus: float | None = None
 ) -> AbstractContextManager[Executor]:
     """Returns the executor of tasks, for as long as its context is open.
 
     Args:
         num_workers: Processes on this machine.
         ray_address: Ray cluster to run on instead; `local` starts one on this machine.
-        num_gpus: GPU share of each task on the cluster.
+        num_gpus: GPU share of each task on the cluster; None: 1 if methods use CUDA, else 0.
 
     Raises:
         EvaluationError: A number is out of range, or processes are asked for on a cluster; on
@@ -59,7 +59,7 @@ def executor(
     """
     if num_workers < 1:
         raise EvaluationError(f"workers: got {num_workers}, expected 1 or more")
-    if num_gpus < 0:
+    if num_gpus is not None and num_gpus < 0:
         raise EvaluationError(f"num_gpus: got {num_gpus}, expected 0 or more")
     if ray_address is not None:
         if num_workers > 1:
@@ -148,14 +148,16 @@ def _all_events(task: EvaluationTask, options: EvaluationOptions) -> list[TaskEv
 
 
 @contextmanager
-def _ray_cluster(ray: Any, address: str, num_gpus: float) -> Iterator[Executor]:  # noqa: ANN401
+def _ray_cluster(ray: Any, address: str, num_gpus: float | None) -> Iterator[Executor]:  # noqa: ANN401
     def execute(
         tasks: Sequence[EvaluationTask], options: EvaluationOptions
     ) -> Iterator[tuple[EvaluationTask, TaskEvent]]:
-        needs = {"CPU": options.settings.compute.num_threads, "GPU": num_gpus}
+        compute = options.settings.compute
+        share = float(compute.device == "cuda") if num_gpus is None else num_gpus
+        needs = {"CPU": compute.num_threads, "GPU": share}
         _check_nodes([node["Resources"] for node in ray.nodes() if node["Alive"]], needs)
         # A task whose worker or node is lost is tried again by Ray.
-        work = ray.remote(num_cpus=needs["CPU"], num_gpus=num_gpus)(_all_events)
+        work = ray.remote(num_cpus=needs["CPU"], num_gpus=share)(_all_events)
         futures = {work.remote(task, options).future(): task for task in tasks}
         yield from _events_as_tasks_end(futures, ray.exceptions.RayError)
 
