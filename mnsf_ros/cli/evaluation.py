@@ -41,7 +41,6 @@ from mnsf_ros.methods.registry import COMMAND_PREFIX
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
-from mnsf_ros.report.run_tables import RunTables, tables_of
 
 
 def evaluate(options: argparse.Namespace, console: Console) -> bool:
@@ -140,11 +139,10 @@ def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
         WritingError: Results cannot be written.
     """
     results = read_results(folder)
-    tables = tables_of(results)
-    write_results(folder, results, tables)
-    _print_results(results, tables, folder, console)
+    write_results(folder, results)
+    _print_results(results, folder, console)
     try:
-        path = write_report(folder, results, tables, num_pictured)
+        path = write_report(folder, results, num_pictured)
     except Exception as error:  # noqa: BLE001 - the results are there, whatever a picture costs
         reason = str(error) if isinstance(error, MnsfError) else repr(error)
         console.warn(f"no report: {reason}; `mnsf report {folder.path}` tries again")
@@ -153,14 +151,12 @@ def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:
     return not results.is_incomplete
 
 
-def _print_results(
-    results: RunResults, tables: RunTables, folder: RunFolder, console: Console
-) -> None:
+def _print_results(results: RunResults, folder: RunFolder, console: Console) -> None:
     if results.table.empty:
         for text in ("No results.", *(note.text for note in results.notes)):
             console.warn(text)
         return
-    for table in tables.printed:
+    for table in results.tables.printed:
         console.print(table)
     for text in results.protocol:
         console.say(text)

@@ -33,11 +33,10 @@ def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.evaluation.run_folder import RunFolder
     from mnsf_ros.report.page import write_report
     from mnsf_ros.report.run_results import read_results
-    from mnsf_ros.report.run_tables import tables_of
 
     folder = RunFolder(options.folder)
     results = read_results(folder, options.method)
-    path = write_report(folder, results, tables_of(results), max(0, options.pictures))
+    path = write_report(folder, results, max(0, options.pictures))
     console = Console()
     for note in results.notes:
         if note.is_incomplete:

@@ -22,7 +22,7 @@ from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file
 from mnsf_ros.evaluation.summary import errors_by_sweep, part_of
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.run_tables import RunTables, tiles_of
+from mnsf_ros.report.run_tables import tiles_of
 from mnsf_ros.report.text_table import format_number, format_percent
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
@@ -39,9 +39,7 @@ _TEMPLATES: Final = jinja2.Environment(
 )
 
 
-def write_report(
-    folder: RunFolder, results: RunResults, tables: RunTables, num_pictured: int = 3
-) -> Path:
+def write_report(folder: RunFolder, results: RunResults, num_pictured: int = 3) -> Path:
     """Writes the report; an earlier one is replaced as a whole or not at all.
 
     So many of the worst sweeps are shown, those that the run has drawn.
@@ -58,7 +56,7 @@ def write_report(
         light=LIGHT,
         dark=DARK,
         results=results,
-        tables=tables,
+        tables=results.tables,
         tiles=tiles_of(results),
         error_chart=_error_chart(results),
         time_chart=_time_chart(results),

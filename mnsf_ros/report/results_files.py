@@ -15,7 +15,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
 from mnsf_ros.evaluation.run_record import Session
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.report.run_results import RunResults
-from mnsf_ros.report.run_tables import RunTables
 from mnsf_ros.report.text_table import markdown_code, markdown_text
 
 _COUNTS: Final = ("num_examples", "num_failed", "num_dropped")
@@ -53,25 +52,25 @@ _POINTS: Final = {
 }
 
 
-def write_results(folder: RunFolder, results: RunResults, tables: RunTables) -> None:
+def write_results(folder: RunFolder, results: RunResults) -> None:
     """Writes results.md, .csv, .tex and .json, in place of those of an earlier session.
 
     Raises:
         WritingError: Writing fails; files that are not written yet are those of before.
     """
     for name, text in (
-        ("results.md", results_markdown(results, tables)),
+        ("results.md", results_markdown(results)),
         ("results.csv", results_csv(results)),
-        ("results.tex", results_latex(results, tables)),
+        ("results.tex", results_latex(results)),
         ("results.json", results_json(results)),
     ):
         replace_file(folder.path / name, [text])
 
 
-def results_markdown(results: RunResults, tables: RunTables) -> str:
+def results_markdown(results: RunResults) -> str:
     """Returns the protocol, all tables, the notes and the session."""
     parts = ["# Scene flow evaluation", *map(markdown_text, results.protocol)]
-    parts += [table.markdown().rstrip("\n") for table in tables.listed]
+    parts += [table.markdown().rstrip("\n") for table in results.tables.listed]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {markdown_text(note.text)}" for note in results.notes)]
     *earlier, last = results.record.sessions
@@ -82,11 +81,11 @@ def results_markdown(results: RunResults, tables: RunTables) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def results_latex(results: RunResults, tables: RunTables) -> str:
+def results_latex(results: RunResults) -> str:
     """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].get("command", "")
-    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables.listed)])
+    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in results.tables.listed)])
 
 
 def results_csv(results: RunResults) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import pandas as pd
 
@@ -15,6 +16,7 @@ from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.summary import row_table, summary_of
 from mnsf_ros.presets import UsedSettings
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
+from mnsf_ros.report.run_tables import RunTables, tables_of
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,11 @@ class RunResults:
     notes: list[Note]
     focus: str
     worst: pd.DataFrame
+
+    @cached_property
+    def tables(self) -> RunTables:
+        """All tables of the run."""
+        return tables_of(self)
 
     @property
     def is_incomplete(self) -> bool:

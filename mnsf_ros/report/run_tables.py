@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import pandas as pd
 
@@ -13,7 +13,6 @@ from mnsf_ros.evaluation.comparison import common_sweeps, differences, verdict
 from mnsf_ros.evaluation.movers import ObjectRow
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.summary import errors_in
-from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.tables import (
     TIME,
     Column,
@@ -24,6 +23,9 @@ from mnsf_ros.report.tables import (
 )
 from mnsf_ros.report.text_table import NO_VALUE, TextTable, format_number, format_percent
 from mnsf_ros.sweeps.sweep import NANOSECONDS
+
+if TYPE_CHECKING:
+    from mnsf_ros.report.run_results import RunResults
 
 _NUM_LISTED: Final = 10
 _WORST: Final = {

@@ -21,7 +21,6 @@ from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.evaluation.summary import errors_in
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import read_results
-from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.report.tables import errors_table
 from mnsf_ros.studies.study import StudyOptions, StudyResult, study_recordings
 
@@ -114,7 +113,7 @@ def run_method_study(study: MethodStudy, options: StudyOptions) -> StudyResult:
         if isinstance(event, ResultRow):
             options.say(f"{next(numbers)}: {_said(event)}")
     results = read_results(folder)
-    write_results(folder, results, tables_of(results))
+    write_results(folder, results)
     if not any(row.errors for row in results.table["row"]):
         why = f": {results.notes[0].text}" if results.notes else ""
         raise EvaluationError(f"no example could be scored{why}")

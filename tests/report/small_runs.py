@@ -15,7 +15,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
-from mnsf_ros.report.run_tables import tables_of
 
 METHODS = ["mnsf", "fnsf", "zero"]
 REFERENCES = ("zero", "ego")
@@ -99,4 +98,4 @@ def write_run_report(path, results, pictures=()):
     folder = RunFolder(path)
     for picture in pictures:
         folder.pictures.add(picture, 9)
-    return write_report(folder, results, tables_of(results))
+    return write_report(folder, results)

@@ -20,7 +20,6 @@ from mnsf_ros.evaluation.run_record import RunRecord, session_now
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
-from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.simulation.recording import write_recording
 from mnsf_ros.simulation.settings import SimulationSettings
 
@@ -54,7 +53,7 @@ def evaluate(street, out, *, methods=METHODS, resume=False, num_events=None, **v
 
 def report_of(folder, number=3, focus=None):
     results = read_results(folder, focus)
-    return write_report(folder, results, tables_of(results), number).read_text()
+    return write_report(folder, results, number).read_text()
 
 
 def files(folder):

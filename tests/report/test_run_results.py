@@ -26,7 +26,6 @@ from mnsf_ros.report.results_files import (
     write_results,
 )
 from mnsf_ros.report.run_results import results_of
-from mnsf_ros.report.run_tables import tables_of
 
 
 def difference(under_test, other):
@@ -67,7 +66,7 @@ def compared(mnsf_drops=(), fnsf_fails=()):
 
 
 def test_table_says_which_is_better_and_by_how_much():
-    (table,) = tables_of(compared()).comparison
+    (table,) = compared().tables.comparison
     assert table.title.startswith("mnsf against the others")
     assert table.rows[0][:5] == ("fnsf, all", "10", "0.155", "0.255", "+0.100")
     assert table.rows[0][-1] == "better"
@@ -77,21 +76,21 @@ def test_table_says_which_is_better_and_by_how_much():
     ]
     # A difference that is rounded to nothing has no minus.
     found = [row(n, m, e) for n in range(1, 7) for m, e in (("mnsf", 0.1), ("fnsf", 0.0999))]
-    (table,) = tables_of(results_of(run_record(), found)).comparison
+    (table,) = results_of(run_record(), found).tables.comparison
     assert {line[4] for line in table.rows} == {"+0.000"}
 
 
 def test_methods_that_answered_different_sweeps_are_compared_on_common_ones():
     found = compared(mnsf_drops=(1, 2, 3), fnsf_fails=(10,))
-    common, paired = tables_of(found).comparison
+    common, paired = found.tables.comparison
     assert "the 6 of 10 that each of them answered" in common.title
     assert [line[0] for line in common.rows] == ["mnsf", "fnsf", "zero"]
     # Sweeps 4 to 9 alone.
     assert [line[1] for line in common.rows] == ["0.165", "0.265", "0.565"]
     assert paired.rows[0][1] == "6"
-    assert common.title in results_markdown(found, tables_of(found))
+    assert common.title in results_markdown(found)
     found = compared(mnsf_drops=range(1, 6), fnsf_fails=range(6, 11))
-    common, *_ = tables_of(found).comparison
+    common, *_ = found.tables.comparison
     assert "the 0 of 10" in common.title
     assert common.rows == []
 
@@ -123,7 +122,7 @@ def test_movers_that_were_missed_most_often_come_first():
             row(number, "mnsf", 0.1, movers=MoverRow((1, 0, 0), 0, objects=[item]))
             for number, item in enumerate(items)
         ]
-        tables = tables_of(results_of(run_record(), rows, focus=focus)).missed
+        tables = results_of(run_record(), rows, focus=focus).tables.missed
         return [line[:3] for table in tables for line in table.rows]
 
     assert missed([1, 2, 2, 1, 2]) == [
@@ -191,10 +190,9 @@ def test_columns_of_csv_keep_their_places():
 
 def test_files_of_results(tmp_path):
     found = results_of(run_record(), rows())
-    tables = tables_of(found)
-    write_results(RunFolder(tmp_path), found, tables)
+    write_results(RunFolder(tmp_path), found)
     text = (tmp_path / "results.md").read_text()
-    assert text == results_markdown(found, tables)
+    assert text == results_markdown(found)
     for part in ("Unweighted mean over 3 examples", "* git commit: abc123", "| method | EPE (m) |"):
         assert part in text
     document = json.loads((tmp_path / "results.json").read_text(), parse_constant=pytest.fail)
@@ -202,9 +200,9 @@ def test_files_of_results(tmp_path):
     assert document["methods"][0]["errors.static.epe_m"] == pytest.approx(0.2)
     assert document["by_recording"].keys() == {"street"}
     assert document["run"]["options"]["num_points"] == 2048
-    text = results_latex(found, tables)
+    text = results_latex(found)
     assert "% mnsf evaluate street\n" in text
-    assert text.count(r"\begin{table}") == text.count(r"\end{table}") == len(tables.listed)
+    assert text.count(r"\begin{table}") == text.count(r"\end{table}") == len(found.tables.listed)
 
 
 @contextmanager
@@ -220,8 +218,8 @@ def small_disk(num_bytes):
 
 def test_full_disk_costs_no_earlier_results(tmp_path):
     found = results_of(run_record(), rows())
-    write_results(RunFolder(tmp_path), found, tables_of(found))
+    write_results(RunFolder(tmp_path), found)
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(WritingError, match=r"results\.md: cannot be written: "), small_disk(100):
-        write_results(RunFolder(tmp_path), found, tables_of(found))
+        write_results(RunFolder(tmp_path), found)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -14,7 +14,6 @@ from mnsf_ros.evaluation.run_folder import RunFolder
 from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
-from mnsf_ros.report.run_tables import tables_of
 from mnsf_ros.studies.run_study import STUDIES, run_study
 from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
@@ -115,7 +114,7 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
 def test_method_study_can_be_reported(studied):
     folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
     results = read_results(folder, "mnsf+fusion.num_hidden_layers=3")
-    text = write_report(folder, results, tables_of(results), 1).read_text()
+    text = write_report(folder, results, 1).read_text()
     assert "<figcaption>mnsf+fusion.num_hidden_layers=3: EPE" in text
 
 
