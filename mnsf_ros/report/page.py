@@ -165,7 +165,8 @@ def _error_chart(results: RunResults) -> Markup:
 
 def _time_chart(results: RunResults) -> Markup:
     """The time of each stage; empty if nothing was timed."""
-    times_ms = stage_times_ms(results.table)
+    found = stage_times_ms(results.table)
+    times_ms = {name: found[name] for name in results.summary.index if name in found}
     return Markup(stage_bars(times_ms) if times_ms else "")
 
 

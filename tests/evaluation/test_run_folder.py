@@ -128,19 +128,13 @@ def test_runs_with_other_settings_are_not_mixed(tmp_path, recording, options, te
     assert str(caught.value).count(" was ") <= 5
 
 
-def test_another_recording_of_the_same_name_is_refused_and_one_that_moved_is_not(tmp_path):
+def test_other_topics_are_refused_and_a_recording_that_moved_is_not(tmp_path):
     bag = small.write_recording(tmp_path / "a" / "drive", 3)
-    other = small.write_recording(tmp_path / "b" / "drive", 3, num_points=61)
     out, recording = tmp_path / "out", small.recording_at(bag)
     begin(out, recording)
-    before = (out / "run.json").read_text()
-    for another, text in (
-        (small.recording_at(other), r"fingerprint: .*num_bytes was \d+, is \d+"),
-        (replace(recording, truth=None), "truth was /truth/flow, is None"),
-    ):
-        with pytest.raises(EvaluationError, match=f"another recording 'drive': .*{text}"):
-            begin(out, another, resume=True)
-    assert (out / "run.json").read_text() == before
+    text = "another recording 'drive': .*truth was /truth/flow, is None"
+    with pytest.raises(EvaluationError, match=text):
+        begin(out, replace(recording, truth=None), resume=True)
     moved = bag.rename(tmp_path / "drive")
     folder, _ = begin(out, small.recording_at(moved), resume=True)
     (known,) = folder.read_record().recordings

@@ -11,7 +11,7 @@ import pytest
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.results import DROPPED, ResultRow
 from mnsf_ros.evaluation.summary import summarize
-from mnsf_ros.report.tables import further_tables, main_tables
+from mnsf_ros.report.tables import further_tables
 
 NAN = math.nan
 
@@ -83,15 +83,6 @@ def test_argoverse_values_are_over_all_points():
 
 def shown(tables):
     return [table for table in tables if table.has_values]
-
-
-def test_tables_have_the_columns_of_the_paper_and_are_left_out_without_content():
-    table, static = shown(main_tables(summarize([row(1, 0.1)])))
-    errors = ["EPE (m)", "Acc5 (%)", "Acc10 (%)", "Outliers (%)", "angle (rad)"]
-    assert table.header == ["method", *errors, "time (ms)"]
-    assert table.rows == [["mnsf", "0.100", "50.0", "60.0", "40.0", "0.300", "100"]]
-    assert table.title == "All points (10 points)"
-    assert static.title.startswith("Static")
 
 
 def test_bands_are_in_order():
