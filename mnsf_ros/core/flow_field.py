@@ -16,7 +16,7 @@ _ROWS_AT_ONCE = {"cpu": 4_096, "cuda": 262_144}
 
 
 class Perceptron(nn.Module):
-    """A multilayer perceptron with three outputs: (M, C) in, (M, 3) out.
+    """A multilayer perceptron: (M, C) in, (M, 3) out, such as positions and flow in metres.
 
     Hidden layers are each followed by a ReLU, the output layer is not; the "8-layer" network of
     the paper has 8 hidden layers and 9 linear ones. Weights start uniformly after Xavier, biases
@@ -75,13 +75,6 @@ def _linear(num_inputs: int, num_outputs: int, generator: torch.Generator) -> nn
     nn.init.xavier_uniform_(layer.weight, generator=generator)
     nn.init.zeros_(layer.bias)
     return layer
-
-
-class FlowField(Perceptron):
-    """Flow at any position: (M, 3) metres in, (M, 3) metres out.
-
-    With one more input, the time in sweep intervals, it is the flow at any position and time.
-    """
 
 
 @torch.no_grad()

@@ -10,11 +10,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from mnsf_ros.core.flow_estimate import OptimizationResult
 from mnsf_ros.core.flow_field import Perceptron
-from mnsf_ros.core.optimization import minimize
-from mnsf_ros.core.schedule import Schedule
-from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.settings import FusionSettings
 
 
@@ -96,19 +92,3 @@ def fusion_network(
     if settings.kind == "mlp":
         return MlpFusion(settings, generator, num_flows, precision)
     return WeightedSumFusion(num_flows) if settings.kind == "weighted_sum" else MeanFusion()
-
-
-def fit_fusion(
-    fusion: nn.Module, rows: torch.Tensor, target: TargetDistance, schedule: Schedule
-) -> OptimizationResult:
-    """Makes the fused flow move the current points onto the next sweep.
-
-    Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed. The rows are (M, 3 + 3 K):
-    point, forward flow and inverted backward flows, metres.
-
-    Raises:
-        OptimizationError: If the loss is not finite.
-        CancelledError: If the schedule says so.
-    """
-    points, flows = rows[:, :3], rows[:, 3:]
-    return minimize(fusion, lambda: target.mean(points + fusion(flows)), schedule, keep_best=True)

@@ -14,7 +14,6 @@ from mnsf_ros.core.flow_field import Perceptron, evaluate
 from mnsf_ros.core.optimization import LossOf, minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
 from mnsf_ros.core.schedule import Schedule
-from mnsf_ros.core.temporal_fusion import fit_fusion
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
@@ -89,9 +88,11 @@ class Workbench:
         network: nn.Module,
         loss_of: LossOf,
         schedule: Schedule,
+        *,
+        keep_best: bool = True,
         weight_decay: float = 0.0,
     ) -> None:
-        """Optimizes a network in place, to its best weights.
+        """Optimizes a network in place, to its best weights or, if they are not kept, the last.
 
         Its time and result go under the name of the stage.
 
@@ -101,7 +102,7 @@ class Workbench:
         """
         with self.stage(stage):
             self.fits[stage] = minimize(
-                network, loss_of, schedule, keep_best=True, weight_decay=weight_decay
+                network, loss_of, schedule, keep_best=keep_best, weight_decay=weight_decay
             )
 
     def flow(
@@ -130,11 +131,17 @@ class Workbench:
     def fused_flow(
         self, fusion: nn.Module, flows: Sequence[torch.Tensor], schedule: Schedule
     ) -> torch.Tensor:
-        """Fits g_fusion to f and f' ..., each (P, 3); (P, 3) finite metres, from t to t+1."""
-        with self.stage("fusion"):
-            side_by_side = torch.cat(list(flows), dim=1)  # [N, 3 K]
-            rows = torch.cat([self.current.positions, side_by_side], dim=1)[self._indices_to_fit]
-            self.fits["fusion"] = fit_fusion(fusion, rows, self.next.distance, schedule)
+        """Fuses f and f' ..., each (P, 3), to (P, 3) finite metres, from t to t+1.
+
+        Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed.
+        """
+        side_by_side = torch.cat(list(flows), dim=1)  # [N, 3 K]
+        chosen = side_by_side[self._indices_to_fit]
+
+        def loss_of() -> torch.Tensor:
+            return self.next.distance.mean(self.points + fusion(chosen))
+
+        self.fit("fusion", fusion, loss_of, schedule)
         return self.flow("fusion", fusion, side_by_side)
 
     def finish(self, flow: torch.Tensor, distance_kind: str | None = None) -> FlowEstimate:

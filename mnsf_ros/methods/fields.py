@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_field import FlowField
+from mnsf_ros.core.flow_field import Perceptron
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import SweepError
@@ -30,7 +30,7 @@ def fresh_field(bench: Workbench, *, is_linear: bool = False, num_inputs: int = 
     """
     if not is_linear:
         precision = layer_precision(bench.settings.compute)
-        field = FlowField(bench.settings.field, bench.generator, num_inputs, precision)
+        field = Perceptron(bench.settings.field, bench.generator, num_inputs, precision)
         return field.to(bench.device)
     points = torch.cat([bench.current.points, bench.next.points]).cpu()
     return KroneckerField(points, bench.settings.linear, bench.generator).to(bench.device)

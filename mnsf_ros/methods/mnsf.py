@@ -10,13 +10,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_field import FlowField
-from mnsf_ros.core.forward_backward_fields import fit_field, fit_jointly
+from mnsf_ros.core.flow_field import Perceptron
+from mnsf_ros.core.optimization import PartlyJudgedLoss
 from mnsf_ros.core.prepared_sweep import PreparedSweep
 from mnsf_ros.core.schedule import Schedule, Schedules
 from mnsf_ros.core.temporal_fusion import fusion_network, invert_motion
@@ -47,7 +48,7 @@ class Networks:
         fusion: The fusion of their flows.
     """
 
-    fields: tuple[FlowField, ...]
+    fields: tuple[Perceptron, ...]
     fusion: nn.Module
 
     @classmethod
@@ -55,8 +56,8 @@ class Networks:
         """Networks with random weights; fields that are fitted jointly have the same."""
         settings, precision = bench.settings, layer_precision(bench.settings.compute)
 
-        def field() -> FlowField:
-            return FlowField(settings.field, bench.generator, precision=precision).to(bench.device)
+        def field() -> Perceptron:
+            return Perceptron(settings.field, bench.generator, precision=precision).to(bench.device)
 
         if settings.optimization.joint:
             first = field()
@@ -90,17 +91,25 @@ def _field_flows(bench: Workbench, networks: Networks, schedules: Schedules) -> 
     fields, keep_best = networks.fields, bench.settings.fusion.fields == "best"
     if not bench.settings.optimization.joint:
         return _fitted_flows(bench, networks, schedules.fields(len(fields)), keep_best=keep_best)
-    targets = [sweep.distance for sweep in (bench.next, *bench.before)]
+    targets = (bench.next, *bench.before)
+
+    def loss_of() -> PartlyJudgedLoss:
+        """The sum, as in the authors' code, not in the paper: they share one optimizer.
+
+        Whether it still falls is judged by the first field alone; the others may stop half-way.
+        """
+        pairs = zip(fields, targets, strict=True)
+        losses = [_loss(bench, field, target) for field, target in pairs]
+        return PartlyJudgedLoss(torch.stack(losses).sum(), losses[0])
+
     (schedule,) = schedules.fields(1)
-    with bench.stage("fields"):
-        bench.fits["fields"] = fit_jointly(
-            fields, bench.points, targets, schedule, keep_best=keep_best
-        )
+    bench.fit("fields", nn.ModuleList(fields), loss_of, schedule, keep_best=keep_best)
     return [bench.flow("fields", field) for field in fields]
 
 
-def _field_stages(number: int) -> list[str]:
-    return ["forward", "backward", *(f"backward {k}" for k in range(2, number))][:number]
+def _loss(bench: Workbench, field: nn.Module, target: PreparedSweep) -> torch.Tensor:
+    """Mean D(p + g(p), S): the field moves the points onto a target."""
+    return target.distance.mean(bench.points + field(bench.points))
 
 
 def _fitted_flows(
@@ -108,14 +117,13 @@ def _fitted_flows(
 ) -> list[torch.Tensor]:
     """The flows of as many fields as there are schedules, each fitted by itself."""
     flows = []
-    fields = networks.fields[: len(schedules)]
-    targets = (bench.next, *bench.before)[: len(schedules)]
-    stages = _field_stages(len(fields))
-    for stage, field, target, schedule in zip(stages, fields, targets, schedules, strict=True):
-        with bench.stage(stage):
-            bench.fits[stage] = fit_field(
-                field, bench.points, target.distance, schedule, keep_best=keep_best
-            )
+    stages = ("forward", "backward", *(f"backward {k}" for k in range(2, len(schedules))))
+    targets = (bench.next, *bench.before)
+    for stage, field, target, schedule in zip(
+        stages, networks.fields, targets, schedules, strict=False
+    ):
+        loss_of = partial(_loss, bench, field, target)
+        bench.fit(stage, field, loss_of, schedule, keep_best=keep_best)
         flows.append(bench.flow(stage, field))
     return flows
 

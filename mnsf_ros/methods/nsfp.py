@@ -40,7 +40,7 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
         min_delta_m=settings.min_delta_m2,
     )
     schedule = schedule_for(there, schedule, bench)
-    bench.fit("forward", both, loss_of, schedule, settings.weight_decay)
+    bench.fit("forward", both, loss_of, schedule, weight_decay=settings.weight_decay)
     return bench.flow("forward", there)
 
 

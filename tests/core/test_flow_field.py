@@ -8,7 +8,7 @@ import math
 import pytest
 import torch
 
-from mnsf_ros.core.flow_field import FlowField, Perceptron, evaluate
+from mnsf_ros.core.flow_field import Perceptron, evaluate
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import FieldSettings
 
@@ -34,7 +34,7 @@ def test_depth_counts_hidden_layers_and_the_last_layer_has_no_relu(generator):
 
 def test_eight_layers_of_the_paper():
     # 3*128 + 128 in, seven times 128*128 + 128 between, 128*3 + 3 out.
-    field = FlowField(preset("paper").field, seeded(0))
+    field = Perceptron(preset("paper").field, seeded(0))
     assert weights(field).numel() == 512 + 7 * 16_512 + 387 == 116_483
 
 

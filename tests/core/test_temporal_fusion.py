@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from mnsf_ros.core.flow_estimate import StopReason
+from mnsf_ros.core.optimization import minimize
 from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.core.temporal_fusion import (
     MeanFusion,
     MlpFusion,
     WeightedSumFusion,
-    fit_fusion,
     fusion_network,
     invert_motion,
 )
@@ -65,12 +65,15 @@ def test_fusion_is_fitted_where_it_has_weights(device, generator, kind):
     """f is the true flow and f' is half a metre off: the mean is a quarter of a metre off."""
     points = 5 * torch.rand(200, 3, generator=generator)
     flow = torch.rand(200, 3, generator=generator) - 0.5
-    rows = torch.cat([points, flow, flow + torch.tensor([0.5, 0.0, 0.0])], dim=1).to(device)
+    flows = torch.cat([flow, flow + torch.tensor([0.5, 0.0, 0.0])], dim=1).to(device)
     target = TargetDistance.to_points((points + flow).to(device), Settings().distance)
     network = fusion_network(settings_of(kind), generator).to(device)
-    result = fit_fusion(network, rows, target, Schedule(300, 0.02, True))
-    fused = network(rows[:, 3:]).detach()
-    loss_m = target.mean(rows[:, :3] + fused).item()
+    points, schedule = points.to(device), Schedule(300, 0.02, True)
+    result = minimize(
+        network, lambda: target.mean(points + network(flows)), schedule, keep_best=True
+    )
+    fused = network(flows).detach()
+    loss_m = target.mean(points + fused).item()
     if kind == "mean":
         assert (result.iterations, result.stop_reason) == (0, StopReason.CONVERGED)
         assert loss_m > 0.1
@@ -78,4 +81,4 @@ def test_fusion_is_fitted_where_it_has_weights(device, generator, kind):
         assert loss_m < 0.05
         assert result.loss_m == pytest.approx(loss_m, rel=1e-5)
     else:
-        torch.testing.assert_close(fused, rows[:, 3:6], atol=0.02, rtol=0)
+        torch.testing.assert_close(fused, flows[:, :3], atol=0.02, rtol=0)
