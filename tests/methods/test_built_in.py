@@ -138,13 +138,13 @@ def test_zero_and_ego_are_what_they_say(translated):
         estimate("ego", replace(translated, next_from_current=None))
 
 
-@pytest.mark.parametrize("name", ["nsfp", "nsfp-linear", "fnsf-linear", "fnsf-time", "mnsf-cycle"])
-def test_some_of_the_points_on_every_device(translated, device, name):
-    settings = SHORT.changed({"compute.device": device.type, "optimization.max_points": 100})
-    result = estimate(name, translated, settings)
+@pytest.mark.parametrize("name", [*COLD, "mnsf"])
+def test_every_device_gives_the_flow_of_the_cpu_with_some_of_the_points(translated, device, name):
+    few = SHORT.changed({"optimization.max_points": 100})
+    result = estimate(name, translated, few.changed({"compute.device": device.type}))
     assert result.device == device.type
-    assert result.flow.shape == translated.current.xyz.shape
-    assert np.isfinite(result.flow).all()
+    # Adam's first steps have the sign of the gradient, however small: rounding makes 1.1 mm.
+    assert mean_error(result.flow, estimate(name, translated, few).flow) < 0.003
 
 
 @pytest.mark.parametrize(

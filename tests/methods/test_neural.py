@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from box_street import CAR, BoxStreet, box_points, pose, stamp_ns
 
-from mnsf_ros.errors import CancelledError, SweepError
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
 from mnsf_ros.methods import make_method
 from mnsf_ros.presets import preset
@@ -119,17 +118,3 @@ def test_settings_keep_the_state_that_is_valid():
     assert other.estimate(triplet(3, stretch=stretch)).start is Start.COLD_FIRST
     off = SETTINGS.changed({"warm_start.enabled": False})
     assert other.with_settings(off).estimate(triplet(4)).start is Start.COLD_BY_SETTING
-
-
-def test_cancelled_between_steps():
-    for number in range(3):
-        answers = iter([False] * number + [True])
-        with pytest.raises(CancelledError):
-            make_method("neural", SETTINGS).estimate(triplet(1), lambda a=answers: next(a))
-
-
-def test_too_few_points():
-    each = triplet(1)
-    empty = Sweep.from_array(np.zeros((3, 3)), stamp_ns=each.next.stamp_ns)
-    with pytest.raises(SweepError, match="3 points are left after crop and ground removal"):
-        make_method("neural", SETTINGS).estimate(replace(each, next=empty))
