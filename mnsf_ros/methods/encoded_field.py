@@ -8,6 +8,7 @@ fitted to a target sweep by Gauss-Newton steps: some milliseconds where a percep
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -39,20 +40,32 @@ class EncodedPoints:
         objects: K objects.
     """
 
-    def __init__(self, objects: ObjectPoints, centers: NDArray[np.float32]) -> None:
-        """Encodes the points of K objects, by the middles (K, 3) of these, in metres."""
+    def __init__(
+        self,
+        objects: ObjectPoints,
+        centers: NDArray[np.float32],
+        steps: Mapping[Target, NDArray[np.float32]],
+    ) -> None:
+        """Encodes the points.
+
+        Args:
+            objects: K objects.
+            centers: (K, 3) metres, their middles.
+            steps: Target to its `steps_of` the objects.
+        """
         self.objects = objects
+        self._steps = steps
         self._encoding = encoded(objects.positions - centers[objects.owners])
         self._each = np.arange(len(objects.owners))
 
     def flow(self, heads: Heads) -> NDArray[np.float32]:
-        """Returns (P, 3) metres to the next sweep, the flow of the points."""
+        """Returns (P, 3) metres, the flow of the points."""
         return headed(self._encoding, heads[self.objects.owners])
 
     def residuals(self, target: Target, heads: Heads) -> NDArray[np.float64]:
         """Returns (K,) metres, mean distance to a target beyond the spacing, with the flow."""
         objects = self.objects
-        moved = self._until(target, heads, self.flow(heads))
+        moved = self.flow(self._steps[target][:, :, None] * heads)
         distances, _, _ = self._compared(target, moved, objects.spacing)
         return np.asarray(objects.sums(distances) / objects.counts, np.float64)
 
@@ -66,9 +79,9 @@ class EncodedPoints:
             start: The heads to start from.
         """
         objects, encoding = self.objects, self._encoding
-        steps = target.steps_of(objects, start[:, 0].astype(np.float32)).astype(np.float64)
-        start = steps[:, :, None] * start
-        begin = flow = headed(encoding, start[objects.owners])
+        steps = self._steps[target][:, :, None]
+        start = steps * start
+        begin = flow = self.flow(start)
         places = transformed(objects.positions + begin, target.from_current)
         _, is_hidden = target.sweep.view.free_and_hidden(places)
         visible = np.where(is_hidden, _HIDDEN_WEIGHT, 1.0)
@@ -83,15 +96,8 @@ class EncodedPoints:
             sides = weighted[:, :, None] * np.concatenate([encoding, wanted], axis=1)[:, None]
             left, right = np.split(objects.sums(sides), 2, axis=2)
             heads = start + np.linalg.solve(left + _PRIOR, right)
-            flow = headed(encoding, heads[objects.owners])
-        return np.asarray(heads / steps[:, :, None], np.float64)
-
-    def _until(
-        self, target: Target, heads: Heads, flow: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """(P, 3) metres, the flow (P, 3) to the next sweep, by the time of a target."""
-        steps = target.steps_of(self.objects, heads[:, 0].astype(np.float32))
-        return (steps if len(steps) == 1 else steps[self.objects.owners]) * flow
+            flow = self.flow(heads)
+        return np.asarray(heads / steps, np.float64)
 
     def _compared(
         self, target: Target, moved: NDArray[np.float32], within_m: NDArray[np.float32]
@@ -111,5 +117,5 @@ def encoded(offsets: NDArray[np.float32]) -> NDArray[np.float64]:
 
 def headed(encoding: NDArray[np.float64], heads: Heads) -> NDArray[np.float32]:
     """Returns (P, 3) metres, what a head (P, 3, 3) each makes of encodings (P, 3)."""
-    flow: NDArray[np.float64] = (encoding[:, :, None] * heads).sum(axis=1)
+    flow: NDArray[np.float64] = np.einsum("pf,pfc->pc", encoding, heads)
     return flow.astype(np.float32)

@@ -77,15 +77,18 @@ class NeuralEstimator(ObjectFlowEstimator):
     ) -> JudgedMotions:
         """Forward field, backward fields, inversion, fusion; arguments as of the online method."""
         objects, targets = suspects.objects, scene.targets
-        centers = objects.centers
-        points = EncodedPoints(objects, centers)
-        few = EncodedPoints(objects.thinner(_POINTS_TO_CHOOSE), centers)
+        all_targets = (*targets.near, *targets.past)
+        steps = {target: target.steps_of(objects, start) for target in all_targets}
+        points, few = (
+            EncodedPoints(some, objects.centers, steps)
+            for some in (objects, objects.thinner(_POINTS_TO_CHOOSE))
+        )
         motions = [start]
         if suspects.expected.is_known.any():
             motions.append(suspects.expected.motions)
         starts = [FieldFlow.of(few, targets, _rigid(each)) for each in motions]
         flows: list[FieldFlow] = []
-        for target in (*targets.near, *targets.past):
+        for target in all_targets:
             with clock.stage("backward" if flows else "forward"):
                 heads = points.fitted(target, _best([*starts, *flows]))
                 flows.append(FieldFlow.of(few, targets, heads))
