@@ -66,7 +66,9 @@ def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
             source = "flag in the truth"
             if not all(has_truth):
                 source += ", height map where there is no truth"
-            source += "; methods with networks are given these points, online finds ground itself"
+            source += (
+                "; methods with networks are given these points, online and neural find ground"
+            )
         text += f", without ground ({source})"
     number = options.num_points
     chosen = "all" if number is None else f"{number:,} random points of each sweep"
