@@ -7,9 +7,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from mnsf_ros.core import flow_estimate
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
+from mnsf_ros.errors import CancelledError
 
 
 def test_large_results_are_shown_in_one_line():
@@ -21,6 +23,16 @@ def test_large_results_are_shown_in_one_line():
     shown = "points=50000, dynamic=40, objects=0, "
     assert repr(replace(estimate, over_ground=known)) == f"FlowEstimate({shown}time=3.5 ms)"
     assert repr(known) == f"OverGround({shown}source='registration')"
+
+
+def test_clock_ends_a_cancelled_estimate_before_the_next_stage():
+    answers = iter([False, True])
+    clock = StageClock(cancelled=lambda: next(answers))
+    with clock.stage("forward"):
+        pass
+    with pytest.raises(CancelledError, match=r"^the estimate was cancelled$"):
+        clock.stage("backward").__enter__()
+    assert list(clock.times_ms) == ["forward"]
 
 
 def test_clock_adds_up_the_blocks_of_a_stage(monkeypatch):
