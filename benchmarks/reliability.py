@@ -19,7 +19,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -40,7 +40,6 @@ Random = np.random.Generator
 Figure = tuple[str, str, bool]
 _OFTEN: Final = "node.diagnostics_period_s:=0.2"
 _FLOW_TIMEOUT_S: Final = 300
-_NODE_START_S: Final = 4.0
 _LOOK_S: Final = 10
 _WARM_UP_MIN: Final = 10
 _MAX_GROWTH_MB: Final = 20
@@ -53,7 +52,6 @@ _FEW_CLOUDS: Final = 1000
 _HEAD_BYTES: Final = 200
 _MAX_END_S: Final = 1.0
 _END_TIMEOUT_S: Final = 120
-_INTERRUPTED: Final = 130
 _COLUMNS: Final = ("recording", "method", "points", "num_examples", "epe_m", "acc5", "recall")
 _MNSF: Final = (sys.executable, "-m", "mnsf_ros.cli")
 
@@ -258,177 +256,68 @@ def killed_nodes(rounds: Rounds) -> Iterator[Figure]:
     yield fates("node killed", found)
 
 
-class _Evaluations:
-    """Runs of `mnsf evaluate` on a small recording.
-
-    Attributes:
-        folder: Folder of all files.
-        out: Folder of results.
-        duration_s: Duration of a whole run.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        """Writes the recording and evaluates it."""
-        self.folder, self.out = folder, folder / "out"
-        settings = SimulationSettings(duration_s=1.2, num_beams=16, num_columns=180)
-        write_recording(settings, folder / "street")
-        end = _ended(self.command())
-        if end.status:
-            raise RuntimeError(end.said)
-        self.duration_s = end.after_s
-        self._expected = self._figures()
-
-    def command(self, *more: str) -> list[str]:
-        """Returns the command line."""
-        paths = (str(self.folder / "street"), "--out", str(self.out))
-        methods = ("--methods", "zero,ego,online", "--workers", "2", "--pictures", "0")
-        return [*_MNSF, "evaluate", *paths, *methods, *more]
-
-    def is_complete(self) -> bool:
-        """Whether all results are there and right."""
-        return self._figures() == self._expected
-
-    def _figures(self) -> str:
-        """The errors of results.csv; empty without results."""
-        file = self.out / "results.csv"
-        return pd.read_csv(file)[list(_COLUMNS)].to_csv() if file.exists() else ""
-
-
-@contextmanager
-def _evaluations() -> Iterator[_Evaluations]:
+def runs(rounds: Rounds) -> Iterator[Figure]:
+    """A signal ends `mnsf evaluate` or one of its processes: no traceback, `--resume` completes."""
+    names = ("SIGKILL", "SIGINT", "SIGTERM", "SIGKILL of a process")
+    found: dict[str, Counter[str]] = {name: Counter() for name in names}
+    ends_s = [0.0]
     with tempfile.TemporaryDirectory(prefix="reliability_") as folder:
-        yield _Evaluations(Path(folder))
-
-
-@dataclass(frozen=True)
-class _End:
-    """End of a command.
-
-    Attributes:
-        status: Exit status.
-        said: Its output.
-        after_s: Seconds to its end after `act`.
-        left: A process that does not end; empty if all do.
-    """
-
-    status: int
-    said: str
-    after_s: float
-    left: str
-
-
-def _ended(
-    command: Sequence[str],
-    delay_s: float = 0.0,
-    act: Callable[[int, list[int]], None] = lambda pid, family: None,
-) -> _End:
-    """Runs a command; after a while `act` gets its process id and those of its children."""
-    with tempfile.TemporaryFile() as output:
-        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
-        time.sleep(delay_s)
-        family, start_s = _descendants(process.pid), time.monotonic()
-        act(process.pid, family)
-        left = _left([process.pid])
-        after_s = time.monotonic() - start_s
-        process.kill()
-        status = process.wait()
-        output.seek(0)
-        said = output.read().decode(errors="replace")
-    return _End(status, said, after_s, left or _left(family))
-
-
-def _descendants(pid: int) -> list[int]:
-    """Child processes of a process, and theirs."""
-    parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
-    found = [pid]
-    for one in found:
-        found += [child for child, parent in parents.items() if parent == one]
-    return found[1:]
-
-
-def _left(pids: Sequence[int]) -> str:
-    deadline_s = time.monotonic() + _END_TIMEOUT_S
-    while left := [pid for pid in pids if Path("/proc", str(pid), "exe").exists()]:
-        if time.monotonic() > deadline_s:
-            return f"wrong: process {left[0]} is left"
-        time.sleep(0.05)
-    return ""
-
-
-def killed_runs(rounds: Rounds) -> Iterator[Figure]:
-    """SIGKILL of `mnsf evaluate` or one of its processes: `--resume` brings what is missing."""
-    found: dict[str, Counter[str]] = {"command": Counter(), "process": Counter()}
-    with _evaluations() as evaluations:
+        street, out = Path(folder, "street"), Path(folder, "out")
+        write_recording(SimulationSettings(duration_s=1.2, num_beams=16, num_columns=180), street)
+        options = ("--methods", "zero,ego,online", "--workers", "2", "--pictures", "0")
+        command = [*_MNSF, "evaluate", str(street), "--out", str(out), *options]
+        start_s = time.monotonic()
+        subprocess.run(command, check=True, capture_output=True)
+        duration_s, expected = time.monotonic() - start_s, _figures(out)
         for number, random in rounds:
-            shutil.rmtree(evaluations.out, ignore_errors=True)
-            victim = list(found)[number % 2]
-
-            def kill(
-                pid: int, family: list[int], victim: str = victim, random: Random = random
-            ) -> None:
-                with suppress(ProcessLookupError):
-                    is_command = victim == "command" or not family
-                    os.kill(pid if is_command else int(random.choice(family)), signal.SIGKILL)
-
-            delay_s = random.uniform(0, evaluations.duration_s)
-            end = _ended(evaluations.command(), delay_s, kill)
-            found[victim][_fate_of_killed(evaluations, end)] += 1
-    for victim, counts in found.items():
-        yield fates(f"{victim} killed", counts)
-
-
-def _fate_of_killed(evaluations: _Evaluations, end: _End) -> str:
-    if end.left or "Traceback" in end.said:
-        return end.left or f"wrong: {end.said[-200:]}"
-    if end.status == 0:
-        return "as without" if evaluations.is_complete() else "wrong: other results"
-    more = ["--resume"] if (evaluations.out / "run.json").exists() else []
-    end = _ended(evaluations.command(*more))
-    if end.status or not evaluations.is_complete():
-        return f"wrong after {more}: status {end.status}: {end.said[-200:]}"
-    return "with --resume" if more else "nothing was begun"
-
-
-def signals(rounds: Rounds) -> Iterator[Figure]:
-    """SIGINT and SIGTERM at any moment: documented status, no traceback, an end within 1 s."""
-    with _evaluations() as evaluations:
-        simulated = str(evaluations.folder / "simulated")
-        # The first one shows the part of Python itself.
-        commands = {
-            "python -c pass": ([sys.executable, "-c", "pass"], 0.1),
-            "node": ([sys.executable, "-m", "mnsf_ros.node"], _NODE_START_S),
-            "mnsf evaluate": (evaluations.command(), evaluations.duration_s),
-            "mnsf simulate": ([*_MNSF, "simulate", simulated], _NODE_START_S),
-        }
-        found: dict[str, Counter[str]] = {name: Counter() for name in commands}
-        ends_s: dict[str, list[float]] = {name: [0.0] for name in commands}
-        for number, random in rounds:
-            name, (command, longest_s) = list(commands.items())[number % len(commands)]
-            for folder in (evaluations.out, simulated):
-                shutil.rmtree(folder, ignore_errors=True)
-            one = (signal.SIGINT, signal.SIGTERM)[number // len(commands) % 2]
-            delay_s = random.uniform(0, longest_s)
-            end = _ended(command, delay_s, lambda pid, _, one=one: os.kill(pid, one))
-            found[name][_fate_of_signalled(end, one)] += 1
-            ends_s[name].append(end.after_s)
+            shutil.rmtree(out, ignore_errors=True)
+            name = names[number % len(names)]
+            after_s, fate = _signalled(command, name, random, duration_s)
+            if name in ("SIGINT", "SIGTERM"):
+                ends_s.append(after_s)
+            if _figures(out) != expected and (out / "run.json").exists():
+                subprocess.run([*command, "--resume"], check=False, capture_output=True)
+                fate = fate if _figures(out) == expected else "wrong: results differ"
+            found[name][fate] += 1
     for name, counts in found.items():
         yield fates(name, counts)
-        yield f"{name} ends in", f"{max(ends_s[name]):.2f} s", max(ends_s[name]) <= _MAX_END_S
+    yield "ends in", f"{max(ends_s):.2f} s", max(ends_s) <= _MAX_END_S
 
 
-def _fate_of_signalled(end: _End, number: int) -> str:
-    if end.left:
-        return end.left
-    if end.status == -number and not end.said:
-        return "before the program began"
-    if "KeyboardInterrupt" in end.said and "mnsf_ros/" not in end.said:
-        return "in Python's own code"
-    if end.status not in (0, _INTERRUPTED) or "Traceback" in end.said:
-        return f"wrong: status {end.status}: {end.said[-300:]}"
-    return f"status {end.status}"
+def _figures(out: Path) -> str:
+    """The errors of results.csv; empty without results."""
+    file = out / "results.csv"
+    return pd.read_csv(file)[list(_COLUMNS)].to_csv() if file.exists() else ""
+
+
+def _signalled(
+    command: Sequence[str], name: str, random: Random, duration_s: float
+) -> tuple[float, str]:
+    """Seconds from a signal to the end of a command, and its fate."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        time.sleep(random.uniform(0, duration_s))
+        victims = _session(process.pid)[1:] if name.endswith("process") else []
+        start_s = time.monotonic()
+        with suppress(ProcessLookupError):
+            victim = int(random.choice(victims)) if victims else process.pid
+            os.kill(victim, signal.Signals[name.split(maxsplit=1)[0]])
+        status = process.wait(_END_TIMEOUT_S)
+        after_s = time.monotonic() - start_s
+        while left := _session(process.pid):
+            if time.monotonic() > start_s + _END_TIMEOUT_S:
+                return after_s, f"wrong: process {left[0]} is left"
+            time.sleep(0.05)
+        output.seek(0)
+        said = output.read().decode(errors="replace")
+    is_ours = "Traceback" in said and "mnsf_ros/" in said
+    return after_s, f"wrong: {said[-300:]}" if is_ours else f"status {status}"
+
+
+def _session(pid: int) -> list[int]:
+    """Processes of a session, its leader first."""
+    listed = subprocess.run(["pgrep", "-s", str(pid)], check=False, capture_output=True, text=True)
+    return sorted(map(int, listed.stdout.split()))
 
 
 def recordings(rounds: Rounds) -> Iterator[Figure]:
@@ -443,8 +332,7 @@ def recordings(rounds: Rounds) -> Iterator[Figure]:
 
 
 PROMISES: Final = {
-    "runs": Promise(200, "kills", killed_runs),
-    "signals": Promise(200, "signals", signals),
+    "runs": Promise(200, "signals", runs),
     "recordings": Promise(10_000, "recordings", recordings),
     "nodes": Promise(200, "kills", killed_nodes),
     "clouds": Promise(10_000, "clouds", damaged_clouds),

@@ -8,10 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 from pathlib import Path
-
-from rich.markup import escape
 
 from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
@@ -28,8 +25,6 @@ from mnsf_ros.evaluation.options import (
 )
 from mnsf_ros.evaluation.parallel import Executor, executor
 from mnsf_ros.evaluation.recordings import (
-    EvaluatedRecording,
-    choose_topics,
     inspected_recordings,
     short_name,
 )
@@ -63,7 +58,9 @@ def evaluate(options: argparse.Namespace, console: Console) -> bool:
     methods, failed = _methods(options, evaluation, console)
     evaluation = evaluation.for_methods(methods, pairs=options.pairs)
     pool = executor(options.workers, options.ray, options.num_gpus)
-    recordings, unreadable = inspected_recordings(options.bags, partial(_checked, options, console))
+    recordings, unreadable = inspected_recordings(
+        options.bags, options.points, options.truth, options.odometry
+    )
     with pool as execute:
         folder = RunFolder(options.out)
         session = session_now(["mnsf", *sys.argv[1:]])
@@ -113,20 +110,6 @@ def _run_tasks(
 def _title(key: TaskKey) -> str:
     recording, method = key
     return f"{method} on {recording}"
-
-
-def _checked(
-    options: argparse.Namespace, console: Console, path: Path, name: str
-) -> EvaluatedRecording:
-    """Shows how much of a recording is read, and nothing when it is done."""
-    with counting_progress(console, transient=True) as progress:
-        bar = progress.add_task(f"checking {escape(name)}, MB", total=None)
-
-        def show(done: int, total: int) -> None:
-            progress.update(bar, completed=done >> 20, total=total >> 20)
-
-        topics = options.points, options.truth, options.odometry
-        return choose_topics(path, name, *topics, watch=show)
 
 
 def _conclude(folder: RunFolder, num_pictured: int, console: Console) -> bool:

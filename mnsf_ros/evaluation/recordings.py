@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,18 +58,17 @@ def choose_topics(
     points: str | None = None,
     truth: str | None = None,
     odometry: str | None = None,
-    watch: Callable[[int, int], None] | None = None,
 ) -> EvaluatedRecording:
     """Opens a recording; returns it with its topics.
 
     Topics that are None are chosen: the only topic of point clouds; truth and odometry as in
-    `docs/recordings.md`, if they are there. `watch` gets the progress of reading, see `BagReader`.
+    `docs/recordings.md`, if they are there.
 
     Raises:
         RecordingError: The recording cannot be read, there is no such topic, or there are several
             to choose from.
     """
-    with BagReader(path, watch) as reader:
+    with BagReader(path) as reader:
         used = used_topics(reader.path, reader.topics, points, truth, odometry)
         return EvaluatedRecording(
             name=name,
@@ -85,11 +84,11 @@ def choose_topics(
 
 
 def inspected_recordings(
-    paths: Sequence[Path], choose: Callable[[Path, str], EvaluatedRecording]
+    paths: Sequence[Path], *topics: str | None
 ) -> tuple[list[EvaluatedRecording], list[str]]:
     """Opens each recording; returns the usable ones, and an error text for each other one.
 
-    `choose` opens the recording at a path and gives it a name, see `choose_topics`.
+    The topics are those of points, truth and odometry, see `choose_topics`; the same for all.
 
     Raises:
         EvaluationError: The same recording is named twice, in whatever spelling.
@@ -99,7 +98,7 @@ def inspected_recordings(
     errors: list[RecordingError] = []
     for name, path in named_recordings(paths):
         try:
-            found.append(choose(path, name))
+            found.append(choose_topics(path, name, *topics))
         except RecordingError as error:
             errors.append(error)
     unreadable = [str(error) for error in errors]

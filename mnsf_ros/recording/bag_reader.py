@@ -32,8 +32,6 @@ from mnsf_ros.recording.sqlite_file import SqliteFile
 Converted = TypeVar("Converted")
 # A message with its receive time in nanoseconds, or damage.
 Readable: TypeAlias = "tuple[int, Converted] | Damage"
-# Called with the number of bytes read and that of all.
-Watch: TypeAlias = Callable[[int, int], None]
 _MAX_WARNINGS: Final = 5
 
 
@@ -72,16 +70,12 @@ class BagReader:
         has_checksums: Whether flipped bits in messages are noticed.
     """
 
-    def __init__(self, path: Path | str, watch: Watch | None = None) -> None:
-        """Sets the path; nothing is opened before `with`.
-
-        `watch` is told the progress where files without an index are read from front to end.
-        """
+    def __init__(self, path: Path | str) -> None:
+        """Sets the path; nothing is opened before `with`."""
         self.path = Path(path)
         self.topics: dict[str, TopicSummary] = {}
         self.damages: tuple[Damage, ...] = ()
         self.has_checksums = False
-        self._watch = watch
         self._start_ns = -math.inf
         self._files: list[StorageFile] = []
         self._stack = ExitStack()
@@ -95,7 +89,7 @@ class BagReader:
         with ExitStack() as stack:
             metadata, damages = _metadata_of(self.path)
             paths = recording_files(self.path) if metadata is None else metadata.files
-            self._files, unreadable = _opened(paths, stack, self._watch)
+            self._files, unreadable = _opened(paths, stack)
             damages += [*unreadable, *chain(*(one.damages for one in self._files))]
             if not self._files:
                 raise damages[0].error()
@@ -225,28 +219,19 @@ def _metadata_of(path: Path) -> tuple[Metadata | None, list[Damage]]:
         return None, [Damage.of(path / METADATA_NAME, "", error, "cannot be read")]
 
 
-def _opened(
-    paths: list[Path], stack: ExitStack, watch: Watch | None
-) -> tuple[list[StorageFile], list[Damage]]:
+def _opened(paths: list[Path], stack: ExitStack) -> tuple[list[StorageFile], list[Damage]]:
     """Readable files in the order of time, and the damage of the others."""
     files: list[StorageFile] = []
     damages = []
-    total, done = sum(path.stat().st_size for path in paths if path.is_file()), 0
-
-    def read(num_bytes: int) -> None:
-        if watch is not None:
-            watch(done + num_bytes, total)
-
     for path in paths:
         try:
-            files.append(_storage(path, stack, read))
-            done += path.stat().st_size
+            files.append(_storage(path, stack))
         except UNREADABLE as error:
             damages.append(Damage.of(path, "", error, "cannot be read"))
     return sorted(files, key=lambda one: one.first_ns), damages
 
 
-def _storage(path: Path, stack: ExitStack, watch: Callable[[int], None]) -> StorageFile:
+def _storage(path: Path, stack: ExitStack) -> StorageFile:
     # To open a named pipe would take for ever.
     if path.exists() and not path.is_file():
         raise OSError(f"{path.name!r} is not a regular file")
@@ -255,5 +240,5 @@ def _storage(path: Path, stack: ExitStack, watch: Callable[[int], None]) -> Stor
         expand_file(path, plain)
         path = plain
     if path.suffix == MCAP:
-        return McapFile(path, watch)
+        return McapFile(path)
     return Ros1File(path) if path.suffix == ROS1 else SqliteFile(path)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
@@ -51,10 +51,8 @@ class _Message(NamedTuple):
 class McapFile:
     """An mcap file; its attributes are those of `StorageFile`."""
 
-    def __init__(self, path: Path, watch: Callable[[int], None] | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         """Reads the index, or without an intact one the whole file.
-
-        `watch` is called with the number of bytes read.
 
         Raises:
             Exception: One of `UNREADABLE`: it is no mcap file.
@@ -70,7 +68,7 @@ class McapFile:
         self._chunks: list[ChunkIndex] | None = None
         counts = self._read_index()
         if counts is None:
-            counts = self._read_all(watch)
+            counts = self._read_all()
         self._summarize(counts)
 
     def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
@@ -115,11 +113,11 @@ class McapFile:
         self.last_ns = max((one.message_end_time for one in chunks), default=self.last_ns)
         return Counter(summary.statistics.channel_message_counts)
 
-    def _read_all(self, watch: Callable[[int], None] | None) -> Counter[int]:
+    def _read_all(self) -> Counter[int]:
         """Number of messages of each channel."""
         counts: Counter[int] = Counter()
         found = []
-        for item in self._from_the_front(watch):
+        for item in self._from_the_front():
             if isinstance(item, Damage):
                 found.append(item)
             else:
@@ -159,9 +157,7 @@ class McapFile:
                 except UNREADABLE as error:
                     yield Damage.of(self._path, f"byte {offset}", error, "damaged chunk")
 
-    def _from_the_front(
-        self, watch: Callable[[int], None] | None = None
-    ) -> Iterator[_Message | Damage]:
+    def _from_the_front(self) -> Iterator[_Message | Damage]:
         """All messages up to the end of the data or the first damaged length."""
         with self._path.open("rb") as file:
             size = file.seek(0, SEEK_END)
@@ -172,8 +168,6 @@ class McapFile:
                         return
                     yield from self._readable(opcode, payload, offset)
                     offset = file.tell()
-                    if watch is not None:
-                        watch(offset)
                 raise EOFError("it has no end mark")
             except UNREADABLE as error:
                 text = f"cut short or damaged, the rest of {size} bytes is not read"

@@ -382,18 +382,3 @@ def test_a_recording_that_was_cut_short_is_opened_with_warnings(tmp_path):
     assert f"{file}, byte {chunks[1]}: damaged record" in warnings[0]
     assert len(warnings) == 6
     assert warnings[-1] == f"{file}: and 3 more"
-
-
-def test_progress_is_told_where_all_has_to_be_read(tmp_path):
-    """Bytes rise from the first file to the last, and stay below all there are."""
-    for number in range(2):
-        tiny_bags.write_unindexed_mcap(tmp_path / f"{number}.mcap")
-    told = []
-    with BagReader(tmp_path, lambda *numbers: told.append(numbers)):
-        pass
-    size = sum(file.stat().st_size for file in tmp_path.iterdir())
-    assert len(told) > 2 * tiny_bags.NUM_CLOUDS
-    assert {total for _, total in told} == {size}
-    done = [number for number, _ in told]
-    assert done == sorted(done)
-    assert done[0] < size / 4 < size / 2 < done[-1] < size
