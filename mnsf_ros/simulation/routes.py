@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -197,10 +197,17 @@ class Clearance:
     def accept_together(self, rectangles: Iterable[tuple[Trip, float, float]]) -> bool:
         """As `accept`, for things that may touch each other: all or none of them."""
         tracks = [self._track(*rectangle) for rectangle in rectangles]
-        if any(_meet(track, other) for track in tracks for other in self._tracks):
+        if any(_meet(track, other) for track in tracks for other in self._near(track)):
             return False
         self._tracks += tracks
         return True
+
+    def _near(self, track: _Track) -> Iterator[_Track]:
+        """Yields the tracks whose bounding box meets that of a track."""
+        low = np.array([other.low for other in self._tracks]).reshape(-1, 2)
+        high = np.array([other.high for other in self._tracks]).reshape(-1, 2)
+        for number in np.flatnonzero(((low <= track.high) & (track.low <= high)).all(axis=1)):
+            yield self._tracks[number]
 
     def _track(self, trip: Trip, length_m: float, width_m: float) -> _Track:
         count = max(1, math.ceil(length_m / width_m))
@@ -215,8 +222,6 @@ class Clearance:
 
 
 def _meet(one: _Track, other: _Track) -> bool:
-    if np.any(one.low > other.high) or np.any(other.low > one.high):
-        return False
     apart = one.centers[:, :, None, :] - other.centers[:, None, :, :]
     nearest = np.min(np.einsum("tijk,tijk->tij", apart, apart))
     return bool(nearest < (one.radius_m + other.radius_m) ** 2)

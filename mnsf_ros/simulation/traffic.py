@@ -93,21 +93,27 @@ class Traffic:
 
     def drawn(self, rng: np.random.Generator) -> Iterator[tuple[str, list[Body]]]:
         """Yields movers that meet nothing, with the name of their kind."""
-        number = rng.poisson(drawn(self.scenario.numbers, rng))
+        number, found = rng.poisson(drawn(self.scenario.numbers, rng)), 0
         for _ in range(_TRIES * number):
             kind = drawn({kind: kind.share for kind in KINDS}, rng)
             first = self._trip(kind, rng)
-            if first is None or number == 0:
+            if first is None:
                 continue
-            route, arc_m = first.route.beside(kind.beside_m), first.start_arc_m - kind.behind_m
-            both = (first, replace(first, route=route, start_arc_m=arc_m))
-            group = [(maker(rng), trip) for maker, trip in zip(kind.makers, both, strict=False)]
+            trips = [first]
+            if len(kind.makers) > 1:
+                beside = first.route.beside(kind.beside_m)
+                trips.append(
+                    replace(first, route=beside, start_arc_m=first.start_arc_m - kind.behind_m)
+                )
+            group = [(maker(rng), trip) for maker, trip in zip(kind.makers, trips, strict=True)]
             if self.clearance.accept_together(
                 (trip, model.length_m, model.width_m) for model, trip in group
             ):
-                number -= 1
                 name = " with ".join(maker.__name__ for maker in kind.makers)
                 yield name, [Body(model, trip) for model, trip in group]
+                found += 1
+                if found == number:
+                    return
 
     def _trip(self, kind: Kind, rng: np.random.Generator) -> Trip | None:
         """Returns a trip; None where there is no such way."""

@@ -78,5 +78,5 @@ def test_memory_that_is_missing_for_the_only_recording_is_told_alike(monkeypatch
     )
 
 
-def exhaust_at(_path, _watch):
+def exhaust_at(_path):
     raise MemoryError

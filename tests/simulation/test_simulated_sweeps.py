@@ -264,21 +264,6 @@ def test_dynamic_means_half_a_meter_per_second_at_any_rate():
     assert slow.dynamic.mean() == pytest.approx(fast.dynamic.mean(), abs=0.02)
 
 
-def test_moved_points_meet_the_next_sweep():
-    settings = SimulationSettings(seed=1, num_beams=64, num_columns=1000)
-    simulator = SweepSimulator(settings)
-    now, then = simulator.sweep(20), simulator.sweep(21)
-    near = np.linalg.norm(now.xyz, axis=1) < 25.0
-    tree = cKDTree(then.xyz)
-    with_flow = tree.query((now.xyz + now.flow)[near & now.dynamic])[0]
-    without = tree.query(now.xyz[near & now.dynamic])[0]
-    assert len(with_flow) > 300
-    assert np.median(with_flow) < 0.08
-    assert np.percentile(with_flow, 90) < 0.4
-    assert np.median(without) > 3 * np.median(with_flow)
-    assert np.median(tree.query((now.xyz + now.flow)[near])[0]) < 0.08
-
-
 def test_noise_moves_points_along_their_rays_only():
     noisy = replace(EXACT, range_noise_m=0.05)
     clean_sweep, noisy_sweep = (SweepSimulator(s).sweep(4) for s in (EXACT, noisy))

@@ -4,7 +4,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mnsf_ros.errors import RecordingError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth
 from mnsf_ros.simulation.recording import write_recording
@@ -61,21 +60,3 @@ def test_equal_settings_give_equal_bytes(tmp_path):
         write_recording(SETTINGS, tmp_path / parent / "street")
     first, second = (files_of(tmp_path / parent / "street") for parent in "ab")
     assert first == second
-
-
-def test_interrupted_recording_leaves_nothing(tmp_path):
-    def interrupt(done, _total):
-        if done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_recording(SETTINGS, tmp_path / "street", interrupt)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_existing_recording_is_kept(tmp_path):
-    write_recording(SETTINGS, tmp_path / "street")
-    before = files_of(tmp_path / "street")
-    with pytest.raises(RecordingError, match="exists already"):
-        write_recording(SETTINGS, tmp_path / "street")
-    assert files_of(tmp_path / "street") == before
