@@ -14,10 +14,10 @@ from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.simulation.sweeps import SweepSimulator
 
 
-def counting_progress(console: Console, *, transient: bool = False) -> Progress:
+def counting_progress(console: Console) -> Progress:
     """A bar with a text, `done/all` and the time left; add a task with its total to it."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    return Progress(*columns, TimeRemainingColumn(), console=console, transient=transient)
+    return Progress(*columns, TimeRemainingColumn(), console=console)
 
 
 def simulate_with_progress(
