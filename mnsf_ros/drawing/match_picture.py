@@ -60,6 +60,10 @@ def match_picture(title: str, rows: Sequence[Sequence[Panel]]) -> bytes:
     axes_of[0, 0].set(
         xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half)
     )
+    for axes in axes_of[-1]:
+        axes.set_xlabel("x (m)")
+    for axes in axes_of[:, 0]:
+        axes.set_ylabel("y (m)")
     marks = [
         Line2D([], [], linestyle="", marker="o", color=color, markersize=5, label=name)
         for name, color in _COLORS.items()

@@ -12,11 +12,15 @@ from mnsf_ros.compiled import compiled
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.object_sweep import ObjectSweep
 from mnsf_ros.objects.point_grid import PointGrid
+from mnsf_ros.sweeps.kept_points import cone_erosion
 
 # Points this close to a mover move with it. The search is limited to cells of this width.
 _REACH_M: Final = 0.5
-# A point this far above the lowest point of its cell is not ground.
+# A point this far above the road is not ground. Under a vehicle no road is seen: its height is that
+# of the lowest point within this distance, plus what it may rise on the way (rise over run).
 _MIN_HEIGHT_M: Final = 0.1
+_ROAD_REACH_M: Final = 2.5
+_SLOPE: Final = 0.2
 # A fragment moves with a mover if more than this share of it is in reach.
 _MIN_SHARE: Final = 0.5
 
@@ -60,47 +64,60 @@ def _points_near(
     owners: NDArray[np.int64],
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Returns the loose points, and those above the floor, in the cells beside points (P, 3).
+    """Returns the loose points, and those above the road, in the cells beside points (P, 3).
 
     Then, (all objects,) how many points loose ones have altogether.
     """
-    low = (points[:, :2].min(axis=0) - 2 * _REACH_M).astype(np.float32)
-    size = ((points[:, :2].max(axis=0) - low) / _REACH_M).astype(np.int64) + 3
-    return _near_cells(
-        np.ascontiguousarray(points),
-        low,
-        np.zeros(size, np.uint8),
-        np.ascontiguousarray(current.xyz),
-        owners,
-        current.kept,
-        is_loose,
-    )
+    margin_m = _REACH_M + _ROAD_REACH_M
+    low = (points[:, :2].min(axis=0) - margin_m).astype(np.float32)
+    shape = ((points[:, :2].max(axis=0) + margin_m - low) / _REACH_M).astype(np.int64) + 2
+    xyz = np.ascontiguousarray(current.xyz)
+    lowest = _lowest(xyz, current.kept, low, np.full(shape, np.inf, np.float32))
+    road = cone_erosion(lowest, round(_ROAD_REACH_M / _REACH_M), _SLOPE * _REACH_M)
+    is_near = np.zeros(shape, np.bool_)
+    columns, rows = ((points[:, :2] - low) / np.float32(_REACH_M)).astype(np.int64).T
+    for across in (-1, 0, 1):
+        for along in (-1, 0, 1):
+            is_near[columns + across, rows + along] = True
+    return _near_cells(is_near, road, low, xyz, owners, current.kept, is_loose)
+
+
+@compiled("float32[:, ::1](float32[:, ::1], boolean[::1], float32[::1], float32[:, ::1])")
+def _lowest(
+    xyz: NDArray[np.float32],
+    kept: NDArray[np.bool_],
+    low: NDArray[np.float32],
+    lowest: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Lowers cells to the height of their lowest point that was taken for ground."""
+    reach = np.float32(_REACH_M)
+    for point in range(len(xyz)):
+        column, row = (xyz[point, 0] - low[0]) / reach, (xyz[point, 1] - low[1]) / reach
+        is_inside = (
+            (column >= 0) & (column < lowest.shape[0]) & (row >= 0) & (row < lowest.shape[1])
+        )
+        if is_inside and not kept[point]:
+            cell = int(column), int(row)
+            lowest[cell] = min(lowest[cell], xyz[point, 2])
+    return lowest
 
 
 @compiled(
-    "UniTuple(int64[::1], 2)(float32[:, ::1], float32[::1], uint8[:, ::1], float32[:, ::1], "
+    "UniTuple(int64[::1], 2)(boolean[:, ::1], float32[:, ::1], float32[::1], float32[:, ::1], "
     "int64[::1], boolean[::1], boolean[::1])"
 )
 def _near_cells(
-    points: NDArray[np.float32],
+    is_near: NDArray[np.bool_],
+    road: NDArray[np.float32],
     low: NDArray[np.float32],
-    cells: NDArray[np.uint8],
     xyz: NDArray[np.float32],
     owners: NDArray[np.int64],
     kept: NDArray[np.bool_],
     is_loose: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Loop of `_points_near`; `low` is two cells before the points, the cells end behind."""
+    """Loop of `_points_near`."""
     reach, min_height = np.float32(_REACH_M), np.float32(_MIN_HEIGHT_M)
-    for point in range(len(points)):
-        column = int((points[point, 0] - low[0]) / reach)
-        row = int((points[point, 1] - low[1]) / reach)
-        cells[column - 1 : column + 2, row - 1 : row + 2] = 1
-    # The cells at the border are not marked: all that is beyond them is in them.
-    last_column, last_row = np.float32(cells.shape[0] - 1), np.float32(cells.shape[1] - 1)
     found = np.empty(len(xyz), np.int64)
-    cell_of = np.empty(len(xyz), np.int64)
-    floor = np.full(cells.size, np.float32(np.inf), np.float32)
     num_loose = np.zeros(len(is_loose), np.int64)
     number = 0
     for point in range(len(xyz)):
@@ -108,19 +125,11 @@ def _near_cells(
             num_loose[owners[point]] += 1
         elif kept[point]:
             continue
-        column = int(min(max((xyz[point, 0] - low[0]) / reach, np.float32(0)), last_column))
-        row = int(min(max((xyz[point, 1] - low[1]) / reach, np.float32(0)), last_row))
-        if not cells[column, row]:
+        column, row = (xyz[point, 0] - low[0]) / reach, (xyz[point, 1] - low[1]) / reach
+        if not ((column >= 0) & (column < road.shape[0]) & (row >= 0) & (row < road.shape[1])):
             continue
-        cell = column * cells.shape[1] + row
-        if not kept[point]:
-            floor[cell] = min(floor[cell], xyz[point, 2])
-        found[number], cell_of[number] = point, cell
-        number += 1
-    num_wanted = 0
-    for index in range(number):
-        point = found[index]
-        if kept[point] or xyz[point, 2] > floor[cell_of[index]] + min_height:
-            found[num_wanted] = point
-            num_wanted += 1
-    return found[:num_wanted].copy(), num_loose
+        cell = int(column), int(row)
+        if is_near[cell] and (kept[point] or xyz[point, 2] > road[cell] + min_height):
+            found[number] = point
+            number += 1
+    return found[:number].copy(), num_loose

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.objects.evidence import Visibility, moving_scores
 from mnsf_ros.objects.motion_fusion import JudgedMotions
-from mnsf_ros.objects.suspects import Suspects
+from mnsf_ros.objects.suspects import MIN_PAST_M, Suspects
 from mnsf_ros.settings import ObjectSettings
 
 
@@ -65,7 +65,7 @@ _TENTATIVE: Final = 2.0
 
 
 def moves(
-    standing: JudgedMotions,
+    suspects: Suspects,
     moving: JudgedMotions,
     scores: NDArray[np.float64],
     interval_s: float,
@@ -74,15 +74,20 @@ def moves(
     """Returns masks (K,) of objects that may move, and of those called dynamic.
 
     Args:
-        standing: How well K objects are explained as static.
+        suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
+    standing = suspects.standing
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
     may_move = moving.total < settings.max_unexplained * standing.total
     may_move &= (lengths > _MIN_MOTION_M) & (lengths <= settings.max_speed_m_s * interval_s)
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = may_move & (scores > np.log(odds))
-    return may_move & (scores > np.log(odds) - _TENTATIVE), is_clear
+    # What was clearly seen to move goes on, also slower, until standing explains as much.
+    is_held = (suspects.expected.evidence + scores > 0) & (lengths > _MIN_MOTION_M / 2)
+    is_held &= moving.total < standing.total
+    is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
+    return is_held | may_move & (scores > np.log(odds) - _TENTATIVE), is_held | is_clear

@@ -27,11 +27,13 @@ class Expectation:
         is_known: (K,) whether an object has a track.
         motions: (K, 3) float32, metres to the next sweep; 0 for objects without a track.
         scores: (K,) logarithm of the odds that their track moves; 0 without one.
+        evidence: (K,) of their track, see `Track`; 0 without one.
     """
 
     is_known: NDArray[np.bool_]
     motions: NDArray[np.float32]
     scores: NDArray[np.float64]
+    evidence: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -46,6 +48,7 @@ class Expectation:
         is_known = np.zeros(len(some), dtype=bool)
         motions = np.zeros((len(some), 3), np.float32)
         scores = np.zeros(len(some))
+        evidence = np.zeros(len(some))
         if len(some) > 0 and len(tracks) > 0:
             world = transformed(some.positions, world_from_sensor).astype(np.float64)
             shares = expecting_shares(tracks, world, some.owners, len(some))
@@ -55,7 +58,8 @@ class Expectation:
             velocities = turned(velocities, world_from_sensor[:3, :3].T)
             motions[is_known] = velocities[rows[is_known]] * interval_s
             scores[is_known] = np.array([track.score for track in tracks])[rows[is_known]]
-        return cls(is_known, motions, scores)
+            evidence[is_known] = np.array([track.evidence for track in tracks])[rows[is_known]]
+        return cls(is_known, motions, scores, evidence)
 
     def or_else(self, motions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Returns (K, 3) metres, the predictions, of objects without a track other motions."""
@@ -63,4 +67,9 @@ class Expectation:
 
     def only(self, wanted: NDArray[np.bool_]) -> Expectation:
         """Returns the predictions for the objects of the (K,) mask."""
-        return Expectation(self.is_known[wanted], self.motions[wanted], self.scores[wanted])
+        return Expectation(
+            self.is_known[wanted],
+            self.motions[wanted],
+            self.scores[wanted],
+            self.evidence[wanted],
+        )

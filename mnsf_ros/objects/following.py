@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from mnsf_ros.objects.sightings import Sightings
-from mnsf_ros.objects.tracks import Track, expecting_shares
+from mnsf_ros.objects.tracks import Track, corrected, expecting_shares
 
 # A thing is that of a track if more than this share of its points is where the track expects it.
 _MIN_SHARE: Final = 0.2
@@ -35,20 +34,19 @@ def follow(
     """
     shares = expecting_shares(tracks, seen.points, seen.owners, len(seen))
     is_possible = shares > _MIN_SHARE
-    row_of = _assigned(tracks, seen, shares, is_possible)
+    things, rows = _assigned(tracks, seen, shares, is_possible)
+    after = corrected([tracks[row] for row in rows], seen.states[things], seen.variances[things])
+    track_of = dict(zip(things.tolist(), after, strict=True))
     numbers = count(next_id)
     followed = []
     for thing, points in enumerate(seen.points_of_each):
-        state, variances = seen.states[thing], seen.variances[thing]
-        if thing in row_of:
-            track = tracks[row_of[thing]].corrected(state, variances)
-        else:
-            covariance, begun = np.diag(variances), (stamp_ns, stamp_ns)
-            track = Track(next(numbers), *begun, stamp_ns, 0, 0.0, state, covariance, points)
-        num_seen = track.num_seen + int(seen.are_clear[thing])
-        score = float(seen.scores[thing])
+        track = track_of.get(thing) or Track.begun(
+            next(numbers), stamp_ns, seen.states[thing], seen.variances[thing]
+        )
         followed.append(
-            replace(track, seen_ns=stamp_ns, num_seen=num_seen, score=score, points=points)
+            track.seen(
+                stamp_ns, points, float(seen.scores[thing]), is_clear=bool(seen.are_clear[thing])
+            )
         )
     # What became a part of another thing is not followed by itself.
     unseen = [track for row, track in enumerate(tracks) if not is_possible[:, row].any()]
@@ -61,8 +59,8 @@ def _assigned(
     seen: Sightings,
     shares: NDArray[np.float64],
     is_possible: NDArray[np.bool_],
-) -> dict[int, int]:
-    """Returns thing to row of its track, for those that have one."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns (A,) things that go on with a track, and (A,) the rows of their tracks."""
     num_seen = np.array([track.num_seen for track in tracks])
     settled = _PER_SETTLED * np.minimum(num_seen / _SETTLED, 1.0)
     # Of several parts of what a track was, the largest one goes on with its number.
@@ -70,5 +68,6 @@ def _assigned(
     whole = np.array([max(len(track.points), 1) for track in tracks])
     covered = np.minimum(shares * sizes[:, None] / whole, 1.0)
     gains = is_possible * (shares + covered + settled)
-    pairs = zip(*linear_sum_assignment(gains, maximize=True), strict=True)
-    return {int(thing): int(row) for thing, row in pairs if is_possible[thing, row]}
+    things, rows = linear_sum_assignment(gains, maximize=True)
+    is_same = is_possible[things, rows]
+    return things[is_same], rows[is_same]

@@ -135,7 +135,7 @@ class ObjectFlowEstimator:
             are_parts = scene.current.are_parts[fitted.objects.numbers]
             features = evidence(fitted, moving, seen, are_parts)
             scores, interval_s = moving_scores(features), scene.usual_interval_s
-            may_move, is_moving = moves(fitted.standing, moving, scores, interval_s, settings)
+            may_move, is_moving = moves(fitted, moving, scores, interval_s, settings)
         return Decision(
             suspects, searched, start, fitted, moving, seen, features, may_move, is_moving
         )

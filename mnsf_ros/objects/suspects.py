@@ -17,7 +17,7 @@ from mnsf_ros.objects.target import Targets
 # To suspect an object few points are enough.
 _NUM_POINTS: Final = 16
 # An object that an older sweep explains as well as this without motion is not a suspect.
-_MIN_PAST_M: Final = 0.05
+MIN_PAST_M: Final = 0.05
 # The same for the mean of the neighbouring sweeps, where there are no older ones.
 _MIN_NEAR_M: Final = 0.025
 
@@ -45,7 +45,7 @@ class Suspects:
         Without older sweeps they are those that no neighbouring sweep supports. A surface that
         one sweep does not show may be hidden.
         """
-        some, limit_m = objects.thinner(_NUM_POINTS), _MIN_PAST_M if targets.past else _MIN_NEAR_M
+        some, limit_m = objects.thinner(_NUM_POINTS), MIN_PAST_M if targets.past else _MIN_NEAR_M
         is_suspect = np.ones(len(objects), dtype=bool)
         no_motion = np.zeros((len(objects), 3), np.float32)
         # The oldest first: it decides most objects, and few remain for the other sweeps.

@@ -15,6 +15,8 @@ from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Standard deviation of the acceleration of people and cars.
 _ACCELERATION_M_S2: Final = 3.0
+# What braked for a second is still known to have moved; what was seen twice is not.
+_MAX_EVIDENCE: Final = 8.0
 # A point is where a track expects one if it is this close.
 _REACH_M: Final = 0.5
 # A track ends if it was not seen to move for this long: it stopped, or is gone.
@@ -34,6 +36,7 @@ class Track:
         seen_ns: When it was last seen to move.
         num_seen: In how many sweeps it was clearly seen to move.
         score: Logarithm of the odds that it moves, by the last sweep that showed it.
+        evidence: Sum of the scores of all sweeps that showed it, at most `_MAX_EVIDENCE`.
         state: (2, 3) place in metres and velocity in metres per second.
         covariance: (2, 2) of place and velocity, the same along each axis.
         points: (P, 3) metres, where it was last seen, moved to where it should be by now.
@@ -45,6 +48,7 @@ class Track:
     seen_ns: int
     num_seen: int
     score: float
+    evidence: float
     state: NDArray[np.float64]
     covariance: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -55,37 +59,82 @@ class Track:
         velocity: NDArray[np.float64] = self.state[1]
         return velocity
 
-    def at(self, stamp_ns: int) -> Track:
-        """The track as it is expected at another time, not before its own."""
-        elapsed_s = (stamp_ns - self.stamp_ns) / NANOSECONDS
-        moved = elapsed_s * self.velocity
-        state = self.state.copy()
-        state[0] += moved
-        step = np.array([[1.0, elapsed_s], [0.0, 1.0]])
-        push = _ACCELERATION_M_S2 * np.array([elapsed_s**2 / 2, elapsed_s])
-        return replace(
-            self,
-            stamp_ns=stamp_ns,
-            state=state,
-            covariance=_product(_product(step, self.covariance), step.T) + np.outer(push, push),
-            points=self.points + moved,
+    @classmethod
+    def begun(
+        cls,
+        track_id: int,
+        stamp_ns: int,
+        state: NDArray[np.float64],
+        variances: NDArray[np.float64],
+    ) -> Track:
+        """A track that begins with a measured state and its variances (2,)."""
+        nothing = np.zeros((0, 3))
+        return cls(
+            track_id, stamp_ns, stamp_ns, stamp_ns, 0, 0.0, 0.0, state, np.diag(variances), nothing
         )
 
-    def corrected(self, state: NDArray[np.float64], variances: NDArray[np.float64]) -> Track:
-        """The track after a measurement of its state, with variances (2,) of place and velocity."""
-        total = self.covariance + np.diag(variances)
-        gain = _product(self.covariance, np.asarray(np.linalg.inv(total), np.float64))
-        posterior = self.covariance - _product(gain, self.covariance)
+    def seen(
+        self, stamp_ns: int, points: NDArray[np.float64], score: float, *, is_clear: bool
+    ) -> Track:
+        """The track after it was seen again, its state already corrected."""
         return replace(
             self,
-            state=self.state + _product(gain, state - self.state),
-            covariance=(posterior + posterior.T) / 2,
+            seen_ns=stamp_ns,
+            num_seen=self.num_seen + is_clear,
+            score=score,
+            evidence=min(self.evidence + score, _MAX_EVIDENCE),
+            points=points,
         )
+
+
+def _expected(tracks: Sequence[Track], stamp_ns: int) -> list[Track]:
+    """Tracks as they are expected at another time, not before their own."""
+    elapsed_s = np.array([stamp_ns - track.stamp_ns for track in tracks]) / NANOSECONDS
+    steps = np.tile(np.eye(2), (len(tracks), 1, 1))
+    steps[:, 0, 1] = elapsed_s
+    pushes = _ACCELERATION_M_S2 * np.stack([elapsed_s**2 / 2, elapsed_s], axis=1)
+    states = _product(steps, np.array([track.state for track in tracks]).reshape(-1, 2, 3))
+    covariances = np.array([track.covariance for track in tracks]).reshape(-1, 2, 2)
+    noise = pushes[:, :, None] * pushes[:, None]
+    after = _product(_product(steps, covariances), steps.swapaxes(1, 2)) + noise
+    return [
+        replace(
+            track,
+            stamp_ns=stamp_ns,
+            state=state,
+            covariance=covariance,
+            points=track.points + (state[0] - track.state[0]),
+        )
+        for track, state, covariance in zip(tracks, states, after, strict=True)
+    ]
+
+
+def corrected(
+    tracks: Sequence[Track], states: NDArray[np.float64], variances: NDArray[np.float64]
+) -> list[Track]:
+    """K tracks after measurements of their states.
+
+    Args:
+        tracks: The tracks at the time of the measurements.
+        states: (K, 2, 3) measured places and velocities.
+        variances: (K, 2) of both.
+    """
+    expected = np.array([track.state for track in tracks]).reshape(-1, 2, 3)
+    prior = np.array([track.covariance for track in tracks]).reshape(-1, 2, 2)
+    total = prior + variances[:, :, None] * np.eye(2)
+    gains = _product(prior, np.asarray(np.linalg.inv(total), np.float64))
+    after = expected + _product(gains, states - expected)
+    posterior = prior - _product(gains, prior)
+    posterior = (posterior + posterior.swapaxes(1, 2)) / 2
+    return [
+        replace(track, state=state, covariance=covariance)
+        for track, state, covariance in zip(tracks, after, posterior, strict=True)
+    ]
 
 
 def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Product of matrices; unlike that of a library, its order of summing is fixed."""
-    product: NDArray[np.float64] = (left[:, :, None] * right).sum(axis=1)
+    """Products of matrices (K, 2, 2) and (K, 2, M); their order of summing is fixed."""
+    product: NDArray[np.float64] = (left[:, :, :, None] * right[:, None]).sum(axis=2)
     return product
 
 
@@ -93,7 +142,7 @@ def alive(tracks: Sequence[Track], stamp_ns: int, interval_s: float) -> list[Tra
     """Tracks that may still be seen at a time, as they are expected then."""
     max_unseen_s = max(_MAX_UNSEEN_S, _MAX_UNSEEN_SWEEPS * interval_s)
     limit_ns = stamp_ns - max_unseen_s * NANOSECONDS
-    return [track.at(stamp_ns) for track in tracks if track.seen_ns >= limit_ns]
+    return _expected([track for track in tracks if track.seen_ns >= limit_ns], stamp_ns)
 
 
 def expecting_shares(

@@ -77,7 +77,7 @@ def ground_mask(xyz: NDArray[np.float32], settings: GroundSettings) -> NDArray[n
     radius = max(1, round(settings.window_m / 2 / cell_size_m))
     # An opening. Its structuring element is a cone, not a disc: it may rise with the steepest slope
     # allowed, so that a hill stays ground while a car on it does not.
-    ground = -_cone_erosion(-_cone_erosion(lowest, radius, rise), radius, rise)
+    ground = -cone_erosion(-cone_erosion(lowest, radius, rise), radius, rise)
     mask: NDArray[np.bool_] = _below(points, cells, ground.ravel() + np.float32(settings.margin_m))
     return mask
 
@@ -128,9 +128,9 @@ def _without_pits(lowest: NDArray[np.float32], rise: float, margin_m: float) -> 
     """
     is_empty = np.isinf(lowest)
     # A closing; empty cells must not count in its dilation.
-    dilated = -_cone_erosion(np.where(is_empty, np.inf, -lowest).astype(np.float32), 1, rise)
+    dilated = -cone_erosion(np.where(is_empty, np.inf, -lowest).astype(np.float32), 1, rise)
     dilated[np.isinf(dilated)] = np.inf
-    closed = _cone_erosion(dilated, 1, rise)
+    closed = cone_erosion(dilated, 1, rise)
     with np.errstate(invalid="ignore"):
         is_pit = ~is_empty & (closed - lowest > margin_m)
     return np.where(is_pit, closed, lowest)
@@ -150,7 +150,7 @@ def _lower(
 
 
 @compiled("float32[:, ::1](float32[:, ::1], int64, float64)")
-def _cone_erosion(
+def cone_erosion(
     heights: NDArray[np.float32], radius: int, rise_per_cell: float
 ) -> NDArray[np.float32]:
     """Smallest of `height + rise * distance` within the radius, along columns, then along rows."""

@@ -69,17 +69,25 @@ class TestBottoms:
     ROAD = rows(*((x, y, -0.8) for x in np.arange(5, 12, 0.2) for y in np.arange(-2, 2, 0.2)))
     BOTTOM = rows(*((x, 0.9, -0.65) for x in np.arange(6.2, 9.8, 0.1)))
 
-    @pytest.fixture
-    def found(self):
-        parts = CAR, self.ROAD, self.BOTTOM
+    def found(self, road, bottom=BOTTOM):
+        """The rows of the road's points and of the bottom's."""
+        parts = CAR, road, bottom
         kept = np.arange(sum(map(len, parts))) < len(CAR)
-        return np.split(rows_of(*parts, kept=kept), np.cumsum([len(CAR), len(self.ROAD)]))
+        return np.split(rows_of(*parts, kept=kept), np.cumsum([len(CAR), len(road)]))[1:]
 
-    def test_the_bottom_goes_with_the_mover(self, found):
-        assert (found[2] == 0).all()
+    @pytest.mark.parametrize(
+        ("beside_m", "up_m"), [(0.0, 0.0), (1.2, 0.25)], ids=["road below", "road beside"]
+    )
+    def test_the_bottom_goes_with_the_mover_and_the_road_does_not(self, beside_m, up_m):
+        is_seen = np.abs(self.ROAD[:, 1]) >= beside_m
+        road, bottom = self.found(self.ROAD[is_seen], self.BOTTOM + rows((0, 0, up_m)))
+        assert (bottom == 0).all()
+        assert (road == -1).all()
 
-    def test_the_road_does_not(self, found):
-        assert (found[1] == -1).all()
+    def test_a_road_that_rises_does_not(self):
+        rise = np.float32(0.1) * (self.ROAD[:, :1] - np.float32(8.5))
+        road, _ = self.found(self.ROAD + rise * rows((0, 0, 1)))
+        assert (road == -1).all()
 
 
 def test_the_estimate_says_so():

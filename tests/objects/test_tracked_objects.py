@@ -110,6 +110,24 @@ class TestPerson:
         assert (shares[9 + 5 :] == 0).all()
 
 
+@pytest.mark.parametrize(
+    ("place", "speed_m_s", "braking_m_s2", "num_points"),
+    [((20.0, -2.0), 5.0, 6.0, 80), ((25.0, -3.0), 6.0, 5.0, 100)],
+)
+def test_car_that_brakes_is_dynamic_until_it_stands(place, speed_m_s, braking_m_s2, num_points):
+    speeds = np.clip(speed_m_s - braking_m_s2 * (np.arange(34) - 8) / 10, 0.0, speed_m_s)
+    way = np.concatenate([[0.0], np.cumsum(speeds[:-1])]) / 10
+    sweeps = [
+        STREET.sweep(path(index), index, cars=[np.add(place, (x, 0))], points_per_box=num_points)
+        for index, x in enumerate(way)
+    ]
+    shares = np.array([known.dynamic[-num_points:].mean() for known in estimates(sweeps)])
+    speeds = speeds[1:-1]
+    assert (shares[7:][speeds[7:] >= 0.2] > 0.3).all()
+    stop = np.flatnonzero(speeds < 0.2)[0]
+    assert (shares[stop + 5 :] == 0).all()
+
+
 class TestIdentity:
     def test_outlasts_a_sweep_in_which_it_is_hidden(self):
         known = estimates(drive(10, hidden=(5,)))
