@@ -193,7 +193,7 @@ def _play(node: LiveNode, clouds: Sequence[bytearray]) -> None:
 
 
 def _is_done(node: LiveNode) -> bool:
-    counts = node.link.counts
+    counts = node.link.log.counts
     is_idle = node.num_ended == counts.get("triplets_formed", 0)
     return is_idle and counts.get("sweeps_received", 0) >= node.num_published
 

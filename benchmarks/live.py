@@ -140,7 +140,7 @@ def _play(
             node.publish(clouds[index % len(clouds)], 10**9 // rate_hz)
         node.link.spin_for(3.0)
         cpu_ms = 1e3 * (node.cpu_s - start_cpu_s) / (duration_s * rate_hz)
-        estimate_ms = float(node.link.flow_values.get("estimate median [ms]", np.nan))
+        estimate_ms = float(node.link.log.values.get("estimate median [ms]", np.nan))
         fates = _fates(node.replay.published_s, node.replay.arrived_s)
         memory_mb = node.memory_mb("VmHWM")
         return Played(float(np.mean(counts)), *fates, estimate_ms, cpu_ms, memory_mb)

@@ -19,8 +19,7 @@ from drives import INTERVAL_NS
 from std_msgs.msg import Header
 
 from mnsf_ros.demo.node_process import NodeProcess, node_process
-from mnsf_ros.demo.replay import ReplayLog
-from mnsf_ros.demo.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.demo.replay import ReplayLink
 from mnsf_ros.node.environment import prepare_environment
 from mnsf_ros.online.online_pipeline import TRIPLET_ENDS
 from mnsf_ros.sweeps.sweep import Sweep
@@ -67,7 +66,7 @@ class LiveNode:
         self.process = process
         self.link = link
         self.log = log
-        self.replay = ReplayLog()
+        self.replay = link.log
         self.num_published = 0
         self.start_s = 0.0
         self._proc = Path("/proc", str(process.pid))
@@ -80,7 +79,7 @@ class LiveNode:
     @property
     def num_ended(self) -> int:
         """Number of triplets that the node has dealt with, by its last diagnostics."""
-        return sum(self.link.counts.get(event, 0) for event in TRIPLET_ENDS)
+        return sum(self.link.log.counts.get(event, 0) for event in TRIPLET_ENDS)
 
     @property
     def cpu_s(self) -> float:
@@ -97,13 +96,12 @@ class LiveNode:
     def publish(self, raw: bytearray, interval_ns: int = INTERVAL_NS) -> None:
         """Publishes a good sweep with the next stamp."""
         stamped = with_stamp(raw, FIRST_NS + self.num_good * interval_ns)
-        now_s = time.monotonic()
-        self.replay.published_s[self.link.publish(stamped)] = now_s
+        self.link.publish(stamped)
         self.num_published += 1
 
     def settle(self) -> None:
         """Waits until the node is idle and its counts do not change any more."""
-        self.link.settle(self.process, lambda: len(self.replay.arrived_s), _SETTLE_TIMEOUT_S)
+        self.link.settle(self.process, _SETTLE_TIMEOUT_S)
 
     def state(self) -> dict[str, float]:
         """Memory (MB), and numbers of descriptors, threads and shared segments of the process."""
@@ -117,7 +115,7 @@ class LiveNode:
 
     def balance(self) -> Iterator[tuple[str, str, bool]]:
         """Whether every cloud and every triplet is accounted for, as figures of a promise."""
-        counts = self.link.counts
+        counts = self.link.log.counts
         counted = sum(counts.get(event, 0) for event in _CLOUD_EVENTS)
         text = f"{counted:,} of {self.num_published:,}"
         yield "clouds counted", text, counted == self.num_published
@@ -137,11 +135,7 @@ def live_node(*parameters: str, flow_topic: str | None = FLOW_TOPIC) -> Iterator
     words = [word for parameter in parameters for word in ("-p", parameter)]
     with ExitStack() as stack:
         log = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "node.log"
-
-        def on_flow(flow: ReceivedFlow) -> None:
-            node.replay.arrived_s[flow.stamp_ns] = flow.arrived_s
-
-        link = ReplayLink("/points", flow_topic or "/nothing", on_flow, lambda raw: None)
+        link = ReplayLink("/points", flow_topic or "/nothing")
         stack.enter_context(link)
         start_s = time.monotonic()
         process = stack.enter_context(node_process(["-r", "~/points:=/points", *words], log))

@@ -190,10 +190,10 @@ def overload(rounds: Rounds) -> Iterator[Figure]:
     """1 h at 20 Hz beside busy cores: latency of two estimates at most, all is counted."""
     with live_node(_OFTEN) as node, busy_cores(os.cpu_count() or 1):
         yield from _played(node, rounds, 20)
-        flows, sweeps = node.link.counts.get("flows_out", 0), node.num_published
+        flows, sweeps = node.link.log.counts.get("flows_out", 0), node.num_published
         is_met = 0 < flows < (1 - _MIN_DROPPED) * sweeps
         yield "flows", f"{flows:,} of {sweeps:,} sweeps", is_met
-        values = node.link.flow_values
+        values = node.link.log.values
         latency_ms, estimate_ms = (
             float(values.get(f"{name} median [ms]", math.nan)) for name in ("latency", "estimate")
         )

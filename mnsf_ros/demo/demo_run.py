@@ -118,7 +118,7 @@ def _replayed(
         if not log.arrived_s:
             raise node.failure(
                 f"no flow came out of {len(log.published_s)} sweeps "
-                f"(last failure: {log.last_failure})"
+                f"(last failure: {log.values.get('last failure', 'unknown')})"
             )
     return log
 

@@ -16,8 +16,7 @@ pytest.importorskip("rclpy")
 
 from mnsf_ros.cli.main import EXIT_USAGE, run
 from mnsf_ros.demo import play as play_module
-from mnsf_ros.demo.pace import in_time
-from mnsf_ros.demo.play import PlayOptions, play
+from mnsf_ros.demo.play import PlayOptions, in_time, play
 from mnsf_ros.node.raw_topics import MessageTypeError, RawTopics, message_class
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE

@@ -4,19 +4,21 @@
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Header
 
 from mnsf_ros.demo import replay as replay_module
-from mnsf_ros.demo import replay_link
 from mnsf_ros.demo.demo_run import verdict
-from mnsf_ros.demo.replay import ReplayLog, replay
-from mnsf_ros.demo.replay_link import ReceivedFlow, ReplayLink
+from mnsf_ros.demo.replay import ReplayLink, ReplayLog, replay
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE
+from msg_utils.cdr import serialized_cloud
+from msg_utils.point_cloud2 import encoding_of_columns
 
 NUM_SWEEPS = 6
 
@@ -25,10 +27,10 @@ def test_a_node_is_there_when_it_sees_us_too(own_domain):
     """Seen from here alone it would be too early: it works only for whom it sees."""
     with (
         RawTopics("node_of_the_test") as node,
-        ReplayLink("/points", "/flow", lambda _: None, lambda _: None) as link,
+        ReplayLink("/points", "/flow") as link,
     ):
         node.subscribe("/points", CLOUD_TYPE, lambda _: None)
-        node.publisher("/flow", CLOUD_TYPE)
+        flow = node.publisher("/flow", CLOUD_TYPE)
         diagnostics = node.publisher("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         give_up_s = time.monotonic() + 300
         while not (link.is_heard and link.num_publishers("/flow")):
@@ -39,6 +41,22 @@ def test_a_node_is_there_when_it_sees_us_too(own_domain):
             assert time.monotonic() < give_up_s
             diagnostics.publish(DiagnosticArray(status=[DiagnosticStatus(name="scene_flow: flow")]))
             link.spin_for(0.02)
+        link.publish(cloud(stamp_s=8))
+        # Flows of other sweeps do not count.
+        for stamp_s in (7, 8):
+            flow.publish(cloud(stamp_s))
+        while not link.log.arrived_s:
+            assert time.monotonic() < give_up_s
+            link.spin_for(0.02)
+        assert [*link.log.arrived_s] == [8_000_000_000]
+
+
+def cloud(stamp_s):
+    """A serialized cloud of one point."""
+    header = Header(frame_id="lidar")
+    header.stamp.sec = stamp_s
+    columns = {axis: np.zeros(1, np.float32) for axis in "xyz"}
+    return serialized_cloud(header, encoding_of_columns(columns, 1, 1), is_dense=True)
 
 
 class LateLink(ReplayLink):
@@ -46,33 +64,31 @@ class LateLink(ReplayLink):
 
     clock_s, is_connected = 0.0, True
 
-    def __init__(self, events, on_flow):
-        self.events, self.on_flow, self.num_published = dict(events), on_flow, 0
-        self.counts, self.flow_values, self.num_statuses = {}, {"busy": "False"}, 0
+    def __init__(self, events):
+        self.events, self.num_statuses = dict(events), 0
+        self.log = ReplayLog(values={"busy": "False"})
 
     def __exit__(self, *_):
         pass
 
     def publish(self, raw):
-        self.num_published += 1
-        return raw
+        self.log.published_s[raw] = self.clock_s
 
     def subscribe(self, *_):
         pass
 
     def spin_for(self, duration_s):
         self.clock_s += max(duration_s, 0.0)
-        if self.num_published < NUM_SWEEPS:
+        if len(self.log.published_s) < NUM_SWEEPS:
             return
         for due_s in [due_s for due_s in self.events if due_s <= self.clock_s]:
             self._happens(self.events.pop(due_s))
 
     def _happens(self, event):
         if isinstance(event, int):
-            self.on_flow(ReceivedFlow(event, self.clock_s, b""))
-            return
-        self.counts, self.num_statuses = event, self.num_statuses + 1
-        self.flow_values = {"busy": "False", **{key: str(value) for key, value in event.items()}}
+            self.log.arrived_s[event] = self.clock_s
+        else:
+            self.log.counts, self.num_statuses = event, self.num_statuses + 1
 
 
 def counts(received, formed, out, dropped=0):
@@ -84,14 +100,13 @@ def replayed(monkeypatch, events):
     """The log of a replay; `events`: seconds to what happens, a flow's stamp or counts."""
     links = []
 
-    def link(points, flow, on_flow, on_diagnostics, diagnostics):
-        links.append(LateLink(events, on_flow))
+    def link(*_):
+        links.append(LateLink(events))
         return links[0]
 
     monkeypatch.setattr(replay_module, "ReplayLink", link)
     clock = SimpleNamespace(monotonic=lambda: links[0].clock_s if links else 0.0)
-    for module in (replay_module, replay_link):
-        monkeypatch.setattr(module, "time", clock)
+    monkeypatch.setattr(replay_module, "time", clock)
     stamps = [100_000_000 * number for number in range(1, NUM_SWEEPS + 1)]
     reader = SimpleNamespace(raw_messages=lambda topic: zip(stamps, stamps, strict=True))
     writer = SimpleNamespace(write_raw=lambda *_: None)
@@ -111,10 +126,9 @@ ENDS = {
         {0.6: 200_000_000, 1.0: counts(6, 4, 2, dropped=2), 3.9: 500_000_000},
         (6, 2, 2),
     ),
-    # Flows of other sweeps do not count.
     "without drops": (
         {0.6 + number / 100: 100_000_000 * (number + 2) for number in range(4)}
-        | {0.65: 77, 1.0: counts(6, 4, 4)},
+        | {1.0: counts(6, 4, 4)},
         (6, 4, 0),
     ),
 }
@@ -141,7 +155,7 @@ def finished(num_flows, counts):
     stamps = [100_000_000 * number for number in range(60)]
     published_s = {stamp: stamp / 1e9 for stamp in stamps}
     arrived_s = {stamp: stamp / 1e9 + 0.188 for stamp in stamps[1 : 1 + num_flows]}
-    return ReplayLog(published_s, arrived_s, counts, estimate_ms=170.0)
+    return ReplayLog(published_s, arrived_s, counts, {"estimate median [ms]": "170.0"})
 
 
 def test_the_verdict_is_one_line():
