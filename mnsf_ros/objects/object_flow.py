@@ -13,6 +13,7 @@ from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.objects.decision import Decision, moves
 from mnsf_ros.objects.evidence import Visibility, evidence, moving_scores
+from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import (
     JudgedMotions,
@@ -23,7 +24,6 @@ from mnsf_ros.objects.motion_fusion import (
 from mnsf_ros.objects.motion_memory import MotionMemory
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.prepared_sweeps import PreparedSweeps, ReadySweeps
-from mnsf_ros.objects.proposals import first_guesses
 from mnsf_ros.objects.reasons import Reasons
 from mnsf_ros.objects.scene import Scene
 from mnsf_ros.objects.suspects import Suspects

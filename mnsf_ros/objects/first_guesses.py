@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Proposals: motions that may explain an object, where the fits of its motion start."""
+"""First guesses: motions that may explain an object, where the fits of its motion start."""
 
 from __future__ import annotations
 
