@@ -105,7 +105,7 @@ def _voted(
     voted[..., :2] += (shifts[chosen] * grid.cell_m).astype(np.float32)
     copies = objects.repeated(_NUM_VOTED)
     fitted = fit_motion_field(copies, targets[0], voted.reshape(-1, 3), _NUM_ITERATIONS)
-    return list((fitted.flows / unit).reshape(voted.shape))
+    return list((fitted / unit).reshape(voted.shape))
 
 
 @compiled(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -21,24 +20,13 @@ _STEP: Final = 1.8
 _STEEPEST: Final = np.float32(0.15)
 
 
-@dataclass(frozen=True, eq=False)
-class MotionField:
-    """Result of a fit for K objects.
-
-    Attributes:
-        flows: (K, 3) float32, metres, from the current sweep to the target, after the interval
-            between their stamps.
-        num_matched: (K,) number of points that the target has a counterpart of.
-    """
-
-    flows: NDArray[np.float32]
-    num_matched: NDArray[np.int64]
-
-
 def fit_motion_field(
     objects: ObjectPoints, target: Target, start: NDArray[np.float32], num_iterations: int
-) -> MotionField:
+) -> NDArray[np.float32]:
     """Moves each object until it lies on the target.
+
+    Returns (K, 3) metres, from the current sweep to the target, after the interval between their
+    stamps.
 
     Args:
         objects: K objects of the current sweep.
@@ -48,10 +36,9 @@ def fit_motion_field(
     """
     num_steps = target.steps_of(objects, start)
     flows = num_steps * start
-    num_matched: NDArray[np.int64] = np.zeros(len(objects), np.int64)
     for _ in range(num_iterations):
-        pulls, num_matched = target.pulls(objects, flows, _REACH_M)
+        pulls = target.pulls(objects, flows, _REACH_M)
         flows = flows + (_STEP * pulls).astype(np.float32)
         climbs = _STEEPEST * np.hypot(flows[:, 0], flows[:, 1])
         flows[:, 2] = np.clip(flows[:, 2], -climbs, climbs)
-    return MotionField(flows * (np.float32(target.steps) / num_steps), num_matched)
+    return np.asarray(flows * (np.float32(target.steps) / num_steps), np.float32)

@@ -4,22 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.motion_field import MotionField
 from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.target import Targets
 
 # A candidate must be better by this much to replace an earlier one: noise must not decide.
 _MIN_BETTER_M: Final = 0.0025
-# So must one that was not fitted to the neighbouring sweeps: over a longer time nothing moves
-# evenly.
-_MAX_SHARE: Final = 0.8
 # Of a vertical motion so much is noise: what lies between two beams of a lidar is not seen.
 _LEVEL_M: Final = 0.05
 # To choose among candidates, a third of the points is enough.
@@ -62,16 +58,14 @@ class JudgedMotions:
             self.motions[wanted], self.near[wanted], self.past[wanted], self.disagreement[wanted]
         )
 
-    def limit(self, share: float) -> NDArray[np.float64]:
-        """(K,) metres, the total below which a motion is clearly better, see `better`."""
-        return share * self.total - _MIN_BETTER_M
+    @property
+    def limit(self) -> NDArray[np.float64]:
+        """(K,) metres, the total below which a motion is clearly better."""
+        return self.total - _MIN_BETTER_M
 
-    def better(self, other: JudgedMotions, share: float) -> JudgedMotions:
-        """Returns for each object its own motion, or the other one if that is clearly better.
-
-        The other one must leave less than this share of the residual.
-        """
-        wins = other.total < self.limit(share)
+    def better(self, other: JudgedMotions) -> JudgedMotions:
+        """Returns for each object its own motion, or the other one if that is clearly better."""
+        wins = other.total < self.limit
         return JudgedMotions(
             np.where(wins[:, None], other.motions, self.motions),
             np.where(wins[:, None], other.near, self.near),
@@ -115,7 +109,6 @@ def best_of(
     targets: Targets,
     first: JudgedMotions,
     others: Sequence[NDArray[np.float32]],
-    share: float = 1.0,
 ) -> JudgedMotions:
     """Returns for each object the best of several motions, the first if in doubt.
 
@@ -124,45 +117,39 @@ def best_of(
         targets: What motions are measured on.
         first: Motions that were judged.
         others: (K, 3) metres each, further candidates.
-        share: They must leave less than this share of the residual.
     """
     tried = np.stack([first.motions, *others])
     are_again = [
         (tried[:row] == tried[row]).all(axis=2).any(axis=0) for row in range(1, len(tried))
     ]
-    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.limit(share), len(others)))
+    most_m = np.where(np.concatenate(are_again), -np.inf, np.tile(first.limit, len(others)))
     judged = judge(objects.repeated(len(others)), targets, np.concatenate(others), most_m=most_m)
     for rows in np.arange(len(judged.motions)).reshape(len(others), -1):
-        first = first.better(judged.only(rows), share)
+        first = first.better(judged.only(rows))
     return first
 
 
 def fuse_motions(
     objects: ObjectPoints,
     targets: Targets,
-    forward: MotionField,
-    backward: MotionField,
+    forward: NDArray[np.float32],
     inverted: NDArray[np.float32],
-    others: Sequence[NDArray[np.float32]] = (),
+    others: Sequence[NDArray[np.float32]],
 ) -> JudgedMotions:
     """Makes one motion of two (section 3 of the paper; here without a network).
 
     Args:
         objects: K objects.
         targets: What the candidates are measured on.
-        forward: The forward field.
-        backward: The backward field.
+        forward: (K, 3) metres, the forward flow.
         inverted: (K, 3) metres, the inverted backward flow.
         others: (K, 3) metres each, further candidates.
     """
-    forward, inverted = replace(forward, flows=_levelled(forward.flows)), _levelled(inverted)
-    weight = forward.num_matched / np.maximum(forward.num_matched + backward.num_matched, 1)
-    weight = weight[:, None].astype(np.float32)
-    mean = weight * forward.flows + (1 - weight) * inverted
-    disagreement = np.sqrt(((forward.flows - inverted) ** 2).sum(axis=1))
+    forward, inverted = _levelled(forward), _levelled(inverted)
+    mean = np.float32(0.5) * (forward + inverted)
+    disagreement = np.sqrt(((forward - inverted) ** 2).sum(axis=1))
     some = objects.thinner(_POINTS_TO_CHOOSE)
-    fitted = best_of(some, targets, judge(some, targets, mean), (forward.flows, inverted))
-    best = best_of(some, targets, fitted, others, _MAX_SHARE)
+    best = best_of(some, targets, judge(some, targets, mean), (forward, inverted, *others))
     return judge(objects, targets, best.motions, disagreement)
 
 

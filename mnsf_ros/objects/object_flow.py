@@ -174,12 +174,12 @@ class ObjectFlowEstimator:
             forward = fit_motion_field(objects, next_, start, num_iterations)
         if not previous:
             with clock.stage("best motion"):
-                return best_of(objects, targets, judge(objects, targets, forward.flows), others)
+                return best_of(objects, targets, judge(objects, targets, forward), others)
         with clock.stage("fit to previous"):
             backward = fit_motion_field(objects, previous[0], start, num_iterations)
-        inverted = backward.flows / np.float32(previous[0].steps)
+        inverted = backward / np.float32(previous[0].steps)
         with clock.stage("best motion"):
-            return fuse_motions(objects, targets, forward, backward, inverted, others)
+            return fuse_motions(objects, targets, forward, inverted, others)
 
     def over_ground(
         self, scene: Scene, decision: Decision, tracks: Sequence[Track], ids: NDArray[np.int64]

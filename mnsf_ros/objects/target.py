@@ -77,24 +77,20 @@ class Target:
 
     def pulls(
         self, objects: ObjectPoints, flows: NDArray[np.float32], reach_m: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Mean offsets from objects to the nearest points of the target.
+    ) -> NDArray[np.float64]:
+        """Returns (K, 3) metres, mean offsets of objects to the nearest points of the target.
 
         Args:
             objects: K objects.
             flows: (K, 3) metres, how far they are moved.
             reach_m: Points farther off do not pull.
-
-        Returns:
-            (K, 3) metres, mean over each object's points, axes of the current frame, and (K,) the
-            number of its points that have a point in reach.
         """
         exactly = np.zeros_like(objects.spacing)
         _, vectors, counts = self.sweep.grid.compared(
             objects.positions, objects.owners, flows, self.from_current, exactly, reach_m
         )
         means = vectors / np.maximum(counts, 1)[:, None]
-        return turned(means, self.from_current[:3, :3].T), counts
+        return turned(means, self.from_current[:3, :3].T)
 
     def are_new(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Returns (P,) which points (P, 3) came since: the sweep saw through, nothing was near."""
