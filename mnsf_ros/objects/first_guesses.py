@@ -23,7 +23,7 @@ from mnsf_ros.settings import ObjectSettings
 _NUM_POINTS: Final = 12
 # Shifts with most votes that are fitted, and steps of each fit.
 _NUM_VOTED: Final = 2
-_NUM_ITERATIONS: Final = 3
+_NUM_ITERATIONS: Final = 2
 # In older sweeps, motions that differ from the best in the neighbouring ones by less are tried.
 _MAX_CHANGE_M_S: Final = 12.0
 
