@@ -17,7 +17,7 @@ from mnsf_ros.ego_motion.covariance import (
     chained_covariance,
     step_covariance,
 )
-from mnsf_ros.ego_motion.sweep_matcher import SweepMatcher
+from mnsf_ros.ego_motion.sweep_matcher import Placed, SweepMatcher
 from mnsf_ros.ego_motion.sweep_motion import SweepMotion
 from mnsf_ros.geometry.transforms import interpolated_pose
 from mnsf_ros.settings import EgoMotionSettings
@@ -28,6 +28,12 @@ _MAX_INTERVALS: Final = 3.0
 # Odometry that jumps farther than any robot drives, as after a reset, is no motion.
 _MAX_SPEED_M_S: Final = 100.0
 _MAX_STEP_M: Final = 1.0  # without stamps, too
+# Vehicles speed up and brake by so much (standard deviation). Up and down, robots with legs sway
+# in another way in each sweep.
+_ACCELERATION_M_S2: Final = 2.0
+_HEAVE_M: Final = 1.0
+_LEAST_CHANGE_M: Final = 0.001  # of two sweeps of nearly the same time
+_USUAL_INTERVAL_S: Final = 0.1  # without stamps
 # A sweep is matched so often at most, each time with the motion that was found last.
 _MAX_ROUNDS: Final = 3
 # Poses that are remembered: more than methods look back.
@@ -44,12 +50,11 @@ class EgoSource(Enum):
     CONSTANT_VELOCITY = "constant velocity"  # neither was there: the motion goes on as before
 
 
-# Registration: 0.005 m and 0.5 mrad a sweep on KITTI 0005 and on an Apollo drive, 0.006 m where
-# simulated streets are driven at 18 m/s. Odometry: a usual one; its own covariance is not read.
-# Without either nobody knows.
+# Registration: besides the covariance by the map, which most errors in random worlds stay below.
+# Odometry: a usual one; its own covariance is not read. Without either nobody knows.
 _NOISE: Final = {
     EgoSource.START: StepNoise(0.001, 0.0, 0.0001, 0.0),
-    EgoSource.REGISTRATION: StepNoise(0.006, 0.01, 0.0006, 0.01),
+    EgoSource.REGISTRATION: StepNoise(0.004, 0.003, 0.0006, 0.003),
     EgoSource.ODOMETRY: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.TF: StepNoise(0.01, 0.02, 0.001, 0.02),
     EgoSource.CONSTANT_VELOCITY: StepNoise(0.5, 0.5, 0.05, 0.5),
@@ -104,6 +109,8 @@ class EgoMotion:
         self._last: Sweep | None = None
         self._last_pose = _origin()
         self._last_motion: NDArray[np.float64] | None = None
+        # Of that motion by the map, in the axes of the world.
+        self._last_covariance: NDArray[np.float64] = np.zeros((6, 6))
         self._last_interval_ns = 0
         # The same for all sweeps of a world, so that intervals are those of the stamps.
         self._moment_s: float | None = None
@@ -138,14 +145,17 @@ class EgoMotion:
         before = self._last_pose.world_from_sensor
         interval_ns = sweep.stamp_ns - last.stamp_ns
         motion, source = self._odometry(last, sweep), EgoSource(self._settings.source)
+        known: NDArray[np.float64] = np.zeros((6, 6))
         if motion is None:
-            motion, source = self._registered(last, before, sweep)
+            motion, source, known = self._registered(last, before, sweep)
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
         if source is not EgoSource.CONSTANT_VELOCITY:
             self._last_motion, self._last_interval_ns = motion, interval_ns
-        step = step_covariance(motion, _NOISE[source])
+            self._last_covariance = known
+        axes = np.kron(np.eye(2), before[:3, :3])
+        step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
         return SensorPose(before @ motion, source, covariance, step, self.motion_in(sweep))
 
@@ -164,22 +174,24 @@ class EgoMotion:
 
     def _registered(
         self, last: Sweep, world_from_last: NDArray[np.float64], sweep: Sweep
-    ) -> tuple[NDArray[np.float64], EgoSource]:
-        """(4, 4) last_from_sweep, and where it is from."""
+    ) -> tuple[NDArray[np.float64], EgoSource, NDArray[np.float64]]:
+        """(4, 4) last_from_sweep, where it is from, and its covariance (6, 6) by the map."""
         if self._map is None:
             # Odometry was lost just now: the map starts with the last sweep, where it was.
             self._map = self._map_of(last, world_from_last, self.motion_in(last))
-        interval_ns = sweep.stamp_ns - last.stamp_ns
-        expected = self._expected_motion(interval_ns)
-        motion = self._matched(self._map, last, world_from_last, sweep, expected)
-        if motion is not None:
-            return motion, EgoSource.REGISTRATION
-        motion = np.eye(4) if expected is None else expected
-        # What the map shows is not what the sensor sees: it starts anew with this sweep, if that
-        # shows anything at all.
-        new_map = self._map_of(sweep, world_from_last @ motion, self.motion_in(sweep))
-        self._map = self._map if new_map.is_empty else new_map
-        return motion, EgoSource.CONSTANT_VELOCITY
+        expected = self._expected(world_from_last, sweep.stamp_ns - last.stamp_ns)
+        found = self._matched(self._map, last, world_from_last, sweep, expected)
+        source = EgoSource.REGISTRATION
+        if found is None:
+            source = EgoSource.CONSTANT_VELOCITY
+            pose = world_from_last if expected is None else expected.pose
+            found = Placed(pose, np.zeros((6, 6)))
+            # What the map shows is not what the sensor sees: it starts anew with this sweep, if
+            # that shows anything at all.
+            new_map = self._map_of(sweep, found.pose, self.motion_in(sweep))
+            self._map = self._map if new_map.is_empty else new_map
+        motion: NDArray[np.float64] = np.linalg.inv(world_from_last) @ found.pose
+        return motion, source, found.covariance
 
     def _matched(
         self,
@@ -187,9 +199,9 @@ class EgoMotion:
         last: Sweep,
         world_from_last: NDArray[np.float64],
         sweep: Sweep,
-        expected: NDArray[np.float64] | None,
-    ) -> NDArray[np.float64] | None:
-        """(4, 4) last_from_sweep by the map, near an expected motion; None if nothing fits.
+        expected: Placed | None,
+    ) -> Placed | None:
+        """The pose of a sweep by the map, near an expected one; None if nothing fits.
 
         Where the times of points are known, a motion that was not expected bends the sweep in
         another way: it is matched again with that.
@@ -198,31 +210,38 @@ class EgoMotion:
         bending = self.motion_in(sweep)
         for _ in range(_MAX_ROUNDS):
             cloud = map_.prepared(sweep, bending)
-            match = map_.match(cloud, None if expected is None else world_from_last @ expected)
+            match = map_.match(cloud, expected)
             if match is None:
                 return None
-            pose = match
-            found: NDArray[np.float64] = np.linalg.inv(world_from_last) @ pose
-            refined = self._bent_by(sweep, found, interval_ns)
+            found = match
+            motion = np.linalg.inv(world_from_last) @ found.pose
+            refined = self._bent_by(sweep, motion, interval_ns)
             if refined is None or (bending is not None and refined.is_like(bending)):
                 break
             if bending is None:
                 # The last sweep is in the map as it came, for nothing was known of its motion.
                 map_ = self._map_of(last, world_from_last, refined)
-            expected, bending = found, refined
+            expected, bending = expected or Placed(found.pose, np.eye(6)), refined
         if refined is not None:
             self._bending = refined if bending is None else bending.towards(refined)
-        map_.add(cloud, pose)
+        map_.add(cloud, found.pose)
         self._map = map_
         return found
 
-    def _expected_motion(self, elapsed_ns: int) -> NDArray[np.float64] | None:
-        """(4, 4) last_from_sweep if the sensor goes on with its velocity; None if there is none."""
+    def _expected(self, world_from_last: NDArray[np.float64], elapsed_ns: int) -> Placed | None:
+        """The pose if the sensor goes on with its velocity; None if there is none."""
         if self._last_motion is None:
             return None
         last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0
-        return interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
+        motion = interpolated_pose(np.eye(4), self._last_motion, min(intervals, _MAX_INTERVALS))
+        elapsed_s = elapsed_ns / NANOSECONDS if elapsed_ns > 0 else _USUAL_INTERVAL_S
+        turn = world_from_last[:3, :3]
+        change_m = max(_ACCELERATION_M_S2 * elapsed_s**2, _LEAST_CHANGE_M)
+        change = np.diag(np.square([change_m, change_m, _HEAVE_M]))
+        covariance = intervals**2 * self._last_covariance
+        covariance[:3, :3] += turn @ change @ turn.T
+        return Placed(world_from_last @ motion, covariance)
 
     def _map_of(
         self, sweep: Sweep, pose: NDArray[np.float64], motion: SweepMotion | None = None

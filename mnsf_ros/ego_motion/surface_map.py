@@ -81,7 +81,8 @@ class SurfaceMap:
         self._seen[cells] = self._num_added
         where = (cells, self._indices, self._cell_m, self._moments, self._num_new)
         add_moments(moved, *where)
-        fit_surfaces(*where, self._surfaces)
+        sensor = np.stack([pose[:3, 3] - self._origin, pose[:3, 2]])
+        fit_surfaces(*where, sensor, self._surfaces)
 
     def compared(
         self, points: NDArray[np.float32], pose: NDArray[np.float64], within_m: float

@@ -2,7 +2,8 @@
 """Surfaces of points in cells: fitted to their moments, and compared with other points.
 
 A surface has a center and a (3, 3) matrix of weights: 1 across a smooth plane, 0 along it. An
-upright pole or edge counts in two directions, what is not flat in none.
+upright pole or edge counts in two directions, what is not flat in none, and points of a single
+laser not in the direction of its elevation.
 """
 
 from __future__ import annotations
@@ -88,11 +89,42 @@ def _find_axes(spread: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
             axes[column, other] = sine * first + cosine * second
 
 
-@compiled("void(float64[:, ::1], float64[:, ::1], float64, float64[::1])")
+@compiled("void(float64[:, ::1], float64[::1], float64[::1], float64[::1])")
+def _find_unseen(
+    spread: NDArray[np.float64],
+    ray: NDArray[np.float64],
+    up: NDArray[np.float64],
+    unseen: NDArray[np.float64],
+) -> None:
+    """Direction of the elevation of lasers; its squared length is the share that is unknown.
+
+    The points of one laser lie in the plane of its rays on any surface, and move along with the
+    sensor when it pitches, rolls or heaves.
+    """
+    climb, squared = 0.0, 0.0
+    for axis in range(3):
+        climb += ray[axis] * up[axis]
+        squared += ray[axis] * ray[axis]
+    length, seen = 0.0, 0.0
+    for axis in range(3):
+        unseen[axis] = squared * up[axis] - climb * ray[axis]
+        length += unseen[axis] * unseen[axis]
+    if length == 0.0:
+        return
+    for first in range(3):
+        for second in range(3):
+            seen += unseen[first] * spread[first, second] * unseen[second] / length
+    scale = np.sqrt(_ROUGHNESS_M**2 / (max(seen, 0.0) + _ROUGHNESS_M**2) / length)
+    for axis in range(3):
+        unseen[axis] *= scale
+
+
+@compiled("void(float64[:, ::1], float64[:, ::1], float64, float64[::1], float64[::1])")
 def _weigh(
     spread: NDArray[np.float64],
     axes: NDArray[np.float64],
     cell_m: float,
+    unseen: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> None:
     """Weights of the three axes, by the variances of the points along them."""
@@ -101,7 +133,10 @@ def _weigh(
     for axis in range(3):
         # What fills the cell says nothing of where along this axis the surface is.
         share = rough / (max(spread[axis, axis], 0.0) + rough)
-        weights[axis] = max(share - rough / (cell_m**2 / 12 + rough), 0.0)
+        part = 0.0
+        for row in range(3):
+            part += axes[row, axis] * unseen[row]
+        weights[axis] = max(share - rough / (cell_m**2 / 12 + rough), 0.0) * (1 - part * part)
         if spread[axis, axis] < spread[least, least]:
             least = axis
         if spread[axis, axis] >= spread[most, most]:
@@ -113,7 +148,8 @@ def _weigh(
 
 
 @compiled(
-    "void(int32[::1], int64[:, ::1], float64, float64[:, :, ::1], float64[::1], float64[:, :, ::1])"
+    "void(int32[::1], int64[:, ::1], float64, float64[:, :, ::1], float64[::1], float64[:, ::1],"
+    " float64[:, :, ::1])"
 )
 def fit_surfaces(
     cells: NDArray[np.int32],
@@ -121,10 +157,16 @@ def fit_surfaces(
     cell_m: float,
     moments: NDArray[np.float64],
     num_new: NDArray[np.float64],
+    sensor: NDArray[np.float64],
     surfaces: NDArray[np.float64],
 ) -> None:
-    """Fits the surfaces (C, 4, 3) of cells that have points enough and many new ones among them."""
+    """Fits the surfaces (C, 4, 3) of cells that have points enough and many new ones among them.
+
+    The rows of `sensor` are its place and its z axis. The other arguments are those of
+    `add_moments`.
+    """
     spread, axes, weights = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    ray, unseen = np.empty(3), np.zeros(3)
     for cell in cells:
         count = moments[cell, 3, 3]
         if count < _MIN_POINTS or num_new[cell] < _MIN_NEW * count:
@@ -133,11 +175,13 @@ def fit_surfaces(
         for first in range(3):
             mean = moments[cell, first, 3] / count
             surfaces[cell, 0, first] = (indices[cell, first] + 0.5) * cell_m + mean
+            ray[first] = surfaces[cell, 0, first] - sensor[0, first]
             for second in range(3):
                 product = moments[cell, first, second] / count
                 spread[first, second] = product - mean * moments[cell, second, 3] / count
+        _find_unseen(spread, ray, sensor[1], unseen)
         _find_axes(spread, axes)
-        _weigh(spread, axes, cell_m, weights)
+        _weigh(spread, axes, cell_m, unseen, weights)
         for first in range(3):
             for second in range(3):
                 total = 0.0

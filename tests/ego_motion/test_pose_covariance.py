@@ -45,3 +45,12 @@ def test_poses_say_how_uncertain_they_are():
     assert all((after > before).all() for before, after in itertools.pairwise(spreads))
     lost = ego_motion.pose_of(street.sweep(pose(2000.0), 4))
     assert np.sqrt(lost.step_covariance[0, 0]) > 0.1
+
+
+def test_poses_say_that_little_holds_them_along_a_bare_tunnel():
+    tunnel, ego_motion = BoxStreet(num_parked=0), EgoMotion(EgoMotionSettings())
+    tunnel.boxes = [((0.0, side), (400.0, 3.0, 5.0)) for side in (-6.0, 6.0)]
+    for index in range(4):
+        found = ego_motion.pose_of(tunnel.sweep(pose(), index, points_per_box=60_000))
+    along, across = np.sqrt(np.diag(found.step_covariance))[:2]
+    assert along > 1.5 * across

@@ -32,6 +32,9 @@ WORLD = SimulationSettings(scenario="random")
         # A country road with lorries and a tunnel: registration was dragged along by traffic.
         (replace(WORLD, seed=5), 0.02),
         (replace(WORLD, seed=43), 0.04),
+        # 17 m/s from the first sweep on, and 16 lasers on a robot that sways.
+        (replace(WORLD, seed=20), 0.03),
+        (replace(WORLD, seed=7), 0.008),
     ],
 )
 def test_the_error_of_a_step_is_small(settings, within_m):

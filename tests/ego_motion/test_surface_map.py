@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from box_street import pose
 from scipy.spatial.transform import Rotation
 
@@ -39,12 +40,27 @@ class TestSurfaces:
     def test_are_those_of_the_eigenvectors(self):
         turn = Rotation.from_rotvec([0.4, -0.7, 0.2]).as_matrix()
         points = (points_of((0.03, 0.12, 0.2), 80) @ turn.T).astype(np.float32)
-        variances, axes = np.linalg.eigh(np.cov(points.T.astype(np.float64), bias=True))
+        spread, ray = np.cov(points.T.astype(np.float64), bias=True), points.mean(axis=0)
+        variances, axes = np.linalg.eigh(spread)
         weights = np.maximum(9e-4 / (variances + 9e-4) - 9e-4 / (1 / 12 + 9e-4), 0)
         weights[1] *= axes[2, 2] ** 2
+        across = np.cross(ray, np.cross([0, 0, 1], ray))
+        across /= np.linalg.norm(across)
+        weights *= 1 - 9e-4 / (across @ spread @ across + 9e-4) * (axes.T @ across) ** 2
         expected = axes @ np.diag(weights) @ axes.T
         found = squared_m2(map_of(points), points.mean(axis=0))
         np.testing.assert_allclose(found, expected, atol=2e-5)
+
+    @pytest.mark.parametrize(
+        ("num_lasers", "is_held"), [(1, False), (8, True)], ids=["one laser", "several"]
+    )
+    def test_of_one_laser_do_not_hold_its_height(self, num_lasers, is_held):
+        """On ground: its points lie in the plane of its rays, which pitches with the sensor."""
+        angles, radii = np.mgrid[-0.1:0.1:20j, 3.75 : 4.25 : num_lasers * 1j]
+        ground = np.full(angles.size, -1.8)
+        ring = np.stack([*(radii * (np.cos(angles), np.sin(angles))).reshape(2, -1), ground], 1)
+        pull = squared_m2(map_of(ring.astype(np.float32)), (4.0, 0.0, -1.8))[2, 2]
+        assert (pull > 0.5) if is_held else (pull < 0.3)
 
 
 class TestComparison:
