@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,15 +19,13 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: first to find the motion, then to settle
-# it. The second pass is what frees the result from vehicles that move along.
+# Points farther from their surface than this do not count: to find a motion that nobody expects,
+# then to settle it. The second pass is what frees the result from vehicles that move along.
 _FIND_WITHIN_M: Final = 1.0
 _SETTLE_WITHIN_M: Final = 0.3
 _MAX_STEPS_TO_FIND: Final = 2
 _MAX_STEPS_TO_SETTLE: Final = 6
 _MAX_STEPS_TO_REFINE: Final = 10
-# To find the motion every second point is enough.
-_FIND_STRIDE: Final = 2
 # Steps smaller than this, in metres at 30 m range, are the last.
 _LAST_STEP_M: Final = 0.001
 _FAR_M: Final = 30.0
@@ -48,8 +45,6 @@ _SEARCH_POINTS: Final = 1000
 _SEARCH_REACH_M: Final = 0.3
 _SEARCH_STARTS: Final = 5
 _STANDING_WITHIN_M: Final = 0.15
-# A pose farther from the expected one than this has to be better than it.
-_DRAGGED_M: Final = 0.15
 # A motion that explains fewer of the points is not one to trust: .57 and more for the second sweep
 # of random worlds, at 17 m/s with 32 beams; .38 and less for sweeps of other places (tunnels .72).
 _MIN_EXPLAINED: Final = 0.47
@@ -108,25 +103,25 @@ class SweepMatcher:
         """
         if cloud is None or self.is_empty:
             return None
-        found = None if expected is None else self._found(cloud, expected)
-        if found is None:
-            found = self._searched(cloud)
-        return found
-
-    def _found(self, cloud: Cloud, expected: Placed) -> Placed | None:
-        """The pose near an expected one, None if there the map does not explain the cloud."""
-        some = cloud.points[::_FIND_STRIDE]
-        start, _ = self._aligned(some, expected.pose, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
-        starts = [start]
-        if np.linalg.norm(start[:3, 3] - expected.pose[:3, 3]) > _DRAGGED_M:
-            # Traffic alongside may have led the search astray.
-            starts.append(expected.pose)
-        return _explained(cloud, *self._settled(cloud, starts, expected))
+        if expected is not None:
+            how = expected.pose, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE, expected
+            found = _explained(cloud, *self._aligned(cloud.points, *how))
+            if found is not None:
+                return found
+        return self._searched(cloud)
 
     def _searched(self, cloud: Cloud) -> Placed | None:
         """The pose near the last one, None if there the map does not explain the cloud."""
         points = cloud.points
-        best, _ = self._settled(cloud, self._starts(cloud), None)
+        settled = [
+            self._aligned(points, start, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE)[0]
+            for start in self._starts(cloud)
+        ]
+        # By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
+        # by all that stands they do not.
+        best = max(
+            settled, key=lambda pose: self._num_standing(cloud.standing, pose, _STANDING_WITHIN_M)
+        )
         best, _ = self._aligned(points, best, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
         return _explained(
             cloud, *self._aligned(points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE)
@@ -138,7 +133,11 @@ class SweepMatcher:
         starts = [self._last_pose]
         for angles_deg, shifts_m in _SEARCHED:
             places = [
-                [self._beside(x, y, angle) for x in shifts_m for y in shifts_m]
+                [
+                    self._last_pose @ planar_pose(x, y, np.radians(angle))
+                    for x in shifts_m
+                    for y in shifts_m
+                ]
                 for angle in angles_deg
             ]
             counts = np.array(
@@ -152,32 +151,6 @@ class SweepMatcher:
             best = peaks[np.argsort(-counts.flat[peaks], kind="stable")[:_SEARCH_STARTS]]
             starts += [places[each // len(places[0])][each % len(places[0])] for each in best]
         return starts
-
-    def _beside(self, x: float, y: float, angle_deg: float) -> NDArray[np.float64]:
-        """The last pose, shifted along its own axes and turned to the left."""
-        pose: NDArray[np.float64] = self._last_pose @ planar_pose(x, y, np.radians(angle_deg))
-        return pose
-
-    def _settled(
-        self,
-        cloud: Cloud,
-        starts: Sequence[NDArray[np.float64]],
-        expected: Placed | None,
-    ) -> tuple[NDArray[np.float64], Comparison]:
-        """The pose near one of several candidates that explains most points above the ground.
-
-        By the ground, or by a lorry alongside, wrong motions look nearly as good as the true one;
-        by all that stands they do not.
-        """
-        found = [
-            self._aligned(cloud.points, start, _SETTLE_WITHIN_M, _MAX_STEPS_TO_SETTLE, expected)
-            for start in starts
-        ]
-        if len(found) == 1:
-            return found[0]
-        return max(
-            found, key=lambda each: self._num_standing(cloud.standing, each[0], _STANDING_WITHIN_M)
-        )
 
     def _num_standing(
         self, standing: NDArray[np.float32], pose: NDArray[np.float64], within_m: float
