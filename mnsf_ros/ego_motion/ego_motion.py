@@ -151,9 +151,14 @@ class EgoMotion:
         else:
             self._map = None
             self._bending = self._bent_by(sweep, motion, interval_ns)
-        if source is not EgoSource.CONSTANT_VELOCITY:
-            self._last_motion, self._last_interval_ns = motion, interval_ns
-            self._last_covariance = known
+        # Since a place that nobody knows no motion is known either.
+        was_guessed = self._last_pose.source is EgoSource.CONSTANT_VELOCITY
+        if source is not EgoSource.CONSTANT_VELOCITY and not (
+            was_guessed and self._last_motion is None
+        ):
+            self._last_motion = None if interval_ns < 0 else motion
+            self._last_interval_ns = interval_ns
+            self._last_covariance = known + was_guessed * self._last_pose.step_covariance
         axes = np.kron(np.eye(2), before[:3, :3])
         step = step_covariance(motion, _NOISE[source]) + axes.T @ known @ axes
         covariance = chained_covariance(self._last_pose.covariance, before, motion, step)
@@ -229,8 +234,8 @@ class EgoMotion:
         return found
 
     def _expected(self, world_from_last: NDArray[np.float64], elapsed_ns: int) -> Placed | None:
-        """The pose if the sensor goes on with its velocity; None if there is none."""
-        if self._last_motion is None:
+        """The pose if the sensor goes on with its velocity; None if that or the time is unknown."""
+        if self._last_motion is None or elapsed_ns < 0:
             return None
         last_ns = self._last_interval_ns
         intervals = elapsed_ns / last_ns if elapsed_ns > 0 and last_ns > 0 else 1.0

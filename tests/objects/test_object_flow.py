@@ -148,7 +148,7 @@ def test_ground_walls_and_nothing_else():
     result = estimate(SweepTriplet(*(Sweep(xyz, stamp_ns(index)) for index in range(3))))
     assert not result.over_ground.dynamic.any()
     # Nothing holds the sensor along the wall but the pattern of its points.
-    np.testing.assert_allclose(result.flow, 0, atol=0.01)
+    np.testing.assert_allclose(result.flow, 0, atol=0.02)
 
 
 def points(num_points):
