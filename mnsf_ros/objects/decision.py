@@ -82,12 +82,14 @@ def moves(
     """
     standing = suspects.standing
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
+    is_slow_enough = lengths <= settings.max_speed_m_s * interval_s
     may_move = moving.total < settings.max_unexplained * standing.total
-    may_move &= (lengths > _MIN_MOTION_M) & (lengths <= settings.max_speed_m_s * interval_s)
+    may_move &= (lengths > _MIN_MOTION_M) & is_slow_enough
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = may_move & (scores > np.log(odds))
     # What was clearly seen to move goes on, also slower, until standing explains as much.
-    is_held = (suspects.expected.evidence + scores > 0) & (lengths > _MIN_MOTION_M / 2)
-    is_held &= moving.total < standing.total
+    evidence = suspects.expected.evidence
+    is_held = (evidence > 0) & (evidence + scores > 0) & (moving.total < standing.total)
+    is_held &= (lengths > _MIN_MOTION_M / 2) & is_slow_enough
     is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
     return is_held | may_move & (scores > np.log(odds) - _TENTATIVE), is_held | is_clear

@@ -112,7 +112,6 @@ def _sums(
 
 # Movers this close to each other are one if their motions differ by less than this plus this share.
 _REACH_M: Final = 0.5
-_POINTS_PER_MOVER: Final = 16
 _SAME_MOTION_M: Final = 0.08
 _SAME_MOTION_SHARE: Final = 0.15
 
@@ -126,8 +125,8 @@ def mover_groups(movers: ObjectPoints, motions: NDArray[np.float32]) -> NDArray[
     """
     if len(movers) == 0:
         return np.zeros(0, np.int64)
-    some = movers.thinner(_POINTS_PER_MOVER)
-    pairs = some.owners[cKDTree(some.positions).query_pairs(_REACH_M, output_type="ndarray")]
+    tree = cKDTree(movers.positions)
+    pairs = movers.owners[tree.query_pairs(_REACH_M, output_type="ndarray")]
     first, second = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
     apart = np.sqrt(((motions[first] - motions[second]) ** 2).sum(axis=1))
     lengths = np.sqrt((motions**2).sum(axis=1))

@@ -77,6 +77,11 @@ class TestCar:
                 assert each.num_points == np.count_nonzero(known.track_ids == each.track_id)
 
 
+def test_what_is_faster_than_any_object_is_not_held():
+    known = estimates(drive(9), **{"objects.max_speed_m_s": 5.0})
+    assert not any(each.dynamic.any() for each in known)
+
+
 def walk(places):
     """Sweeps with a person at these places, (x, y) each."""
     sweeps = []
