@@ -4,7 +4,7 @@
     python benchmarks/fit_weights.py [--sweeps N] [--seeds A B] [--cache DIR]
 
 Runs `online` on the first half of KITTI and on random worlds, and on some of their sweeps from
-scratch. Prints weights for mnsf_ros/objects/evidence.py (the gate, with and without older sweeps;
+scratch. Prints weights for mnsf_ros/objects/decision.py (the gate, with and without older sweeps;
 there the last weight without them is not fitted) and mnsf_ros/objects/confidence.py, and the loss
 with these and with the current weights. movers.py shows how well the confidence holds on the other
 half and on other worlds.

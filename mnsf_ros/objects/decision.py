@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Decision of an estimate about the objects of a sweep, its evidence, and its limits."""
+"""Which objects move: all evidence in one number, and its limits."""
 
 from __future__ import annotations
 
@@ -10,10 +10,65 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.objects.evidence import Visibility, moving_scores
 from mnsf_ros.objects.motion_fusion import JudgedMotions
+from mnsf_ros.objects.object_points import ObjectPoints
 from mnsf_ros.objects.suspects import MIN_PAST_M, Suspects
+from mnsf_ros.objects.target import Targets
 from mnsf_ros.settings import ObjectSettings
+
+# Not fitted: the number of places where something may match by chance grows with the square of the
+# motion, unless a track expected it. Simulated streets have fewer such places than real ones.
+_PER_LOG: Final = -2.0
+# Logistic regressions; `python benchmarks/fit_weights.py` prints the numbers. For each column of
+# `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
+# motion leaves, of the number of points in free space, agreement with a track, and with what score
+# of that, logarithm of the thickness; with older sweeps: gain in metres there if the motion is
+# slow, gain where the object would be visible, logarithm of the share that the motion leaves;
+# without them: logarithm of the metres from one on if no track expected the motion.
+_WITH_PAST: Final = (-1.84, -0.84, 0.60, 1.38, 0.51, 0.93, 5.40, 2.34, -0.46)
+_WITHOUT_PAST: Final = (-1.27, -0.78, 0.76, 0.79, -0.38, 0.89, _PER_LOG)
+# Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
+_NOISE_M: Final = 0.01
+_PAST_NOISE_M: Final = 0.02
+# The longest motion that is slow, to the next sweep.
+_SLOW_M: Final = 0.3
+# By noise alone surfaces are thicker than this.
+_THIN_M: Final = 0.03
+# A motion is that of the track if it differs by less than this plus this share.
+_SAME_MOTION_M: Final = 0.05
+_SAME_MOTION_SHARE: Final = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """Free and visible shares of K objects in other sweeps.
+
+    A place that was seen through is evidence of motion. A place that was hidden is none: there a
+    static object leaves a residual, too.
+
+    Attributes:
+        free: (K,) share of each object's points that are in free space of a sweep if the object is
+            static, summed over the sweeps, less the same if it moves.
+        visible_past: (K, S) share of its points that are not behind something in each of S older
+            sweeps if it is static.
+    """
+
+    free: NDArray[np.float64]
+    visible_past: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, objects: ObjectPoints, targets: Targets, motions: NDArray[np.float32]
+    ) -> Visibility:
+        """Returns the visibility in the targets of K objects with motions (K, 3), metres."""
+        free = np.zeros(len(objects))
+        visible_past = np.zeros((len(objects), len(targets.past)))
+        for number, target in enumerate((*targets.past, *targets.near)):
+            is_free, is_hidden = target.seen(objects, np.zeros_like(motions))
+            free += is_free - target.seen(objects, motions)[0]
+            if number < len(targets.past):
+                visible_past[:, number] = 1 - is_hidden
+        return cls(free, visible_past)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +111,57 @@ class Decision:
     def doubtful(self) -> Suspects:
         """Suspects that are not called dynamic, with those beyond the limits of the work."""
         return self.suspects.only(~np.isin(self.suspects.rows, self.fitted.rows[self.is_moving]))
+
+
+def moving_scores(features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns (K,) logarithm of the odds that objects with some evidence (K, F) move."""
+    weights = _WITH_PAST if features.shape[1] == len(_WITH_PAST) else _WITHOUT_PAST
+    scores: NDArray[np.float64] = (features * np.asarray(weights)).sum(axis=1)
+    return scores
+
+
+def evidence(
+    suspects: Suspects, moving: JudgedMotions, seen: Visibility, are_parts: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Returns (K, F) features for and against the motions of K objects.
+
+    Free space says nothing of a part of a long object: that its place was free is why it is one.
+
+    Args:
+        suspects: K objects, how well they are explained as static, and what tracks expect of them.
+        moving: How well their motions explain them.
+        seen: What the other sweeps could see of them.
+        are_parts: (K,) whether they were cut out of long objects.
+    """
+    objects, standing, expected = suspects.objects, suspects.standing, suspects.expected
+    lengths = np.sqrt((moving.motions**2).sum(axis=1))
+    apart = np.sqrt(((moving.motions - expected.motions) ** 2).sum(axis=1))
+    is_same = expected.is_known & (apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths)
+    columns = [
+        np.ones(len(suspects)),
+        _log_share(moving.cost, standing.cost, _NOISE_M),
+        np.log1p(np.where(are_parts, 0.0, np.maximum(seen.free, 0.0)) * objects.counts),
+        is_same,
+        is_same * np.maximum(expected.scores, 0.0),
+        np.log(objects.thicknesses + _THIN_M),
+    ]
+    if standing.past.shape[1]:
+        gains = standing.past - moving.past
+        columns += [
+            gains.mean(axis=1) * np.maximum(1 - lengths / _SLOW_M, 0.0),
+            (gains * seen.visible_past).mean(axis=1),
+            _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1), _PAST_NOISE_M),
+        ]
+    else:
+        columns.append(np.where(is_same, 0.0, np.log(np.maximum(lengths, 1.0))))
+    return np.stack(columns, axis=1).astype(np.float64)
+
+
+def _log_share(
+    part: NDArray[np.float64], whole: NDArray[np.float64], noise_m: float
+) -> NDArray[np.float64]:
+    shares: NDArray[np.float64] = np.log((part + noise_m) / (whole + noise_m))
+    return shares
 
 
 # A shorter motion over ground is noise.

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.objects.decision import Decision, moves
-from mnsf_ros.objects.evidence import Visibility, evidence, moving_scores
+from mnsf_ros.objects.decision import Decision, Visibility, evidence, moves, moving_scores
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import (

@@ -7,8 +7,8 @@ import numpy as np
 from small_scenes import objects_of, prepared, rows, surface, target
 
 from mnsf_ros.objects.confidence import moving_confidence
-from mnsf_ros.objects.expectation import Expectation
 from mnsf_ros.objects.motion_fusion import judge
+from mnsf_ros.objects.motion_memory import Expectation
 from mnsf_ros.objects.suspects import Suspects
 from mnsf_ros.objects.target import Targets
 
