@@ -26,7 +26,6 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 INSTALL := $(PIP) install --constraint $(VENV)/constraints.txt --editable
 
 STREET := demo/street_seed0_6s
-STREET_OF_README := demo/street_seed3_6s
 
 # What `make pins` checks the pins for; Ubuntu 22.04 has glibc 2.35.
 PYTHONS := 3.10 3.11 3.12 3.13 3.14
@@ -60,16 +59,16 @@ demo: $(READY)
 view: $(READY) $(if $(BAG),,$(STREET))
 	$(BIN)/mnsf view '$(or $(BAG),$(STREET))' $(if $(POINTS),--points '$(POINTS)') $(VIEW_OPTIONS)
 
-$(STREET) $(STREET_OF_README): | $(READY)
-	$(BIN)/mnsf simulate --duration-s 6 --seed $(patsubst demo/street_seed%_6s,%,$@) $@
+$(STREET): | $(READY)
+	$(BIN)/mnsf simulate --duration-s 6 --seed 0 $@
 
 # The animation in the README; half a minute of CPU.
-animation: $(READY) $(STREET_OF_README)
-	$(BIN)/mnsf view $(STREET_OF_README) --animation docs/street.webp
+animation: $(READY) $(STREET)
+	$(BIN)/mnsf view $(STREET) --animation docs/street.webp
 
 # The picture of the page in the README; needs Chromium.
-picture: $(COMPLETE) $(STREET_OF_README)
-	$(BIN)/python tests/view/page_picture.py $(STREET_OF_README) 4.5 docs/page.webp
+picture: $(COMPLETE) $(STREET)
+	$(BIN)/python tests/view/page_picture.py $(STREET) 3.4 docs/page.webp
 
 # On all cores. TEST_OPTIONS="tests/objects -k tracks" runs some of them, TEST_OPTIONS="-n 0" one
 # after the other.

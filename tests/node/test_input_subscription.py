@@ -14,7 +14,9 @@ from synthetic_clouds import xyz_message
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.node.cloud_topics import only_cloud_topic
+from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.subscriptions import InputSubscription
+from mnsf_ros.recording.bag_topics import CLOUD_TYPE
 
 
 def wait_until_gone(peer):
@@ -85,6 +87,24 @@ def test_clouds_that_a_busy_node_overwrites_are_counted(ros):
     num_missed = sum(how_many for _, how_many in missed)
     assert num_missed >= 20
     assert len(received) + num_missed == 41
+
+
+def test_clouds_before_a_publisher_was_found_are_counted(peer, drive):
+    wait_until_gone(peer)
+    received, missed = peer.num_clouds, peer.count("clouds_missed")
+    with RawTopics("lidar_of_another_process") as lidar:
+        publisher = lidar.publisher(peer.points_topic, CLOUD_TYPE)
+        for _ in range(5):
+            publisher.publish(drive.sweep(0))
+        expected = {"publishers": "1", "reliability": "reliable"}
+        peer.spin_until(lambda: expected.items() <= peer.values("input").items(), f"{expected}")
+        peer.spin_until(lambda: publisher.get_subscription_count() == 1, "the node")
+        publisher.publish(drive.sweep(1))
+        peer.spin_until(lambda: peer.num_clouds > received, "the last cloud")
+    missed = peer.count("clouds_missed") - missed
+    assert missed > 0
+    assert peer.num_clouds - received + missed == 6
+    peer.advertise(reliable=True)
 
 
 class TestOnlyCloudTopic:

@@ -322,6 +322,7 @@ def test_metadata_that_cannot_be_read_costs_nothing(metadata, content):
     assert found == ALL
     (damage,) = reader.damages
     assert str(damage).startswith(f"{metadata}: cannot be read: ")
+    assert ("has more than 1048576 bytes" in str(damage)) == (len(content) > 2**20)
     assert "\n" not in str(damage)
 
 
