@@ -10,7 +10,7 @@ import pytest
 
 from mnsf_ros.errors import MnsfError, OptimizationError, SettingsError, SweepError
 from mnsf_ros.presets import preset
-from mnsf_ros.scene_flow import StepReport, estimate_flow
+from mnsf_ros.scene_flow import estimate_flow
 from mnsf_ros.settings import Settings
 
 SHORT = Settings().changed(
@@ -61,20 +61,6 @@ def test_presets_have_names_and_the_fast_one_is_the_default(scene):
         np.testing.assert_array_equal(default.flow, again.flow)
     with pytest.raises(SettingsError, match="unknown preset 'slow', expected one of online"):
         estimate_flow(scene.current, scene.next, settings="slow")
-
-
-def test_long_estimate_reports_its_steps(scene):
-    lines = []
-    quiet = estimate_flow(scene.current, scene.next, settings=SHORT)
-    result = estimate_flow(scene.current, scene.next, settings=SHORT, progress=lines.append)
-    np.testing.assert_array_equal(result.flow, quiet.flow)
-    # Without a previous sweep it is the two-frame method.
-    assert list(result.fits) == ["forward"]
-    lines.clear()
-    times_s = iter([0.0, 1.0, 2.5, 2.6, 3.0, 4.6])
-    report = StepReport(lines.append, clock=lambda: next(times_s))
-    assert [report() for _ in range(5)] == [False] * 5
-    assert lines == ["estimating: step 2, 2 s", "estimating: step 5, 5 s"]
 
 
 def as_slice(array):

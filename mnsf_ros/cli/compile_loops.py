@@ -3,7 +3,3 @@
 
 The installation does so, so that the first start of a program takes no longer than later ones.
 """
-
-import mnsf_ros.core.flow_columns
-import mnsf_ros.drawing.color_wheel
-import mnsf_ros.methods  # noqa: F401 - to import is to compile

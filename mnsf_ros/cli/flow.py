@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
 from mnsf_ros.cli.console import Console
@@ -14,15 +15,20 @@ from mnsf_ros.presets import settings_for
 from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mnsf_ros.core.flow_estimate import FlowEstimate
     from mnsf_ros.settings import Settings
-    from mnsf_ros.sweeps_io.read_sweep import SweepInFile
-    from mnsf_ros.sweeps_io.write_flow import FlowToWrite
+    from mnsf_ros.sweeps.sweep import SweepTriplet
+    from mnsf_ros.sweeps_io.sweep_files import FlowToWrite
 
+_MIN_INTERVAL_S: Final = 0.001
+_MAX_INTERVAL_S: Final = 60.0
 _EPILOG = """\
-Sweeps: .npz (FILE.npz:ARRAY for one of several arrays), .npy, .pcd, .feather (Argoverse 2),
-.bin (KITTI: rows of x, y, z, intensity), .pcd.bin (nuScenes: and ring).
-OUT: .npz, .npy (flow alone) or .ply (coloured), row i for row i of CURRENT, NaN
+Sweeps: .npz (array xyz; FILE.npz:ARRAY for another one), .npy, .pcd,
+.bin (KITTI: rows of x, y, z, intensity) or .pcd.bin (nuScenes: and ring).
+OUT: .npz or .ply (coloured), row i for row i of CURRENT, NaN
 where that has no point. Each sweep is in its own sensor frame; point + flow is
 the place in NEXT. Methods that know what moves add velocity over ground (m/s),
 dynamic (0 or 1) and confidence (0 to 1).
@@ -49,7 +55,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.settings(default="online")
     arguments.value(
         "--interval-s S",
-        "time between the sweeps in seconds, unless each file has a stamp",
+        "time between the sweeps in seconds",
         default=USUAL_INTERVAL_S,
     )
     arguments.flag("--force", "replace OUT if it is there")
@@ -57,45 +63,73 @@ def add_to(subparsers: Subparsers) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from mnsf_ros.online.stream import Stream
-    from mnsf_ros.scene_flow import StepReport
-    from mnsf_ros.sweeps_io.read_sweep import read_sweep, triplet_of_files
-    from mnsf_ros.sweeps_io.write_flow import check_target, write_flow
+    from mnsf_ros.sweeps_io.sweep_files import check_target, read_points, write_flow
 
     settings = chosen_settings(options)
     if len(options.sweeps) < 2:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
     check_target(options.out, overwrite=options.force)
-    sweeps = [read_sweep(name) for name in options.sweeps]
-    triplet = triplet_of_files(sweeps, options.interval_s)
+    clouds = {name: read_points(name) for name in options.sweeps}
+    triplet = _triplet([clouds[name] for name in options.sweeps], options.interval_s)
     method = options.method or settings.method.name
-    stream = Stream(settings, method)
-    if stream.traits.needs_poses and triplet.next_from_current is None:
-        raise SweepFileError(
-            f"method {method!r} needs the poses of the sensor: give CURRENT and NEXT as .npz with "
-            "a pose, or use ego-estimated, which estimates them"
-        )
-    with Console(stderr=True).status(f"estimating with {method}") as status:
-        estimate = stream.flow_of(triplet, StepReport(status.update))
+    with Console(stderr=True).status(f"estimating with {method}"):
+        estimate = Stream(settings, method).flow_of(triplet)
     flow = _in_rows_of_file(
-        sweeps[-2], triplet.interval_s, estimate, method, settings_for(method, settings)
+        clouds[options.sweeps[-2]],
+        triplet.interval_s,
+        estimate,
+        method,
+        settings_for(method, settings),
     )
     write_flow(options.out, flow, overwrite=options.force)
     Console().say(_summary(options.out, method, flow, estimate), soft_wrap=True)
 
 
+def _triplet(clouds: Sequence[NDArray[np.float32]], interval_s: float) -> SweepTriplet:
+    """The finite points of clouds (N, 3) in the order of time, CURRENT and NEXT last."""
+    from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
+
+    if not _MIN_INTERVAL_S <= interval_s <= _MAX_INTERVAL_S:
+        raise SweepFileError(
+            f"interval between sweeps: got {interval_s:g} s, expected {_MIN_INTERVAL_S:g} to "
+            f"{_MAX_INTERVAL_S:g} s"
+        )
+    sweeps = []
+    for number, xyz in enumerate(clouds, start=1):
+        points = xyz[_measured(xyz)]
+        if len(points) == 0:
+            raise SweepFileError(f"sweep {number} of {len(clouds)} has no finite point")
+        sweeps.append(Sweep(points, number * round(interval_s * NANOSECONDS)))
+    following, current, *before = reversed(sweeps)
+    previous = before[0] if before else None
+    return SweepTriplet(previous, current, following, earlier=tuple(before[1:]))
+
+
+def _measured(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Mask (N,) of the rows with a finite point."""
+    import numpy as np
+
+    return np.asarray(np.isfinite(xyz).all(axis=1))
+
+
 def _in_rows_of_file(
-    current: SweepInFile, interval_s: float, estimate: FlowEstimate, method: str, settings: Settings
+    xyz: NDArray[np.float32],
+    interval_s: float,
+    estimate: FlowEstimate,
+    method: str,
+    settings: Settings,
 ) -> FlowToWrite:
     import numpy as np
 
-    from mnsf_ros.core.flow_columns import FLOW_COLUMNS, flow_columns
-    from mnsf_ros.sweeps_io.write_flow import FlowToWrite
+    from mnsf_ros.sweeps_io.flow_columns import FLOW_COLUMNS, flow_columns
+    from mnsf_ros.sweeps_io.sweep_files import FlowToWrite
 
-    kept = np.zeros(len(current.xyz), dtype=bool)
-    kept[current.measured] = estimate.kept
+    measured = _measured(xyz)
+    kept = np.zeros(len(xyz), dtype=bool)
+    kept[measured] = estimate.kept
     known = [one for one in FLOW_COLUMNS if one.values(estimate, interval_s) is not None]
-    columns = flow_columns(estimate, interval_s, current.measured, known)
-    return FlowToWrite(current.xyz, kept, columns, method, settings.to_mapping())
+    columns = flow_columns(estimate, interval_s, measured, known)
+    return FlowToWrite(xyz, kept, columns, method, settings.to_mapping())
 
 
 def _summary(out: Path, method: str, flow: FlowToWrite, estimate: FlowEstimate) -> str:

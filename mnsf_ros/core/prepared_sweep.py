@@ -11,20 +11,16 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.compute_device import compute_device, on_device, on_host
 from mnsf_ros.core.target_distance import TargetDistance
-from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.kept_points import crop_mask, kept_mask
+from mnsf_ros.sweeps.kept_points import fit_mask
 from mnsf_ros.sweeps.sweep import Sweep
-
-_MIN_POINTS = 10
 
 
 class PreparedSweep:
     """A prepared sweep. Built once, used as next, current and previous.
 
     Attributes:
-        kept: (N,) bool, the points that fields are fitted to: those inside the crop, chosen by
-            the caller or not ground.
+        kept: (N,) bool, the points that fields are fitted to, see `fit_mask`.
         points: (M, 3) float32 on the device, metres, the kept points.
     """
 
@@ -35,18 +31,7 @@ class PreparedSweep:
             SweepError: If too few points are left.
         """
         self._is_chosen = sweep.kept is not None
-        self.kept = (
-            kept_mask(sweep.xyz, settings)
-            if sweep.kept is None
-            else sweep.kept & crop_mask(sweep.xyz, settings.crop)
-        )
-        num_kept = int(np.count_nonzero(self.kept))
-        if num_kept < _MIN_POINTS:
-            choice = ", ground removal and the choice of points" if self._is_chosen else None
-            raise SweepError(
-                f"sweep {sweep.stamp_ns}: {num_kept} of {len(sweep)} points are left after crop"
-                f"{choice or ' and ground removal'}, expected at least {_MIN_POINTS}"
-            )
+        self.kept = fit_mask(sweep, settings)
         self._xyz = sweep.xyz
         self._settings = settings.distance
         self.points = on_device(sweep.xyz[self.kept], compute_device(settings.compute))

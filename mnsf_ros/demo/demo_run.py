@@ -14,7 +14,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from rich.console import Console
 
-from mnsf_ros.core.flow_columns import FLOW_NAMES
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.demo.node_process import node_process
@@ -37,6 +36,7 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
+from mnsf_ros.sweeps_io.flow_columns import FLOW_NAMES
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
 

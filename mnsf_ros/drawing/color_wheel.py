@@ -13,6 +13,8 @@ from mnsf_ros.compiled import compiled
 
 Color = tuple[float, float, float]
 
+# Colours are full from this speed on.
+FULL_COLOR_M_S: Final = 5.0
 # RGB of static points.
 SLOW: Final[Color] = (0.36, 0.38, 0.42)
 

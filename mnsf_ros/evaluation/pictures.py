@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mnsf_ros.core.flow_columns import FULL_COLOR_M_S
 from mnsf_ros.core.flow_estimate import FlowEstimate
+from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S
 from mnsf_ros.drawing.example_pictures import example_picture
 from mnsf_ros.drawing.side_by_side import frame
 from mnsf_ros.evaluation.examples import Example

@@ -31,8 +31,8 @@ from mnsf_ros.errors import (
     library_missing,
     one_line,
 )
+from mnsf_ros.methods.external_flow import CommandEstimator, PredictionFiles
 from mnsf_ros.methods.neural_estimator import NeuralEstimator
-from mnsf_ros.methods.prediction_files import FILE_PREFIX, PredictionFiles
 from mnsf_ros.methods.without_optimization import (
     EgoMotionEstimator,
     EstimatedEgoMotionEstimator,
@@ -102,12 +102,6 @@ _NETWORKS: Final[dict[str, MethodMaker]] = {
 }
 
 
-def _command(maker: str, text: str, settings: Settings) -> SceneFlowEstimator:
-    commands = import_module("mnsf_ros.methods.command_estimator").CommandEstimator
-    estimator: SceneFlowEstimator = getattr(commands, maker)(text, settings)
-    return estimator
-
-
 # A new method is one line here or above; docs/extending.md has the recipe.
 _METHODS: Final[dict[str, MethodMaker]] = {
     "online": ObjectFlowEstimator,
@@ -117,15 +111,15 @@ _METHODS: Final[dict[str, MethodMaker]] = {
     "ego-estimated": EstimatedEgoMotionEstimator,
     **_NETWORKS,
     **{
-        name: partial(_command, "from_environment", name)
+        name: partial(CommandEstimator.from_environment, name)
         for name in ("flot", "3dflow", "gmsf", "scoop")
     },
 }
 
 # What follows the prefix names files or a program.
 _PREFIXES: Final[dict[str, Callable[[str, Settings], SceneFlowEstimator]]] = {
-    COMMAND_PREFIX: partial(_command, "from_text"),
-    FILE_PREFIX: PredictionFiles,
+    COMMAND_PREFIX: CommandEstimator,
+    "file:": PredictionFiles,
 }
 
 

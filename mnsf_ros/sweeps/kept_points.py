@@ -10,11 +10,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
+from mnsf_ros.errors import SweepError
 from mnsf_ros.geometry.point_sets import bounds, chosen_points
 from mnsf_ros.settings import CropSettings, GroundSettings, Settings
+from mnsf_ros.sweeps.sweep import Sweep
 
+_MIN_POINTS = 10
 # A sweep whose points reach farther than this many cells in x or y is binned coarser.
 _MAX_CELLS_PER_AXIS = 1024
+
+
+def fit_mask(sweep: Sweep, settings: Settings) -> NDArray[np.bool_]:
+    """Mask (N,) of the points that fields are fitted to: the kept ones, or those of the caller.
+
+    Raises:
+        SweepError: If too few points are left.
+    """
+    if sweep.kept is None:
+        mask, choice = kept_mask(sweep.xyz, settings), " and ground removal"
+    else:
+        mask = sweep.kept & crop_mask(sweep.xyz, settings.crop)
+        choice = ", ground removal and the choice of points"
+    if (num_left := int(np.count_nonzero(mask))) < _MIN_POINTS:
+        raise SweepError(
+            f"sweep {sweep.stamp_ns}: {num_left} of {len(sweep)} points are left after crop"
+            f"{choice}, expected at least {_MIN_POINTS}"
+        )
+    return mask
 
 
 def kept_mask(xyz: NDArray[np.float32], settings: Settings) -> NDArray[np.bool_]:

@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_columns import chosen_columns, flow_columns, position_columns
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.settings import OutputSettings, TimeSettings
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.flow_columns import chosen_columns, flow_columns, position_columns
 from msg_utils.cdr import serialized_cloud
 from msg_utils.cloud_layout import CloudLayout, EncodedCloud, PointCloudLike
 from msg_utils.point_cloud2 import (

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from mnsf_ros.core.flow_columns import FULL_COLOR_M_S
 from mnsf_ros.core.flow_estimate import OverGround
+from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S
 from mnsf_ros.drawing.street_picture import ShownObject, street_picture
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.rigid_motion import transformed

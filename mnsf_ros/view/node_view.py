@@ -10,7 +10,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from mnsf_ros.core.flow_columns import COLOR_NAME
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.errors import SettingsError, one_line
 from mnsf_ros.geometry.pose_messages import pose_matrix
@@ -19,6 +18,7 @@ from mnsf_ros.node.remote_parameters import RemoteParameters
 from mnsf_ros.recording.ros1_file import jazzy
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
 from mnsf_ros.sweeps.sweep import NANOSECONDS
+from mnsf_ros.sweeps_io.flow_columns import COLOR_NAME
 from mnsf_ros.view.commands import Asked
 from mnsf_ros.view.knobs import knobs
 from mnsf_ros.view.page_server import PageServer

@@ -13,9 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mnsf_ros.core.flow_columns import FULL_COLOR_M_S
 from mnsf_ros.core.flow_estimate import TrackedObject
-from mnsf_ros.drawing.color_wheel import packed_colors
+from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S, packed_colors
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 Colors = NDArray[np.uint32]

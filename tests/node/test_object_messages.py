@@ -27,8 +27,8 @@ from synthetic_clouds import column, tracked
 from unique_identifier_msgs.msg import UUID
 from visualization_msgs.msg import Marker
 
-from mnsf_ros.core.flow_columns import OBJECT_COLUMNS
 from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
+from mnsf_ros.sweeps_io.flow_columns import OBJECT_ROW
 
 HEADER = Header(frame_id="lidar")
 
@@ -43,7 +43,7 @@ class TestCloud:
         assert message.header == HEADER
         assert (message.height, message.width, message.is_dense) == (1, 2, True)
         names = [field.name for field in message.fields]
-        assert names == [item.name for item in OBJECT_COLUMNS]
+        assert names == list(OBJECT_ROW.names)
         assert column(message, "id").tolist() == [3, 8]
         assert column(message, "num_points").tolist() == [120, 0]
         assert column(message, "vy").tolist() == [5, 5]

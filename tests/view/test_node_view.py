@@ -17,11 +17,11 @@ from websockets.sync.client import connect
 pytest.importorskip("rclpy")
 from std_msgs.msg import Header
 
-from mnsf_ros.core.flow_columns import object_columns
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
 from mnsf_ros.recording.ros1_file import jazzy
+from mnsf_ros.sweeps_io.flow_columns import object_columns
 from mnsf_ros.view.node_view import NodeView
 from mnsf_ros.view.page_server import PageServer
 from msg_utils.cdr import serialized_cloud

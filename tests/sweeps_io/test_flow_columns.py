@@ -3,34 +3,35 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mnsf_ros.core.flow_columns import (
+from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
+from mnsf_ros.settings import OutputSettings
+from mnsf_ros.sweeps_io.flow_columns import (
     FLOW_COLUMNS,
-    OBJECT_COLUMNS,
+    OBJECT_ROW,
     chosen_columns,
     flow_columns,
     object_columns,
 )
-from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
-from mnsf_ros.settings import OutputSettings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def test_documents_have_the_same_tables():
     documents = "\n".join(path.read_text() for path in sorted(DOCS.glob("*.md")))
-    for column in (*FLOW_COLUMNS, *OBJECT_COLUMNS):
-        if not column.name.startswith("cov_"):
-            kind = np.dtype(column.dtype).name
-            cells = [f"`{column.name}`", kind, column.unit or "-", column.text]
-            if column in FLOW_COLUMNS:
-                cells.append("NaN" if np.isnan(column.missing) else f"{column.missing:g}")
-            assert f"| {' | '.join(cells)} |" in documents
-    covariances = [f"`{item.name}`" for item in OBJECT_COLUMNS if item.name.startswith("cov_")]
+    for column in FLOW_COLUMNS:
+        missing = "NaN" if np.isnan(column.missing) else f"{column.missing:g}"
+        kind = np.dtype(column.dtype).name
+        assert re.search(rf"\| `{column.name}` \| {kind} \| .* \| {missing} \|\n", documents)
+    for name in OBJECT_ROW.names:
+        if not name.startswith("cov_"):
+            assert f"| `{name}` | {OBJECT_ROW[name].name} |" in documents
+    covariances = [f"`{name}`" for name in OBJECT_ROW.names if name.startswith("cov_")]
     assert f"{covariances[0]}, {covariances[1]}, ... {covariances[-1]}" in documents
 
 
@@ -104,6 +105,5 @@ def test_each_object_is_a_row():
             of_both = [float(row == column), covariance[row, column]]
             np.testing.assert_allclose(columns[f"cov_{first}_{second}"], of_both, rtol=1e-6)
     for objects in ([], [tracked(1, np.eye(6))]):
-        for column in OBJECT_COLUMNS:
-            values = object_columns(objects)[column.name]
-            assert (values.dtype, values.shape) == (column.dtype, (len(objects),))
+        for name, values in object_columns(objects).items():
+            assert (values.dtype, values.shape) == (OBJECT_ROW[name], (len(objects),))
