@@ -19,11 +19,8 @@ from mnsf_ros.geometry.transforms import planar_pose
 from mnsf_ros.settings import EgoMotionSettings
 from mnsf_ros.sweeps.sweep import Sweep
 
-# Points farther from their surface than this do not count: to find a motion that nobody expects,
-# then to settle it. The second pass is what frees the result from vehicles that move along.
-_FIND_WITHIN_M: Final = 1.0
+# Points farther from their surface than this do not count: vehicles that move along.
 _SETTLE_WITHIN_M: Final = 0.3
-_MAX_STEPS_TO_FIND: Final = 2
 _MAX_STEPS_TO_SETTLE: Final = 6
 _MAX_STEPS_TO_REFINE: Final = 10
 # Steps smaller than this, in metres at 30 m range, are the last.
@@ -122,7 +119,6 @@ class SweepMatcher:
         best = max(
             settled, key=lambda pose: self._num_standing(cloud.standing, pose, _STANDING_WITHIN_M)
         )
-        best, _ = self._aligned(points, best, _FIND_WITHIN_M, _MAX_STEPS_TO_FIND)
         return _explained(
             cloud, *self._aligned(points, best, _SETTLE_WITHIN_M, _MAX_STEPS_TO_REFINE)
         )
