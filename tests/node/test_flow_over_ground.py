@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Velocities over ground, objects, and the ego motion, with odometry and without."""
+"""Velocities over ground, objects, and the ego motion."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ import itertools
 import numpy as np
 import pytest
 from box_street import INTERVAL_NS, BoxStreet, pose
-from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from node_harness import QUICK, stamp_of
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from synthetic_clouds import column, flow_columns, velocity_columns, xyz_columns, xyz_message
@@ -28,9 +26,6 @@ STEP_M, TURN_DEG = 0.6, 1.0
 CAR_STEP_M = 0.9
 START_NS = 500_000 * 10**9
 
-BAD_ODOMETRY, LATE_ODOMETRY = "odometry_undecodable", "odometry_out_of_order"
-ODOMETRY_WORLD = pose(50, 20, 1, yaw_deg=120)
-
 
 def path(index):
     return pose(STEP_M * index, yaw_deg=TURN_DEG * index)
@@ -41,20 +36,6 @@ def street_message(index, drive_number=0):
     car = (8 + CAR_STEP_M * index, -2.0)
     xyz = STREET.xyz(path(index), seed=index, cars=[car], points_per_box=POINTS_PER_CAR)
     return xyz_message(xyz, stamp_ns=START_NS + drive_number * 10**12 + index * INTERVAL_NS)
-
-
-def odometry_message(index, drive_number=0, orientation=None):
-    """The robot where it is at a sweep, in a world of its own."""
-    world_from_robot = ODOMETRY_WORLD @ path(index)
-    message = Odometry(child_frame_id="base_link")
-    message.header.frame_id = "odom"
-    stamp_ns = START_NS + drive_number * 10**12 + round(index * INTERVAL_NS)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
-    position, turn = message.pose.pose.position, message.pose.pose.orientation
-    position.x, position.y, position.z = world_from_robot[:3, 3].tolist()
-    quaternion = Rotation.from_matrix(world_from_robot[:3, :3]).as_quat().tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternion if orientation is None else orientation
-    return message
 
 
 class Heard:
@@ -84,34 +65,26 @@ def street_peer(run_node):
 
 
 @pytest.fixture(scope="module")
-def heard(street_peer, numbers):
+def heard(street_peer):
     """Topic to what was heard on it; the node knows all subscriptions, however late."""
     types = {"ego_motion": Odometry, "objects": PointCloud2, "objects/markers": MarkerArray}
     heard = {name: Heard(street_peer, kind, name) for name, kind in types.items()}
-    number = next(numbers)
-    clouds = (street_message(index, number) for index in itertools.count())
+    clouds = map(street_message, itertools.count())
     street_peer.send_until(clouds, lambda: all(h.messages for h in heard.values()), "all topics")
     street_peer.wait_until_settled()
     return heard
 
 
 @pytest.fixture(scope="module")
-def clouds(street_peer, heard, numbers):
+def clouds(street_peer, heard):
     """A drive of ten sweeps whose messages have been heard."""
-    number = next(numbers)
-    clouds = [street_message(index, number) for index in range(10)]
+    clouds = [street_message(index, drive_number=1) for index in range(10)]
     # The flow of each before the next but one, so that none is dropped.
     street_peer.send(*clouds[:2])
     for current, newest in itertools.pairwise(clouds[1:]):
         street_peer.send(newest)
         street_peer.flow_of(current)
     return clouds
-
-
-@pytest.fixture(scope="module")
-def numbers():
-    """Numbers of drives, each with a time of its own."""
-    return iter(range(1000))
 
 
 def test_velocity_is_over_ground_in_metres_per_second(street_peer, clouds):
@@ -176,88 +149,3 @@ def test_source_is_latched(street_peer, clouds):
     source = Heard(street_peer, String, "ego_motion/source", latched=True)
     street_peer.spin_until(lambda: source.messages, "the source, though it was said before")
     assert source.messages[-1].data == "registration"
-
-
-class TestOdometry:
-    @pytest.fixture(autouse=True)
-    def odometry_wanted(self, street_peer):
-        assert street_peer.set({"ego_motion.source": "odometry"})[0].successful
-        yield
-        assert street_peer.set({"ego_motion.source": "registration"})[0].successful
-
-    @pytest.fixture
-    def publish_odometry(self, street_peer):
-        """Publishes odometry once the node hears it."""
-        publisher = street_peer.node.create_publisher(Odometry, "/street/odometry", 100)
-        self.wait_until_heard(street_peer, publisher.publish)
-        street_peer.wait_for_diagnostics()
-        yield publisher.publish
-        street_peer.node.destroy_publisher(publisher)
-
-    def wait_until_heard(self, peer, publish):
-        """The node has all that was published before: then comes some that is only counted."""
-        before, bad = peer.count(BAD_ODOMETRY), odometry_message(0, orientation=4 * (0.0,))
-
-        def is_heard():
-            publish(bad)
-            return peer.count(BAD_ODOMETRY) > before
-
-        peer.spin_until(is_heard, "odometry to be heard")
-
-    def send(self, peer, publish, index, number, *, with_odometry=True):
-        """A sweep, and before it the odometry of its time, as a robot sends it."""
-        if with_odometry:
-            for step in (0.4, 0.2, 0.0):
-                publish(odometry_message(index - step, number))
-            # Two topics have no order between each other.
-            self.wait_until_heard(peer, publish)
-        cloud = street_message(index, number)
-        peer.send(cloud)
-        return cloud
-
-    def test_is_used_and_its_loss_is_degraded_but_no_jump(
-        self, street_peer, publish_odometry, heard, numbers
-    ):
-        peer, number = street_peer, next(numbers)
-        source = Heard(peer, String, "ego_motion/source", latched=True)
-        has_odometry = 5 * [True] + 4 * [False] + 4 * [True]
-        clouds, words, levels = [], [], []
-        for index, known in enumerate(has_odometry):
-            clouds.append(self.send(peer, publish_odometry, index, number, with_odometry=known))
-            if index >= 2:
-                peer.flow_of(clouds[-2])
-                peer.wait_until_settled()
-                words.append(peer.values("ego motion")["source"])
-                levels.append(peer.status("ego motion").level)
-        # The motion is that to the next sweep, 2 to 12. Odometry holds a tenth of a second longer,
-        # and two poses make a motion.
-        assert words == 4 * ["odometry"] + 4 * ["registration"] + 3 * ["odometry"]
-        ok, warn = DiagnosticStatus.OK, DiagnosticStatus.WARN
-        assert levels == 4 * [ok] + 4 * [warn] + 3 * [ok]
-        texts = {item["ego motion"].message for item in peer.diagnostics}
-        assert "degraded: no odometry, registration instead" in texts
-        assert [item.data for item in source.messages[-3:]] == [
-            *("odometry", "registration", "odometry")
-        ]
-        for index in range(1, len(clouds) - 1):
-            message = heard["ego_motion"].of(clouds[index])
-            np.testing.assert_allclose(pose_matrix(message.pose.pose), path(index), atol=0.03)
-
-    def test_that_is_invalid_or_not_newer_is_left_out_and_counted(
-        self, street_peer, publish_odometry, numbers
-    ):
-        peer, number = street_peer, next(numbers)
-        before = {event: peer.count(event) for event in (BAD_ODOMETRY, LATE_ODOMETRY)}
-        bad = [
-            odometry_message(0, number, orientation=(0.0, 0.0, 0.0, float("nan"))),
-            odometry_message(0, number),
-        ]
-        bad[1].pose.pose.position.x = 1e300
-        for message in (*bad, *(odometry_message(index, number) for index in (1.0, 1.0, 0.5))):
-            publish_odometry(message)
-        peer.spin_until(
-            lambda: all(peer.count(event) == before[event] + 2 for event in before), "the counts"
-        )
-        assert peer.process.log.count("an odometry message is skipped: invalid quaternion") == 1
-        clouds = [self.send(peer, publish_odometry, index, number) for index in range(2, 5)]
-        assert np.isfinite(flow_columns(peer.flow_of(clouds[1]))).all()

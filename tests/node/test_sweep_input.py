@@ -1,9 +1,13 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Poses by TF and on TF: a replaced tf2_ros, since few machines have it, and the real one."""
+"""Sweeps with their poses by odometry and TF, of one lidar and of several.
+
+Few machines have tf2_ros: it is replaced, but for one test with the real one.
+"""
 
 from __future__ import annotations
 
 import importlib.util
+import re
 import sys
 import types
 
@@ -17,7 +21,7 @@ from node_harness import QUICK, Spinner, stamp_of
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-from synthetic_clouds import over_ground, xyz_columns, xyz_message
+from synthetic_clouds import column, over_ground, xyz_columns, xyz_message
 
 from mnsf_ros.geometry.pose_messages import pose_matrix, transform_matrix
 from mnsf_ros.node import sweep_input
@@ -25,6 +29,8 @@ from mnsf_ros.node.sweep_input import SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, Transforms
 from mnsf_ros.settings import Settings
 
+# Columns of a merged cloud beside those of its lidars.
+ADDED = ("time", "lidar")
 HAS_TF2 = importlib.util.find_spec("tf2_ros") is not None
 
 
@@ -171,20 +177,83 @@ def test_odometry_is_of_a_frame_whose_lidar_is_looked_up(make, tf2, drive):
     assert lidar.sweeps[1].odometry[0, 3] == 11.5
 
 
-def test_lidars_are_merged_by_their_places_and_left_out_without_one(make, tf2, drive):
-    lidars = make(lidars__count=2, lidars__frame="body", lidars__max_wait_s=1.0)
-    tf2.found["body", "front", 0] = 1.0
-    for index in range(2):
-        for number, frame in enumerate(("front", "rear")):
-            lidars.publish(drive.sweep(index, frame_id=frame), lidar=number)
-        lidars.wait_for_sweeps(index + 1)
-        tf2.found["body", "rear", 0] = -1.0
-    alone, both = (sweep.source.message for sweep in lidars.sweeps)
-    assert lidars.events == ["clouds_of_lidar_2_without_transform"]
-    assert (alone.width, both.width) == (1200, 2400)
-    assert both.header.frame_id == "body"
-    front, rear = xyz_columns(both)[:1200], xyz_columns(both)[1200:]
-    np.testing.assert_allclose(front - rear, np.broadcast_to([2.0, 0, 0], front.shape), atol=1e-5)
+def test_odometry_that_is_invalid_or_not_newer_is_left_out_and_counted(make, drive):
+    lidar = make(ego_motion__source="odometry")
+    odometry = lidar.advertised(Odometry, "~/odometry")
+    for index, (x, w) in enumerate([(0.0, np.nan), (1e300, 1.0), (0.0, 1.0), (0.0, 1.0)]):
+        message = Odometry(header=drive.sweep(max(index, 3)).header)
+        message.pose.pose.position.x, message.pose.pose.orientation.w = x, w
+        odometry.publish(message)
+    lidar.spin_until(lambda: len(lidar.events) == 3, "all events")
+    assert lidar.events == 2 * ["odometry_undecodable"] + ["odometry_out_of_order"]
+    lidar.publish(drive.sweep(3))
+    lidar.wait_for_sweeps(1)
+    np.testing.assert_array_equal(lidar.sweeps[0].odometry, np.eye(4))
+
+
+class TestSeveralLidars:
+    def test_are_merged_by_their_places_and_left_out_without_one(self, make, tf2, drive):
+        lidars = make(lidars__count=2, lidars__frame="body", lidars__max_wait_s=1.0)
+        tf2.found["body", "front", 0] = 1.0
+        for index in range(2):
+            for number, frame in enumerate(("front", "rear")):
+                lidars.publish(drive.sweep(index, frame_id=frame), lidar=number)
+            lidars.wait_for_sweeps(index + 1)
+            tf2.found["body", "rear", 0] = -1.0
+        alone, both = (sweep.source.message for sweep in lidars.sweeps)
+        assert lidars.events == ["clouds_of_lidar_2_without_transform"]
+        assert (alone.width, both.width) == (1200, 2400)
+        assert both.header.frame_id == "body"
+        front, rear = xyz_columns(both)[:1200], xyz_columns(both)[1200:]
+        ahead = np.broadcast_to([2.0, 0, 0], front.shape)
+        np.testing.assert_allclose(front - rear, ahead, atol=1e-5)
+
+    @pytest.fixture
+    def two(self, make):
+        """With places by parameters; the one behind looks back, and sends 20 ms later."""
+        parameters = {"lidar_1.x_m": 1.5, "lidar_2.x_m": -1.5, "lidar_2.yaw_deg": 180.0}
+        return make(
+            lidars__count=2, lidars__poses="parameters", lidars__max_wait_s=1.0, **parameters
+        )
+
+    @staticmethod
+    def send(two, drive, index, *, lidars=(0, 1), ahead_s=0):
+        phases = (0, 0.2 + 10 * ahead_s)
+        for lidar in lidars:
+            two.publish(drive.sweep(index + phases[lidar]), lidar=lidar)
+        two.wait_for_sweeps(len(two.sweeps) + 1)
+
+    def test_keep_all_fields_and_their_own_times(self, two, drive):
+        self.send(two, drive, 0)
+        merged = two.sweeps[0].source.message
+        assert merged.header.frame_id == "base_link"
+        assert [field.name for field in merged.fields] == [*("x", "y", "z", "intensity"), *ADDED]
+        lidar = column(merged, "lidar").astype(int) - 1
+        np.testing.assert_allclose(column(merged, "time"), lidar * 0.02, atol=1e-6)
+        own = xyz_columns(drive.sweep(0.2)) * [-1, -1, 1] + [-1.5, 0, 0]
+        np.testing.assert_allclose(xyz_columns(merged)[lidar == 1], own, atol=1e-5)
+        own = xyz_columns(drive.sweep(0)) + np.array([1.5, 0, 0])
+        np.testing.assert_allclose(xyz_columns(merged)[lidar == 0], own, atol=1e-5)
+
+    def test_one_that_fails_is_named_and_stops_nobody(self, two, drive):
+        self.send(two, drive, 0)
+        assert two.input.state.missing == ()
+        for index in (1, 2):
+            self.send(two, drive, index, lidars=(0,))
+            assert two.input.state.missing == ("/input/points_2",)
+        assert two.events == 2 * ["clouds_of_lidar_2_missing"]
+        # Nobody waited for it, until it has sent something.
+        for index in (3, 4):
+            self.send(two, drive, index)
+        assert two.input.state.missing == ()
+
+    def test_one_with_another_clock_is_named(self, two, drive):
+        self.send(two, drive, 0)
+        for index in range(1, 4):
+            self.send(two, drive, index, ahead_s=3600)
+        (missing,) = two.input.state.missing
+        assert re.fullmatch(r"/input/points_2 \(its stamps are 3\d{3}\.\d s ahead\)", missing)
+        assert "clouds_of_lidar_2_of_another_time" in two.events
 
 
 def test_the_pose_is_broadcast_for_the_frame_of_the_robot(tf2):
