@@ -39,25 +39,6 @@ def quick_settings():
 
 
 @pytest.fixture(scope="session")
-def network_settings(quick_settings):
-    """An estimate of some 50 ms with networks, however slow the machine is: no time budget."""
-    return quick_settings.changed(
-        {
-            "method.name": "mnsf",
-            "field.num_hidden_layers": 2,
-            "field.hidden_width": 32,
-            "fusion.num_hidden_layers": 2,
-            "fusion.hidden_width": 16,
-            "fusion.max_iterations": 10,
-            "optimization.max_iterations": 60,
-            "optimization.learning_rate": 0.01,
-            "optimization.max_points": 256,
-            "optimization.time_budget_ms": 0,
-        }
-    )
-
-
-@pytest.fixture(scope="session")
 def wait_until():
     """Waits until a condition is true that another thread makes true."""
 

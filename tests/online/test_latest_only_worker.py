@@ -104,22 +104,6 @@ def test_close_forgets_the_waiting_job(worker, work, wait_until):
     assert worker.load == 0
 
 
-def test_a_long_job_can_see_that_it_should_give_up():
-    started, gave_up = threading.Event(), threading.Event()
-
-    def work(is_closing):
-        started.set()
-        while not is_closing():
-            pass
-        gave_up.set()
-
-    worker = LatestOnlyWorker(work, "long job")
-    worker.submit(lambda: worker.is_closing)
-    assert started.wait(PATIENCE_S)
-    assert worker.close(PATIENCE_S) is True
-    assert gave_up.is_set()
-
-
 def test_every_job_of_many_threads_is_run_or_replaced(wait_until):
     num_threads, num_jobs = 4, 500
     done, replaced = [], []

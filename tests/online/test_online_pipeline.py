@@ -1,8 +1,6 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import itertools
-import threading
 import time
 
 import numpy as np
@@ -76,62 +74,6 @@ def test_a_triplet_waiting_while_the_watcher_leaves_is_still_handed_out(
     wait_until(lambda: pipeline.load == 0)
     assert recorder.current_stamps == [make_sweep(1).stamp_ns, make_sweep(2).stamp_ns]
     assert_balanced(pipeline)
-
-
-def with_one_waiting(make_pipeline, make_sweep, network_settings, wait_until):
-    """A pipeline with an estimate that lasts for hours and a triplet that waits, and its sweeps."""
-    endless = network_settings.changed(
-        {"optimization.max_iterations": 100_000, "field.hidden_width": 128}
-    )
-    pipeline, indices = make_pipeline(endless), itertools.count()
-    estimate, has_begun = pipeline._stream._estimator.estimate, threading.Event()
-
-    def begin(*arguments):
-        has_begun.set()
-        return estimate(*arguments)
-
-    pipeline._stream._estimator.estimate = begin
-
-    def is_one_waiting():
-        if pipeline._preparing.load > 0:
-            return False
-        if pipeline.load < 2:
-            pipeline.add_sweep(make_sweep(next(indices)), time.monotonic_ns())
-            return False
-        return True
-
-    wait_until(is_one_waiting)
-    assert has_begun.wait(PATIENCE_S)
-    return pipeline, indices
-
-
-class TestSettings:
-    def test_hold_from_the_next_estimate_on(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until, hold_first_flow
-    ):
-        pipeline = make_pipeline(network_settings)
-        hold_first_flow(pipeline)
-        pipeline.add_sweep(make_sweep(3), time.monotonic_ns())
-        pipeline.change_settings(network_settings.changed({"optimization.max_iterations": 7}))
-        recorder.gate.let_go()
-        wait_until(lambda: pipeline.load == 0)
-        pipeline.add_sweep(make_sweep(4), time.monotonic_ns())
-        wait_until(lambda: pipeline.load == 0)
-        iterations = [estimate.fits["forward"].iterations for _, estimate in recorder.handed_out]
-        assert iterations == [60, 7, 7]
-
-    def test_end_an_estimate_that_would_last_for_hours(
-        self, make_pipeline, recorder, make_sweep, network_settings, wait_until
-    ):
-        pipeline, indices = with_one_waiting(
-            make_pipeline, make_sweep, network_settings, wait_until
-        )
-        pipeline.change_settings(network_settings)
-        wait_until(lambda: pipeline.load == 0)
-        # The one that waited; it had the endless settings, too, when it came.
-        assert recorder.current_stamps == [make_sweep(next(indices) - 2).stamp_ns]
-        assert counts_of(pipeline)["triplets_abandoned"] == 1
-        assert_balanced(pipeline)
 
 
 class TestFailure:

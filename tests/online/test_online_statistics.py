@@ -1,14 +1,10 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 
-from mnsf_ros.core.flow_estimate import (
-    FlowEstimate,
-)
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.online.online_statistics import OnlineStatistics, rate_hz
 
 
@@ -57,19 +53,3 @@ class TestSnapshot:
         assert snapshot.recent[-1].latency_ms == 349.0
         assert snapshot.latency_ms(0) == 250.0
         assert list(snapshot.arrivals_s) == sorted(snapshot.arrivals_s)
-
-
-def test_no_count_of_many_threads_is_lost():
-    statistics, num_threads, num_counts = OnlineStatistics(), 4, 2000
-
-    def count():
-        for _ in range(num_counts):
-            statistics.count("event")
-            statistics.snapshot()
-
-    threads = [threading.Thread(target=count) for _ in range(num_threads)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert statistics.snapshot().counts == {"event": num_threads * num_counts}

@@ -165,6 +165,19 @@ def test_a_triplet_that_waits_while_settings_change_is_prepared_with_the_new_one
     assert script.prepared == stamps(2, 3, 3, 4)
 
 
+def test_other_settings_end_an_estimate_that_would_last_for_hours(
+    pipeline, script, add, held, quick_settings, wait_until
+):
+    held(script.at_estimate, pipeline, 0, 1, 2)
+    add(pipeline, 3)
+    pipeline.change_settings(quick_settings.changed({"objects.cell_size_m": 0.4}))
+    wait_until(lambda: counts_of(pipeline)["triplets_abandoned"] == 1)
+    script.at_estimate.let_go()
+    wait_until(lambda: pipeline.load == 0)
+    assert script.estimated == stamps(3)
+    assert_balanced(pipeline)
+
+
 def test_a_triplet_that_newer_settings_have_overtaken_is_dropped(
     pipeline, script, add, held, quick_settings, monkeypatch, wait_until
 ):
