@@ -140,14 +140,8 @@ def own_domain(monkeypatch, tmp_path):
     lock.close()
 
 
-_DRAWN = ("curve_chart", "stage_bars")
-_PICTURES = ("evaluation.pictures.example_picture", "evaluation.pictures.frame")
-
-
 @pytest.fixture
 def without_drawing(monkeypatch):
     """Charts and pictures are empty: to draw them takes longer than all the rest of a run."""
-    for name in _DRAWN:
-        monkeypatch.setattr(f"mnsf_ros.report.page.{name}", lambda *_: "<svg></svg>")
-    for name in ("drawing.study_charts.png_bytes", *_PICTURES):
+    for name in ("drawing.charts.png_bytes", "evaluation.pictures.frame"):
         monkeypatch.setattr(f"mnsf_ros.{name}", lambda *_, **__: b"PNG")

@@ -70,7 +70,6 @@ def started(names: str, module: str, *arguments: str) -> subprocess.Popen[str]:
     [
         ("mnsf_ros.cli.__main__", ("parameters",)),
         ("mnsf_ros.cli.__main__", ("--help",)),
-        ("mnsf_ros.cli.__main__", ("simulate", "--help")),
     ],
 )
 def test_help_loads_no_library_that_takes_long(module, arguments):

@@ -6,15 +6,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.setting import settings_of
 from mnsf_ros.settings import Settings, parse_assignments
-
-Subparsers: TypeAlias = "argparse._SubParsersAction[IntermixedParser]"
 
 ALL = "all"
 RESUME = "continue an interrupted run: repeat the command and add --resume"
@@ -131,28 +129,6 @@ class Arguments:
             dest="assignments",
             help=text,
         )
-
-
-def add_subcommand(
-    subparsers: Subparsers,
-    name: str,
-    summary: str,
-    run: Callable[[argparse.Namespace], int | None],
-    *,
-    epilog: str = "",
-    usage: str | None = None,
-) -> Arguments:
-    """Adds a subcommand and returns its arguments; `run` returns the exit status, or None for 0."""
-    parser = subparsers.add_parser(
-        name,
-        help=summary,
-        description=f"{summary[0].upper()}{summary[1:]}.",
-        epilog=epilog,
-        usage=usage,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
-    return Arguments(parser)
 
 
 def chosen(options: argparse.Namespace, group: type[Declared]) -> Declared:

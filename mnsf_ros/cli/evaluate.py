@@ -1,24 +1,20 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""`mnsf evaluate`: scores methods on recordings."""
+"""`mnsf evaluate`: scores methods on recordings; `mnsf report`: the HTML report from its rows."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from mnsf_ros.cli.arguments import (
-    ALL,
-    RESUME,
-    Arguments,
-    Subparsers,
-    add_subcommand,
-    number_or_all,
-)
+from mnsf_ros.cli.arguments import ALL, RESUME, Arguments, number_or_all
 from mnsf_ros.cli.console import Console, complain
+from mnsf_ros.cli.evaluation import DEFAULT_METHODS, evaluate
+from mnsf_ros.evaluation.run_folder import RunFolder, StoppedError
+from mnsf_ros.report.page import write_report
+from mnsf_ros.report.run_results import read_results
 
 EXIT_STOPPED = 4
 EXIT_INCOMPLETE = 5
-DEFAULT_METHODS = ("online", "mnsf")
 
 _EPILOG = """\
 Examples:
@@ -41,19 +37,13 @@ with --out and --resume.
 """
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "evaluate",
-        "score methods on recordings, print tables and write a report",
-        _run,
-        epilog=_EPILOG,
-    )
+def add_evaluate(arguments: Arguments) -> str:
+    """Declares the arguments of `mnsf evaluate`."""
     arguments.recordings("bags BAG", "recordings", nargs="+")
     _add_topics(arguments.group("topics (the same for all recordings)"))
     _add_method_arguments(arguments.group("methods and points"))
     _add_run_arguments(arguments.group("run"))
+    return _EPILOG
 
 
 def _add_topics(group: Arguments) -> None:
@@ -123,10 +113,8 @@ def _add_run_arguments(group: Arguments) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> int:
-    from mnsf_ros.cli.evaluation import evaluate
-    from mnsf_ros.evaluation.run_folder import StoppedError
-
+def run_evaluate(options: argparse.Namespace) -> int:
+    """Evaluates, and returns the exit status."""
     try:
         is_complete = evaluate(options, Console())
     except StoppedError as error:
@@ -136,3 +124,22 @@ def _run(options: argparse.Namespace) -> int:
         )
         return EXIT_STOPPED
     return 0 if is_complete else EXIT_INCOMPLETE
+
+
+def add_report(arguments: Arguments) -> None:
+    """Declares the arguments of `mnsf report`."""
+    arguments.value("folder", "folder of `mnsf evaluate --out`", Path)
+    arguments.value("--pictures N", "number of worst sweeps shown in pictures", default=3)
+    arguments.value("--method NAME", "method whose worst sweeps are shown (default: the first one)")
+
+
+def run_report(options: argparse.Namespace) -> None:
+    """Writes the report again."""
+    folder = RunFolder(options.folder)
+    results = read_results(folder, options.method)
+    path = write_report(folder, results, max(0, options.pictures))
+    console = Console()
+    for note in results.notes:
+        if note.is_incomplete:
+            console.warn(note.text)
+    console.say(f"Report: {path}")

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from mnsf_ros.cli.arguments import ALL, chosen_settings
 from mnsf_ros.cli.console import Console
-from mnsf_ros.cli.evaluate import DEFAULT_METHODS
 from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import LibraryError, MethodError, MnsfError, SettingsError
 from mnsf_ros.evaluation.findings import Findings
@@ -24,10 +23,7 @@ from mnsf_ros.evaluation.options import (
     evaluated_methods,
 )
 from mnsf_ros.evaluation.parallel import Executor, executor
-from mnsf_ros.evaluation.recordings import (
-    inspected_recordings,
-    short_name,
-)
+from mnsf_ros.evaluation.recordings import inspected_recordings, short_name
 from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.run_folder import RunFolder, check_folder
 from mnsf_ros.evaluation.run_record import RunRecord, session_now
@@ -37,9 +33,11 @@ from mnsf_ros.report.page import write_report
 from mnsf_ros.report.results_files import write_results
 from mnsf_ros.report.run_results import RunResults, read_results
 
+DEFAULT_METHODS = ("online", "mnsf")
+
 
 def evaluate(options: argparse.Namespace, console: Console) -> bool:
-    """Evaluates and prints, by the options of the command line, see `evaluate.add_to`.
+    """Evaluates and prints, by the options of the command line, see `evaluate.add_evaluate`.
 
     Returns:
         False if a recording is damaged or has no example, if a method failed on all examples of
@@ -139,7 +137,7 @@ def _print_results(results: RunResults, folder: RunFolder, console: Console) -> 
         for text in ("No results.", *(note.text for note in results.notes)):
             console.warn(text)
         return
-    for table in results.tables.printed:
+    for table in (*results.main_tables, *results.further_tables[-1:]):
         console.print(table)
     for text in results.protocol:
         console.say(text)

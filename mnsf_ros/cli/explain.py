@@ -9,8 +9,11 @@ from contextlib import suppress
 from decimal import Decimal
 from pathlib import Path
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
+from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import choose_topics, short_name
+from mnsf_ros.report.explanation import explain
 from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 # Of a header with 32 bits of seconds.
@@ -23,15 +26,8 @@ The report of an evaluation lists the worst missed movers with stamp and place.
 """
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "explain",
-        "explain why one place of one sweep was called dynamic or not",
-        _run,
-        epilog=_EPILOG,
-    )
+def add_explain(arguments: Arguments) -> str:
+    """Declares the arguments."""
     arguments.recordings("bag BAG", "recording")
     arguments.value("--stamp S", "header stamp of the sweep in seconds", _stamp_ns, required=True)
     arguments.value("--at X,Y", "place in metres, sensor frame", _place, required=True)
@@ -40,6 +36,7 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--odometry TOPIC", "sensor poses, with --set ego_motion.source=odometry")
     arguments.method()
     arguments.settings(default="online")
+    return _EPILOG
 
 
 def _stamp_ns(text: str) -> int:
@@ -59,17 +56,10 @@ def _place(text: str) -> tuple[float, float]:
     raise argparse.ArgumentTypeError(f"got {text!r}, expected X,Y in metres")
 
 
-def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.evaluation.options import EvaluationOptions
-    from mnsf_ros.evaluation.recordings import choose_topics, short_name
-    from mnsf_ros.report.explanation import explain
-
-    recording = choose_topics(
-        options.bag,
-        short_name(options.bag),
-        options.points,
-        odometry=options.odometry,
-    )
+def run_explain(options: argparse.Namespace) -> None:
+    """Prints the decision."""
+    name = short_name(options.bag)
+    recording = choose_topics(options.bag, name, options.points, odometry=options.odometry)
     evaluation = EvaluationOptions(chosen_settings(options))
     console = Console()
     place = options.stamp, options.at

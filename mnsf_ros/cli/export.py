@@ -6,16 +6,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
+from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.datasets.argoverse2_submission import submission
+from mnsf_ros.datasets.exported_sweep import ExportedSweep
+from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
+from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import DatasetError
-
-if TYPE_CHECKING:
-    from mnsf_ros.datasets.exported_sweep import ExportedSweep
-    from mnsf_ros.evaluation.options import EvaluationOptions
-    from mnsf_ros.evaluation.recordings import EvaluatedRecording
+from mnsf_ros.evaluation.exported_sweeps import exported_sweeps
+from mnsf_ros.evaluation.options import EvaluationOptions
+from mnsf_ros.evaluation.recordings import EvaluatedRecording, choose_topics, named_recordings
 
 _EPILOG: Final = """\
 formats:
@@ -32,15 +34,8 @@ Examples:
 """
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "export",
-        "write estimates of any method as files of OpenSceneFlow or Argoverse 2",
-        _run,
-        epilog=_EPILOG,
-    )
+def add_export(arguments: Arguments) -> str:
+    """Declares the arguments."""
     arguments.value("format FORMAT", ", ".join(_FORMATS), choices=_FORMATS)
     arguments.recordings("bags BAG", "recordings", nargs="+")
     arguments.value("--out OUT", "folder or file to write, see below", Path, required=True)
@@ -52,12 +47,11 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.flag("--labels", "also write the estimates as labels to train on (.h5)")
     arguments.value("--mask ZIP", "archive of the masks of the challenge (argoverse2)", Path)
     arguments.flag("--force", "replace estimates that are there already")
+    return _EPILOG
 
 
-def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.evaluation.options import EvaluationOptions
-    from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
-
+def run_export(options: argparse.Namespace) -> None:
+    """Writes the estimates."""
     named = named_recordings(options.bags)
     for name, path in named:
         if "/" in name:
@@ -71,8 +65,6 @@ def _run(options: argparse.Namespace) -> None:
 def _export_open_scene_flow(
     options: argparse.Namespace, recordings: list[EvaluatedRecording], settings: EvaluationOptions
 ) -> None:
-    from mnsf_ros.datasets.write_open_scene_flow import open_scene_flow_writer
-
     if options.mask is not None:
         raise DatasetError("--mask: is for the format argoverse2")
     options.out.mkdir(parents=True, exist_ok=True)
@@ -88,8 +80,6 @@ def _export_open_scene_flow(
 def _export_argoverse2(
     options: argparse.Namespace, recordings: list[EvaluatedRecording], settings: EvaluationOptions
 ) -> None:
-    from mnsf_ros.datasets.argoverse2_submission import submission
-
     if options.mask is None or options.labels or options.key:
         raise DatasetError("argoverse2: expected --mask ZIP, and neither --key nor --labels")
     with submission(options.out, options.mask, overwrite=options.force) as archive:
@@ -118,9 +108,6 @@ def _export(
     write: Callable[[ExportedSweep], None],
     target: str,
 ) -> None:
-    from mnsf_ros.demo.console_progress import counting_progress
-    from mnsf_ros.evaluation.exported_sweeps import exported_sweeps
-
     console = Console()
     num_sweeps = num_estimated = 0
     with counting_progress(console) as progress:

@@ -6,22 +6,21 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand, chosen_settings
+import numpy as np
+from numpy.typing import NDArray
+
+from mnsf_ros.cli.arguments import Arguments, chosen_settings
 from mnsf_ros.cli.console import Console
+from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import SweepFileError
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.presets import settings_for
-from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from mnsf_ros.core.flow_estimate import FlowEstimate
-    from mnsf_ros.settings import Settings
-    from mnsf_ros.sweeps.sweep import SweepTriplet
-    from mnsf_ros.sweeps_io.sweep_files import FlowToWrite
+from mnsf_ros.settings import Settings
+from mnsf_ros.sweeps.sweep import NANOSECONDS, USUAL_INTERVAL_S, Sweep, SweepTriplet
+from mnsf_ros.sweeps_io.flow_columns import FLOW_COLUMNS, flow_columns
+from mnsf_ros.sweeps_io.sweep_files import FlowToWrite, check_target, read_points, write_flow
 
 _MIN_INTERVAL_S: Final = 0.001
 _MAX_INTERVAL_S: Final = 60.0
@@ -39,17 +38,11 @@ Examples:
 """
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "flow",
-        "estimate where each point of a sweep in a file is in the next one",
-        _run,
-        usage="mnsf flow [[EARLIER ...] PREVIOUS] CURRENT NEXT -o OUT [options]",
-        epilog=_EPILOG,
+def add_flow(arguments: Arguments) -> str:
+    """Declares the arguments."""
+    arguments.value(
+        "sweeps SWEEP", "[[EARLIER ...] PREVIOUS] CURRENT NEXT, in the order of time", nargs="+"
     )
-    arguments.value("sweeps SWEEP", "files in the order of time", nargs="+")
     arguments.value("-o --out OUT", "file to write, see below", Path, required=True)
     arguments.method()
     arguments.settings(default="online")
@@ -59,12 +52,11 @@ def add_to(subparsers: Subparsers) -> None:
         default=USUAL_INTERVAL_S,
     )
     arguments.flag("--force", "replace OUT if it is there")
+    return _EPILOG
 
 
-def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.online.stream import Stream
-    from mnsf_ros.sweeps_io.sweep_files import check_target, read_points, write_flow
-
+def run_flow(options: argparse.Namespace) -> None:
+    """Estimates the flow, and writes it."""
     settings = chosen_settings(options)
     if len(options.sweeps) < 2:
         raise SweepFileError(f"got {len(options.sweeps)} sweep, expected CURRENT and NEXT at least")
@@ -87,8 +79,6 @@ def _run(options: argparse.Namespace) -> None:
 
 def _triplet(clouds: Sequence[NDArray[np.float32]], interval_s: float) -> SweepTriplet:
     """The finite points of clouds (N, 3) in the order of time, CURRENT and NEXT last."""
-    from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep, SweepTriplet
-
     if not _MIN_INTERVAL_S <= interval_s <= _MAX_INTERVAL_S:
         raise SweepFileError(
             f"interval between sweeps: got {interval_s:g} s, expected {_MIN_INTERVAL_S:g} to "
@@ -107,8 +97,6 @@ def _triplet(clouds: Sequence[NDArray[np.float32]], interval_s: float) -> SweepT
 
 def _measured(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Mask (N,) of the rows with a finite point."""
-    import numpy as np
-
     return np.asarray(np.isfinite(xyz).all(axis=1))
 
 
@@ -119,11 +107,6 @@ def _in_rows_of_file(
     method: str,
     settings: Settings,
 ) -> FlowToWrite:
-    import numpy as np
-
-    from mnsf_ros.sweeps_io.flow_columns import FLOW_COLUMNS, flow_columns
-    from mnsf_ros.sweeps_io.sweep_files import FlowToWrite
-
     measured = _measured(xyz)
     kept = np.zeros(len(xyz), dtype=bool)
     kept[measured] = estimate.kept
@@ -133,8 +116,6 @@ def _in_rows_of_file(
 
 
 def _summary(out: Path, method: str, flow: FlowToWrite, estimate: FlowEstimate) -> str:
-    import numpy as np
-
     lengths = np.linalg.norm(estimate.flow.astype(np.float64), axis=1)
     missing = len(flow.xyz) - len(lengths)
     stages = ", ".join(

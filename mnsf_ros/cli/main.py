@@ -10,43 +10,38 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from importlib import import_module
 from types import FrameType
+from typing import Final
 
 from mnsf_ros import __version__
-from mnsf_ros.cli import (
-    evaluate,
-    explain,
-    export,
-    flow,
-    parameters,
-    recordings,
-    report,
-    study,
-    tune,
-    view,
-)
 from mnsf_ros.cli.arguments import Arguments, IntermixedParser
 from mnsf_ros.cli.console import complain, show_warnings
 from mnsf_ros.cli.memory import add_max_memory, limited_memory, memory_hint
 from mnsf_ros.core.compute_device import let_threads_sleep
 from mnsf_ros.errors import MnsfError
 
-# In the order of the help.
-_SUBCOMMANDS = (
-    recordings.add_demo,
-    view.add_to,
-    recordings.add_play,
-    flow.add_to,
-    evaluate.add_to,
-    explain.add_to,
-    report.add_to,
-    study.add_to,
-    tune.add_to,
-    recordings.add_simulate,
-    recordings.add_convert,
-    export.add_to,
-    parameters.add_to,
-)
+# Name to summary and module, in the order of the help. The module of a command NAME has `add_NAME`,
+# which declares its arguments and returns the end of its help, and `run_NAME`, which gets them and
+# returns the exit status, or None for 0. It is imported for this command alone.
+_COMMANDS: Final = {
+    "demo": ("replay a recording to the live node and show the flow", "recordings"),
+    "view": ("show the flow of a recording, or of the running node, in a browser", "view"),
+    "play": ("publish the messages of a recording", "recordings"),
+    "flow": ("estimate where each point of a sweep in a file is in the next one", "flow"),
+    "evaluate": ("score methods on recordings, print tables and write a report", "evaluate"),
+    "explain": ("explain why one place of one sweep was called dynamic or not", "explain"),
+    "report": ("write the HTML report of an evaluation again, from its rows.jsonl", "evaluate"),
+    "study": ("reproduce a table or case study of the paper: NAME.md, NAME.csv, NAME.png", "study"),
+    "tune": ("find the best settings of the method online for recordings (Optuna)", "tune"),
+    "simulate": ("write a recording of a simulated street with its true flow", "recordings"),
+    "convert": (
+        "write a sequence of a public data set as a recording with true flow",
+        "recordings",
+    ),
+    "export": ("write estimates of any method as files of OpenSceneFlow or Argoverse 2", "export"),
+    "parameters": ("print all settings of a preset", "parameters"),
+}
 
 # They read no files of others.
 _WITHOUT_LIMIT = ("simulate", "parameters")
@@ -128,11 +123,20 @@ def _parsed(arguments: list[str] | None) -> argparse.Namespace:
     subparsers = parser.add_subparsers(
         required=True, metavar="COMMAND", parser_class=IntermixedParser
     )
-    for add_to in _SUBCOMMANDS:
-        add_to(subparsers)
-    for name, subparser in subparsers.choices.items():
-        if name not in _WITHOUT_LIMIT:
-            add_max_memory(Arguments(subparser))
+    arguments = sys.argv[1:] if arguments is None else arguments
+    for name, (summary, module) in _COMMANDS.items():
+        subparser = subparsers.add_parser(
+            name,
+            help=summary,
+            description=f"{summary[0].upper()}{summary[1:]}.",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name in arguments[:1]:
+            commands = import_module(f"mnsf_ros.cli.{module}")
+            subparser.epilog = getattr(commands, f"add_{name}")(Arguments(subparser))
+            subparser.set_defaults(run=getattr(commands, f"run_{name}"))
+            if name not in _WITHOUT_LIMIT:
+                add_max_memory(Arguments(subparser))
     return parser.parse_args(arguments)
 
 

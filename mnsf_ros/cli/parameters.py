@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand
+from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings_documents import settings_markdown, settings_yaml
 
@@ -21,9 +21,8 @@ TITLES = {
 }
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(subparsers, "parameters", "print all settings of a preset", _run)
+def add_parameters(arguments: Arguments) -> None:
+    """Declares the arguments."""
     arguments.value("--preset", "preset to print", default="online", choices=PRESET_NAMES)
     arguments.value(
         "--format",
@@ -33,7 +32,8 @@ def add_to(subparsers: Subparsers) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> None:
+def run_parameters(options: argparse.Namespace) -> None:
+    """Prints the settings."""
     if options.format == "yaml":
         text = settings_yaml(preset(options.preset), TITLES[options.preset])
     else:

@@ -9,29 +9,31 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from mnsf_ros.cli.arguments import FORCE, Subparsers, add_subcommand, chosen
+from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
 from mnsf_ros.cli.console import Console
 from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
+from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.node.environment import prepare_environment, require_ros
 from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.recording.bag_reader import open_recording
+from mnsf_ros.recording.bag_topics import known_topic
+from mnsf_ros.recording.bag_writer import check_target
 from mnsf_ros.simulation.settings import SimulationSettings
 
 _SLOWEST: Final = 0.01
 _FASTEST: Final = 100.0
 
 
-def add_simulate(subparsers: Subparsers) -> None:
-    """Adds `mnsf simulate`."""
-    summary = "write a recording of a simulated street with its true flow"
-    arguments = add_subcommand(subparsers, "simulate", summary, _simulate)
+def add_simulate(arguments: Arguments) -> None:
+    """Declares the arguments of `mnsf simulate`."""
     arguments.value("out", "folder to write, or a file that ends in .mcap", Path)
     arguments.flag("--force", FORCE)
     arguments.declared(SimulationSettings)
 
 
-def _simulate(options: argparse.Namespace) -> None:
-    from mnsf_ros.demo.console_progress import simulate_with_progress
-
+def run_simulate(options: argparse.Namespace) -> None:
+    """Writes a simulated street."""
     settings, console = chosen(options, SimulationSettings), Console()
     simulator = simulate_with_progress(settings, options.out, console, overwrite=options.force)
     console.say(simulator.scene.text, soft_wrap=True)
@@ -42,16 +44,8 @@ def _simulate(options: argparse.Namespace) -> None:
     )
 
 
-def add_convert(subparsers: Subparsers) -> None:
-    """Adds `mnsf convert`."""
-    formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
-    arguments = add_subcommand(
-        subparsers,
-        "convert",
-        "write a sequence of a public data set as a recording with its true flow",
-        _convert,
-        epilog=f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md",
-    )
+def add_convert(arguments: Arguments) -> str:
+    """Declares the arguments of `mnsf convert`."""
     arguments.value("format FORMAT", ", ".join(FORMATS), choices=FORMATS)
     source_text = "file or folder of the data set; see the list of formats below"
     arguments.value("source SOURCE", source_text, Path)
@@ -67,13 +61,12 @@ def add_convert(subparsers: Subparsers) -> None:
         "--box-margin M", "enlarge boxes by M metres in each dimension", default=margin_m
     )
     arguments.flag("--unlabelled-static", "treat unlabelled points as static instead of as unknown")
+    formats = "\n".join(f"  {name:14} {one.source}" for name, one in FORMATS.items())
+    return f"formats and their sources:\n{formats}\n\nDetails: docs/recordings.md"
 
 
-def _convert(options: argparse.Namespace) -> None:
-    from mnsf_ros.datasets.recording_writer import write_recording
-    from mnsf_ros.demo.console_progress import counting_progress
-    from mnsf_ros.recording.bag_writer import check_target
-
+def run_convert(options: argparse.Namespace) -> None:
+    """Writes a sequence of a data set."""
     check_target(options.out, overwrite=options.force)
     settings = TruthSettings(options.box_margin, options.unlabelled_static)
     source = open_source(
@@ -95,9 +88,8 @@ def _convert(options: argparse.Namespace) -> None:
         console.say(line, soft_wrap=True)
 
 
-def add_play(subparsers: Subparsers) -> None:
-    """Adds `mnsf play`."""
-    arguments = add_subcommand(subparsers, "play", "publish the messages of a recording", _play)
+def add_play(arguments: Arguments) -> None:
+    """Declares the arguments of `mnsf play`."""
     arguments.recordings("bag", "recording, of ROS 1 or ROS 2")
     arguments.value("--topics TOPIC,...", "only these topics")
     arguments.value("--rate", "playback speed, 1 as recorded", rate, 1.0)
@@ -106,13 +98,11 @@ def add_play(subparsers: Subparsers) -> None:
     arguments.flag("--wait", "start when somebody listens to a cloud of the recording")
 
 
-def _play(options: argparse.Namespace) -> None:
+def run_play(options: argparse.Namespace) -> None:
+    """Publishes a recording."""
     require_ros()
     prepare_environment()
-    from mnsf_ros.demo.console_progress import counting_progress
     from mnsf_ros.demo.play import PlayOptions, play
-    from mnsf_ros.recording.bag_reader import open_recording
-    from mnsf_ros.recording.bag_topics import known_topic
 
     console = Console(stderr=True)
     topics = tuple(filter(None, map(str.strip, (options.topics or "").split(","))))
@@ -142,10 +132,8 @@ def rate(text: str) -> float:
     raise argparse.ArgumentTypeError(f"got {text!r}, expected {_SLOWEST:g} to {_FASTEST:g}")
 
 
-def add_demo(subparsers: Subparsers) -> None:
-    """Adds `mnsf demo`."""
-    summary = "replay a recording to the live node and show the flow"
-    arguments = add_subcommand(subparsers, "demo", summary, _demo)
+def add_demo(arguments: Arguments) -> None:
+    """Declares the arguments of `mnsf demo`."""
     arguments.recordings("--bag", "recording; without it, a street is simulated")
     arguments.points()
     arguments.value("--preset", "settings of the node", default="online", choices=PRESET_NAMES)
@@ -154,9 +142,11 @@ def add_demo(subparsers: Subparsers) -> None:
     arguments.value("--out DIR", "folder for all that is made", default=Path("demo"))
 
 
-def _demo(options: argparse.Namespace) -> None:
+def run_demo(options: argparse.Namespace) -> None:
+    """Runs the demo."""
     require_ros()
-    from mnsf_ros.demo.demo_run import run_demo
+    from mnsf_ros.demo import demo_run
 
     street = SimulationSettings(seed=options.seed, duration_s=options.duration_s)
-    run_demo(options.bag or street, options.points, preset(options.preset), options.out, Console())
+    settings = preset(options.preset)
+    demo_run.run_demo(options.bag or street, options.points, settings, options.out, Console())

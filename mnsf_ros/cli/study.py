@@ -10,14 +10,14 @@ from pathlib import Path
 from mnsf_ros.cli.arguments import (
     ALL,
     RESUME,
-    Subparsers,
-    add_subcommand,
+    Arguments,
     chosen,
     chosen_settings,
     number_or_all,
 )
 from mnsf_ros.cli.console import Console
 from mnsf_ros.studies.settings import CaseStudySettings
+from mnsf_ros.studies.study import StudyOptions
 
 _NAMES = {
     "ablation": "FNSF, and MNSF without single parts: (a) to (d) of the paper",
@@ -30,15 +30,8 @@ _NAMES = {
 _EPILOG = "Studies:\n" + "\n".join(f"  {name:<10} {text}" for name, text in _NAMES.items())
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "study",
-        "reproduce a table or case study of the paper: NAME.md, NAME.csv, NAME.png",
-        _run,
-        epilog=_EPILOG,
-    )
+def add_study(arguments: Arguments) -> str:
+    """Declares the arguments."""
     arguments.value("name NAME", "study, see below", choices=_NAMES)
     arguments.recordings("bags BAG", "recordings (default: a simulated street)", nargs="*")
     arguments.value("--out DIR", "folder for results (default: study_NAME)", Path)
@@ -57,11 +50,13 @@ def add_to(subparsers: Subparsers) -> None:
     )
     arguments.value("--seed S", "seed of everything random", default=0)
     arguments.group("case studies").declared(CaseStudySettings)
+    return _EPILOG
 
 
-def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.studies.run_study import run_study
-    from mnsf_ros.studies.study import StudyOptions
+def run_study(options: argparse.Namespace) -> None:
+    """Runs a study, and prints its tables."""
+    # It needs PyTorch, the help does not.
+    from mnsf_ros.studies import run_study as studies
 
     console = Console()
     num_points = options.num_points
@@ -80,7 +75,7 @@ def _run(options: argparse.Namespace) -> None:
         say=console.say,
         case=chosen(options, CaseStudySettings),
     )
-    result, paths = run_study(options.name, study)
+    result, paths = studies.run_study(options.name, study)
     for table in result.tables:
         console.print(table)
     for text in (*result.texts, f"Written: {', '.join(map(str, paths))}"):

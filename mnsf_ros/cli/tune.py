@@ -4,23 +4,18 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from mnsf_ros.cli.arguments import RESUME, Subparsers, add_subcommand
+from mnsf_ros.cli.arguments import RESUME, Arguments, chosen
 from mnsf_ros.cli.console import Console
+from mnsf_ros.demo.console_progress import counting_progress
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import parse_assignments
-
-if TYPE_CHECKING:
-    from mnsf_ros.evaluation.recordings import EvaluatedRecording
-    from mnsf_ros.tuning.outcome import Outcome
-    from mnsf_ros.tuning.tune import TuneOptions
+from mnsf_ros.tuning.tune import TuneOptions, check_optuna, tune
 
 _EPILOG = """\
 Settings are chosen on the first half of each recording and judged on the second.
@@ -34,90 +29,40 @@ trials, for --resume).
 """
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "tune",
-        "find the best settings of the method online for recordings (Optuna)",
-        _run,
-        epilog=_EPILOG,
-    )
+def add_tune(arguments: Arguments) -> str:
+    """Declares the arguments."""
     arguments.value("bags BAG", "recordings", Path, nargs="+")
     arguments.value("--out DIR", "folder for results", Path, default=Path("tuned"))
     arguments.flag("--resume", RESUME)
-    arguments.value(
-        "--goal NAME",
-        "what to improve, see below (default: epe, or consistency without true flow)",
-        choices=("epe", "consistency"),
-    )
-    arguments.value("--trials N", "number of trials in all", default=60)
-    arguments.value("--minutes M", "end the search after M minutes (default: none)", float)
-    arguments.value(
-        "--parameters NAME,...",
-        "parameters to tune (default: those listed in docs/parameters.md)",
-    )
     arguments.assignments("set a parameter, which is then not tuned; may be repeated")
-    arguments.value(
-        "--max-examples N", "examples of each half of a recording; they stay in memory", default=40
-    )
-    arguments.value("--seed S", "seed of the search and of the points looked at", default=0)
+    arguments.declared(TuneOptions)
     arguments.points()
+    return _EPILOG
 
 
-def _run(options: argparse.Namespace) -> None:
-    from mnsf_ros.evaluation.recordings import choose_topics, named_recordings
-    from mnsf_ros.tuning.outcome import figures_table, write_parameters
-    from mnsf_ros.tuning.tune import check_optuna
-
+def run_tune(options: argparse.Namespace) -> None:
+    """Tunes with a bar; on Ctrl-C names the way to continue."""
     check_optuna()
-    console, tuning = Console(), _options(options)
-    recordings = [
-        choose_topics(path, name, options.points) for name, path in named_recordings(options.bags)
-    ]
-    outcome = _tuned(recordings, tuning, console)
-    console.print(figures_table(outcome))
-    for line in (*outcome.changes, outcome.verdict):
-        console.say(line)
-    if path := write_parameters(outcome, options.out, shlex.join(["mnsf", *sys.argv[1:]])):
-        console.say(f"Written: {path}", soft_wrap=True)
-
-
-def _options(options: argparse.Namespace) -> TuneOptions:
-    from mnsf_ros.tuning.tune import TuneOptions
-
     start = preset("online").changed(parse_assignments(options.assignments))
     if start.method.name != "online":
         raise SettingsError(f"method.name: got {start.method.name!r}; only online can be tuned")
-    names = (options.parameters or "").split(",")
-    return TuneOptions(
-        out=options.out,
-        start=start,
-        num_trials=options.trials,
-        minutes=math.inf if options.minutes is None else options.minutes,
-        names=tuple(filter(None, map(str.strip, names))),
-        goal=options.goal,
-        max_examples=options.max_examples,
-        seed=options.seed,
-        resume=options.resume,
-    )
-
-
-def _tuned(
-    recordings: Sequence[EvaluatedRecording], tuning: TuneOptions, console: Console
-) -> Outcome:
-    """Tunes with a bar; on Ctrl-C names the way to continue."""
-    from mnsf_ros.demo.console_progress import counting_progress
-    from mnsf_ros.tuning.tune import tune
-
+    console, tuning = Console(), chosen(options, TuneOptions)
+    recordings = [
+        choose_topics(path, name, options.points) for name, path in named_recordings(options.bags)
+    ]
     try:
         with counting_progress(console) as progress:
-            task = progress.add_task("trials", total=tuning.num_trials)
+            task = progress.add_task("trials", total=tuning.trials)
 
             def show(text: str, num_done: int, num_in_all: int) -> None:
                 progress.update(task, description=text, completed=num_done, total=num_in_all)
 
-            return tune(recordings, tuning, show)
+            outcome = tune(recordings, start, tuning, options.out, show, resume=options.resume)
     except KeyboardInterrupt:
-        console.say(f"{tuning.out}: {RESUME}", soft_wrap=True)
+        console.say(f"{options.out}: {RESUME}", soft_wrap=True)
         raise
+    console.print(outcome.table)
+    for line in (*outcome.changes, outcome.verdict):
+        console.say(line)
+    if path := outcome.write_parameters(options.out, shlex.join(["mnsf", *sys.argv[1:]])):
+        console.say(f"Written: {path}", soft_wrap=True)

@@ -7,21 +7,19 @@ import argparse
 from contextlib import suppress
 from pathlib import Path
 
-from mnsf_ros.cli.arguments import Subparsers, add_subcommand
+from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.cli.console import Console
 from mnsf_ros.cli.recordings import rate
 from mnsf_ros.errors import SettingsError
+from mnsf_ros.online.stream import Stream
 from mnsf_ros.presets import PRESET_NAMES, preset
+from mnsf_ros.recording.bag_reader import open_recording
+from mnsf_ros.recording.bag_topics import used_topics
+from mnsf_ros.view.page_server import PageServer
 
 
-def add_to(subparsers: Subparsers) -> None:
-    """Adds the subcommand."""
-    arguments = add_subcommand(
-        subparsers,
-        "view",
-        "show the flow of a recording, or of the running node, in a browser",
-        _run,
-    )
+def add_view(arguments: Arguments) -> None:
+    """Declares the arguments."""
     arguments.recordings("bag", "recording; without it, the running node is shown", nargs="?")
     arguments.points()
     arguments.value("--preset", "settings of the method", default="online", choices=PRESET_NAMES)
@@ -37,7 +35,8 @@ def add_to(subparsers: Subparsers) -> None:
     arguments.value("--animation FILE", "write a WebP of the recording instead", Path)
 
 
-def _run(options: argparse.Namespace) -> None:
+def run_view(options: argparse.Namespace) -> None:
+    """Shows a recording or the node until Ctrl-C, or writes an animation."""
     console = Console(stderr=True)
     if options.bag is None:
         if options.animation is not None:
@@ -54,9 +53,6 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _show_recording(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.recording.bag_reader import open_recording
-    from mnsf_ros.recording.bag_topics import used_topics
-    from mnsf_ros.view.page_server import PageServer
     from mnsf_ros.view.recording_view import RecordingView
 
     with open_recording(options.bag, console.warn) as reader:
@@ -70,9 +66,6 @@ def _show_recording(options: argparse.Namespace, console: Console) -> None:
 
 
 def _animate(options: argparse.Namespace, console: Console) -> None:
-    from mnsf_ros.online.stream import Stream
-    from mnsf_ros.recording.bag_reader import open_recording
-    from mnsf_ros.recording.bag_topics import used_topics
     from mnsf_ros.view.animation import save_animation
     from mnsf_ros.view.estimated_sweeps import estimated_sweeps
 
@@ -90,7 +83,6 @@ def _show_node(options: argparse.Namespace, console: Console) -> None:
     require_ros()
     prepare_environment()
     from mnsf_ros.view.node_view import NodeView
-    from mnsf_ros.view.page_server import PageServer
 
     server = PageServer()
     with (

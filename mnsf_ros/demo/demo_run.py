@@ -35,7 +35,6 @@ from mnsf_ros.report.text_table import TextTable
 from mnsf_ros.settings import Settings
 from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.simulation.settings import SimulationSettings
-from mnsf_ros.sweeps.sweep import NANOSECONDS
 from mnsf_ros.sweeps_io.flow_columns import FLOW_NAMES
 from msg_utils.point_cloud2 import decode_points
 from msg_utils.stamps import decode_stamp
@@ -130,17 +129,16 @@ def _score_and_draw(
     # Ground is scored as well, apart from the rest.
     options = EvaluationOptions(settings.changed({"ground.remove": False}))
     rows: list[ResultRow] = []
-    last: tuple[Example, NDArray[np.float32]] | None = None
+    last: tuple[Example, FlowEstimate] | None = None
     with recording.open() as reader, BagReader(flow_bag) as flows:
         for example in read_examples(reader, recording, options, Findings()):
             flow = _recorded_flow(flows, example)
             if flow is not None:
-                rows += _scored(example, flow)
-                last = example, flow
+                estimate = FlowEstimate(flow, kept=np.asarray(np.isfinite(flow).all(axis=1)))
+                rows += _scored(example, estimate)
+                last = example, estimate
     if last is not None:
-        example, flow = last
-        title = f"{example.triplet.current.stamp_ns / NANOSECONDS:.1f} s"
-        picture.write_bytes(sweep_picture(title, example, flow))
+        picture.write_bytes(sweep_picture(*last))
     return _errors_table(rows)
 
 
@@ -155,12 +153,11 @@ def _recorded_flow(flows: BagReader, example: Example) -> NDArray[np.float32] | 
     return np.stack([points[name].astype(np.float32) for name in FLOW_NAMES], axis=1)
 
 
-def _scored(example: Example, flow: NDArray[np.float32]) -> list[ResultRow]:
+def _scored(example: Example, estimate: FlowEstimate) -> list[ResultRow]:
     """The errors of the ground points and of all others."""
     truth = example.truth
     if truth is None:
         return []
-    estimate = FlowEstimate(flow, kept=np.asarray(np.isfinite(flow).all(axis=1)))
     return [
         scored_row(replace(example, truth=replace(truth, valid=truth.valid & part)), name, estimate)
         for name, part in ((_OTHERS, ~truth.ground), (_GROUND, truth.ground))

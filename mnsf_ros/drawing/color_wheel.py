@@ -24,19 +24,16 @@ _NUM_STRENGTHS: Final = 64
 _HUE_STEP: Final = 0.618  # of a turn, from object to object
 
 
-def flow_colors(
-    flow: NDArray[Any], full_speed_m: float, *, neutral: Color = SLOW
-) -> NDArray[np.float64]:
+def flow_colors(flow: NDArray[Any], full_speed_m: float) -> NDArray[np.float64]:
     """Returns the colour of each flow vector: direction is the hue, speed is the saturation.
 
     Red is +x (forward), then around through yellow-green (+y, left), cyan (-x) and violet (-y).
-    Opposite directions have opposite hues. The colour fades to neutral as the vector shortens.
+    Opposite directions have opposite hues. The colour fades to grey as the vector shortens.
 
     Args:
         flow: (N, 2) or wider, metres; only x and y count.
         full_speed_m: Length of vectors with full colour, metres, above 0; longer ones look the
             same.
-        neutral: RGB of vectors that are zero or not finite, each 0 to 1.
 
     Returns:
         (N, 3) RGB, each 0 to 1.
@@ -50,20 +47,20 @@ def flow_colors(
     # Red, green and blue are the same hat over the hue, a third of a turn apart.
     from_peak = np.abs((sixths[:, None] - [0.0, 2.0, 4.0] + 3.0) % 6.0 - 3.0)
     hues = np.clip(2.0 - from_peak, 0.0, 1.0)
-    colors: NDArray[np.float64] = np.asarray(neutral) + strengths[:, None] * (hues - neutral)
+    colors: NDArray[np.float64] = np.asarray(SLOW) + strengths[:, None] * (hues - SLOW)
     return colors
 
 
-def wheel_image(num_pixels: int = 161, *, root: bool = False) -> NDArray[np.float64]:
+def wheel_image(num_pixels: int) -> NDArray[np.float64]:
     """Returns the wheel of colours, x to the right and y up, full colour on its rim.
 
     (P, P, 4) RGBA for P pixels, each 0 to 1, first row on top, transparent outside of the wheel;
-    with `root` the colours of the root of the length, as in `packed_colors`.
+    the colours are those of the root of the length, as in `packed_colors`.
     """
     across = np.linspace(-1.0, 1.0, num_pixels)
     x, y = np.meshgrid(across, across[::-1])
     radius = np.hypot(x, y)
-    scale = 1.0 / np.sqrt(np.maximum(radius, 1e-9)) if root else np.ones_like(radius)
+    scale = 1.0 / np.sqrt(np.maximum(radius, 1e-9))
     colors = flow_colors(np.column_stack([(scale * x).ravel(), (scale * y).ravel()]), 1.0)
     # The rim fades over one pixel, so that it is not jagged.
     opacities = np.clip((1.0 - radius) * (num_pixels / 2), 0.0, 1.0)

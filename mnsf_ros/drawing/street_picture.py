@@ -209,7 +209,7 @@ def _color(velocity: NDArray[np.float64], full_speed_m_s: float) -> tuple[int, i
 
 def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
     """Draws the wheel of colours, ahead is up."""
-    rgba = np.rot90(np.rint(255 * wheel_image(_WHEEL_PX * _SCALE, root=True))).astype(np.uint8)
+    rgba = np.rot90(np.rint(255 * wheel_image(_WHEEL_PX * _SCALE))).astype(np.uint8)
     wheel = Image.fromarray(rgba, "RGBA").resize((_WHEEL_PX, _WHEEL_PX), Image.Resampling.BOX)
     x, y = WIDTH_PX - _WHEEL_PX - 22, HEIGHT_PX - _WHEEL_PX - 34
     image.paste(wheel, (x, y), wheel)

@@ -63,9 +63,9 @@ class ResultRow:
     movers: MoverRow | None = None
 
     @property
-    def sweep(self) -> tuple[str, int]:
-        """Recording and number of the sweep."""
-        return self.recording, self.number
+    def task(self) -> tuple[str, str]:
+        """Recording and method."""
+        return self.recording, self.method
 
     @property
     def badness_m(self) -> float:

@@ -14,20 +14,20 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import IO, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import cattrs
 
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
-from mnsf_ros.evaluation.pictures import PICTURES_FOLDER, Picture, Pictures
+from mnsf_ros.evaluation.pictures import Picture, save_picture
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.task import TaskEvent
@@ -59,15 +59,12 @@ class RunFolder:
 
     Attributes:
         path: The folder.
-        pictures: Those of its report.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.pictures = Pictures(path)
         self._rows, self._tasks = path / ROWS_FILE, path / TASKS_FILE
-        self._num_pictured = 0
-        self._num_rows: dict[TaskKey, int] = {}
+        self._num_rows: Counter[TaskKey] = Counter()
 
     def begin(self, record: RunRecord, *, resume: bool) -> list[EvaluationTask]:
         """Writes the record of the run; returns the tasks that are left to do.
@@ -87,26 +84,25 @@ class RunFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         tasks = self._left(record)
         replace_file(self.path / RUN_FILE, [to_json(whole, indent=2), "\n"])
-        self._num_pictured = record.options.num_pictured
-        self._num_rows = {task.key: len(task.skipped) for task in tasks}
+        self._num_rows = Counter({task.key: len(task.skipped) for task in tasks})
         return tasks
 
     def _left(self, record: RunRecord) -> list[EvaluationTask]:
         """The tasks that are left to do, without the rows of those that start again."""
-        options, numbers = record.options, self._numbers()
-        finished = self._finished(numbers)
+        rows = self.rows()
+        finished = self.finished(rows)
         tasks = [EvaluationTask(*pair) for pair in product(record.recordings, record.methods)]
         left = [task for task in tasks if task.key not in finished]
-        again = {task.key for task in left if options.is_indivisible(task.method)}
-        self.pictures.drop(again)
+        again = {task.key for task in left if record.options.is_indivisible(task.method)}
+        rows = [row for row in rows if row.task not in again]
         if self.has_results:
             # Without the line that was being written when a process was killed.
-            rows = (row for row in self.rows if (row.recording, row.method) not in again)
             replace_file(self._rows, (f"{to_json(row)}\n" for row in rows))
-            kept = (task for key, task in finished.items() if key not in again)
-            replace_file(self._tasks, (f"{to_json(task)}\n" for task in kept))
-        known = {key: frozenset(numbers[key]) for key in numbers.keys() - again}
-        return [replace(task, skipped=known.get(task.key, frozenset())) for task in left]
+            replace_file(self._tasks, (f"{to_json(task)}\n" for task in finished.values()))
+        known: dict[TaskKey, set[int]] = defaultdict(set)
+        for row in rows:
+            known[row.task].add(row.number)
+        return [replace(task, skipped=frozenset(known[task.key])) for task in left]
 
     def take(self, task: EvaluationTask, event: TaskEvent) -> None:
         """Writes down an event of a task."""
@@ -114,8 +110,8 @@ class RunFolder:
             _append_line(self._rows, event)
             self._num_rows[task.key] += 1
         elif isinstance(event, Picture):
-            with _writing(self.path / PICTURES_FOLDER):
-                self.pictures.add(event, self._num_pictured)
+            with _writing(self.path):
+                save_picture(self.path, event)
         elif isinstance(event, Findings):
             counts = {kind.value: count for kind, count in event.counts.items()}
             damages = [plain_text(damage) for damage in event.damages]
@@ -123,38 +119,26 @@ class RunFolder:
             _append_line(self._tasks, finished)
 
     @property
-    def rows(self) -> Iterator[ResultRow]:
-        """All rows, in the order in which they got ready."""
-        return _read_lines(self._rows, ResultRow)
-
-    @property
     def has_results(self) -> bool:
         """Whether anything was done yet."""
         return self._rows.exists() or self._tasks.exists()
 
-    def finished(self) -> dict[TaskKey, FinishedTask]:
-        """Returns the tasks that are finished, with all of their rows."""
-        return self._finished(self._numbers())
+    def rows(self) -> list[ResultRow]:
+        """Returns the rows, in the order in which they got ready."""
+        return list(_read_lines(self._rows, ResultRow))
 
-    def _numbers(self) -> dict[TaskKey, set[int]]:
-        """The numbers of the sweeps of all rows."""
-        numbers: dict[TaskKey, set[int]] = defaultdict(set)
-        for row in self.rows:
-            numbers[row.recording, row.method].add(row.number)
-        return dict(numbers)
-
-    def _finished(self, numbers: dict[TaskKey, set[int]]) -> dict[TaskKey, FinishedTask]:
+    def finished(self, rows: Sequence[ResultRow]) -> dict[TaskKey, FinishedTask]:
+        """Returns the tasks that are finished, with all of their `rows`."""
+        counts = Counter(row.task for row in rows)
         tasks = {(one.recording, one.method): one for one in _read_lines(self._tasks, FinishedTask)}
-        return {k: one for k, one in tasks.items() if len(numbers.get(k, ())) == one.num_examples}
+        return {key: one for key, one in tasks.items() if counts[key] == one.num_examples}
 
     def read_record(self) -> RunRecord:
         """Returns the record of the run."""
         file = self.path / RUN_FILE
         if not file.exists():
             raise EvaluationError(f"{self.path}: holds no run, {RUN_FILE} is missing")
-        with _open(file) as stream:
-            text = stream.read()
-        record = from_json(text, RunRecord, str(file))
+        record = from_json(_text_of(file), RunRecord, str(file))
         if record.format != FORMAT:
             raise EvaluationError(f"{file}: was written by another version of mnsf_ros")
         return record
@@ -232,23 +216,19 @@ def _writing(file: Path) -> Iterator[None]:
 
 def _read_lines(file: Path, kind: type[Kind]) -> Iterator[Kind]:
     """The typed objects of a file, one of each complete line; none if there is no file."""
+    *lines, _ = _text_of(file).split("\n")
+    for number, line in enumerate(lines, 1):
+        yield from_json(line, kind, f"{file}, line {number}")
+
+
+def _text_of(file: Path) -> str:
+    """The content of a file, empty if there is none; a pipe or device would keep us waiting."""
     if not file.exists():
-        return
-    with _open(file) as stream:
-        # One at a time: the rows of many recordings are too much for the memory.
-        for number, line in enumerate(stream, 1):
-            if line.endswith("\n"):
-                yield from_json(line, kind, f"{file}, line {number}")
-
-
-@contextmanager
-def _open(file: Path) -> Iterator[IO[str]]:
-    """Opens a file of text; a pipe or device would keep its reader waiting."""
+        return ""
+    if not file.is_file():
+        raise EvaluationError(f"{file}: is not a file")
     try:
-        if not file.is_file():
-            raise EvaluationError(f"{file}: is not a file")
-        with file.open(encoding="utf-8", newline="\n") as stream:
-            yield stream
+        return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise EvaluationError(f"{file}: cannot be read: {error}") from error
 

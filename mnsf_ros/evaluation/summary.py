@@ -25,8 +25,6 @@ from mnsf_ros.evaluation.metrics import mean
 from mnsf_ros.evaluation.mover_summary import summarize_movers
 from mnsf_ros.evaluation.results import ResultRow
 
-GROUPS: Final = ("all", "dynamic", "static")
-SWEEP: Final = ["recording", "number"]
 _OUT_OF_TIME: Final = "time_budget"
 
 
@@ -86,14 +84,3 @@ def part_of(summary: pd.DataFrame, prefix: str) -> pd.DataFrame:
 def errors_in(summary: pd.DataFrame, group: str) -> pd.DataFrame:
     """Returns the errors of a group of points, `FlowErrors` by name, of methods with truth."""
     return part_of(summary, f"errors.{group}").dropna(how="all")
-
-
-def errors_by_sweep(table: pd.DataFrame, group: str) -> pd.DataFrame:
-    """Returns the EPE of a group of points in metres: a line for each sweep, a column a method.
-
-    `table` is a `row_table`; sweeps without any error are missing.
-    """
-    name = f"errors.{group}.epe_m"
-    if name not in table:
-        return pd.DataFrame()
-    return table.dropna(subset=name).pivot(index=SWEEP, columns="method", values=name)

@@ -19,7 +19,7 @@ from mnsf_ros.core.flow_estimate import (
     Verdict,
 )
 from mnsf_ros.core.reason_terms import reason_for, reason_terms, rows_at, vector_text
-from mnsf_ros.drawing.match_picture import Panel, match_picture
+from mnsf_ros.drawing.charts import Panel, match_picture
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.evaluation.examples import Example, read_examples
 from mnsf_ros.evaluation.findings import Findings

@@ -5,15 +5,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, product
 from typing import Final, NamedTuple
 
 import pandas as pd
 
-from mnsf_ros.evaluation.options import EvaluationOptions, num_sweeps_needed
+from mnsf_ros.evaluation.options import num_sweeps_needed
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
-from mnsf_ros.evaluation.run_record import RunRecord, Session
+from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.presets import UsedSettings
 
 _MAX_NAMES: Final = 4
@@ -21,91 +21,53 @@ _NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 
 
 def protocol_text(
-    run: RunRecord,
-    summary: pd.DataFrame,
-    rows: Sequence[ResultRow],
-    used: Mapping[str, UsedSettings],
+    run: RunRecord, summary: pd.DataFrame, used: Mapping[str, UsedSettings]
 ) -> list[str]:
     """Returns sentences on the examples, points, settings and times of a run.
 
     `used` has the settings of each method.
     """
-    own = {name: used[name] for name in used if name in summary.index}
+    options, crop = run.options, run.options.settings.crop
+    counts = sorted(set(summary.get("num_examples", ())))
+    numbers = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
+    means = f"Unweighted mean over {numbers or 'no'} example{'' if numbers == '1' else 's'}"
+    recordings = "1 recording" if len(run.recordings) == 1 else f"{len(run.recordings)} recordings"
+    points = "all points" if options.num_points is None else f"{options.num_points:,} random points"
+    ground = "ground included"
+    if options.settings.ground.remove:
+        by_truth = options.ground == "truth" and any(one.truth for one in run.recordings)
+        ground = f"ground left out by {'the truth' if by_truth else 'the settings'}"
+    scored = (
+        f"Scored: {points} within {crop.min_range_m:g} to {crop.max_range_m:g} m, "
+        f"{ground}; seed {options.seed}."
+    )
+    threads = options.settings.compute.num_threads
+    times = f"Time: stages of one estimate, device synchronized; threads: {threads}"
+    if options.realtime_rate is not None:
+        times += (
+            f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
+            "times; sweeps are dropped as in the live node"
+        )
+    every = f", one in {options.every}" if options.every > 1 else ""
     return [
-        _means_text(len(run.recordings), summary, run.options.every),
-        _points_text(run.options, [one.truth is not None for one in run.recordings]),
-        _settings_text(own, run.references),
-        _time_text(run.options, summary, sorted({row.device for row in rows} - {""})),
+        f"{means} from {recordings}{every}.",
+        scored,
+        _settings_text(run, summary, used),
+        f"{times}.",
     ]
 
 
-def _means_text(num_recordings: int, summary: pd.DataFrame, every: int) -> str:
-    counts = [f"{count:,}" for count in sorted(set(summary.get("num_examples", ())))]
-    examples = " to ".join(dict.fromkeys(counts[:1] + counts[-1:])) or "no"
-    recordings = "1 recording" if num_recordings == 1 else f"{num_recordings} recordings"
-    text = f"Unweighted mean over {examples} {'example' if examples == '1' else 'examples'}"
-    text += f" from {recordings}{f', one in {every}' if every > 1 else ''}"
-    text += ". An example is a triplet of consecutive sweeps"
-    missing = int(summary.reindex(columns=["num_failed", "num_dropped"]).sum().sum())
-    if missing:
-        text += f". Examples without a flow, not in any mean: {missing:,}"
-    if len(counts) > 1:
-        text += ". Methods differ in the number of examples: compare with care"
-    return f"{text}."
-
-
-def _points_text(options: EvaluationOptions, has_truth: Sequence[bool]) -> str:
-    crop = options.settings.crop
-    text = (
-        f"Scored points: range {crop.min_range_m:g} to {crop.max_range_m:g} m, "
-        f"height {crop.min_height_m:g} to {crop.max_height_m:g} m"
-    )
-    if options.settings.ground.remove:
-        source = "height map"
-        if options.ground == "truth" and any(has_truth):
-            source = "flag in the truth"
-            if not all(has_truth):
-                source += ", height map where there is no truth"
-            source += (
-                "; methods with networks are given these points, online and neural find ground"
-            )
-        text += f", without ground ({source})"
-    number = options.num_points
-    chosen = "all" if number is None else f"{number:,} random points of each sweep"
-    return f"{text}; {chosen}, the same for all methods. Seed {options.seed}."
-
-
-def _settings_text(used: Mapping[str, UsedSettings], references: Collection[str]) -> str:
+def _settings_text(run: RunRecord, summary: pd.DataFrame, used: Mapping[str, UsedSettings]) -> str:
     """The preset of each method; references have none, unless there is nothing else."""
+    own = [name for name in used if name in summary.index]
     methods: dict[str, list[str]] = {}
-    for name in [name for name in used if name not in references] or used:
+    for name in [name for name in own if name not in run.references] or own:
         settings, start, changed = used[name]
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         warm = "on" if settings.warm_start.enabled else "off"
         text = f"preset {start}{f' with {changes}' if changes else ''}, warm start {warm}"
         methods.setdefault(text, []).append(name)
     return "Settings: " + "; ".join(f"{', '.join(m)}: {text}" for text, m in methods.items()) + "."
-
-
-def _time_text(options: EvaluationOptions, summary: pd.DataFrame, devices: Sequence[str]) -> str:
-    threads = options.settings.compute.num_threads
-    text = "Time: stages of one estimate, device synchronized"
-    if devices:
-        text += f", on {' and '.join(devices)}"
-    if "cpu" in devices:
-        text += f" with {threads} thread{'' if threads == 1 else 's'}"
-    if options.realtime_rate is not None:
-        text += (
-            f". Replay at {options.realtime_rate:g} times real time, simulated from measured run "
-            "times: triplets that wait too long are dropped for newer ones, as in the live node"
-        )
-    limited = int(sum(summary.get("num_out_of_time", ())))
-    if limited:
-        text += (
-            f". {limited:,} optimizations reached their time budget, so errors depend on the speed "
-            "of the machine"
-        )
-    return f"{text}."
 
 
 class Note(NamedTuple):
@@ -136,7 +98,6 @@ def notes_of(
             for task in finished
             for event, count in task.counts.items()
         ),
-        *_mixed_sessions(run.sessions),
     ]
     # Methods notice the same in the same recording.
     return sorted(dict.fromkeys(found), key=lambda note: not note.is_incomplete)
@@ -190,7 +151,7 @@ def _failures(rows: Sequence[ResultRow]) -> Iterator[Note]:
         yield Note(f"{text} No flow at all: {_listed(lost)}." if lost else text, bool(lost))
 
 
-def _recordings_without(run: RunRecord, rows: Iterable[ResultRow]) -> Iterator[Note]:
+def _recordings_without(run: RunRecord, rows: Sequence[ResultRow]) -> Iterator[Note]:
     """Recordings without checksums, without truth, and with truth for no scored point."""
     good = [row for row in rows if row.failure is None]
     scored = {row.recording for row in good if row.errors and row.errors["all"].num_points}
@@ -207,15 +168,6 @@ def _recordings_without(run: RunRecord, rows: Iterable[ResultRow]) -> Iterator[N
         names = [one.name for one in run.recordings if one.name in lacking]
         if names:
             yield Note(f"{_listed(names)}: {text}.")
-
-
-def _mixed_sessions(sessions: Sequence[Session]) -> Iterator[Note]:
-    """Differences between the sessions of a resumed run."""
-    for name in (one for one in sessions[0] if one not in ("started", "command", "system")):
-        texts = dict.fromkeys(session.get(name, "") for session in sessions)
-        if len(texts) > 1:
-            found = "; ".join(texts)
-            yield Note(f"Rows of {len(sessions)} sessions with different {name}: {found}.")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -58,19 +58,17 @@ def write_results(folder: RunFolder, results: RunResults) -> None:
     Raises:
         WritingError: Writing fails; files that are not written yet are those of before.
     """
-    for name, text in (
-        ("results.md", results_markdown(results)),
-        ("results.csv", results_csv(results)),
-        ("results.tex", results_latex(results)),
-        ("results.json", results_json(results)),
-    ):
-        replace_file(folder.path / name, [text])
+    replace_file(folder.path / "results.md", [results_markdown(results)])
+    replace_file(folder.path / "results.csv", [results_csv(results)])
+    replace_file(folder.path / "results.tex", [_results_latex(results)])
+    replace_file(folder.path / "results.json", [_results_json(results)])
 
 
 def results_markdown(results: RunResults) -> str:
     """Returns the protocol, all tables, the notes and the session."""
     parts = ["# Scene flow evaluation", *map(markdown_text, results.protocol)]
-    parts += [table.markdown().rstrip("\n") for table in results.tables.listed]
+    tables = (*results.main_tables, *results.further_tables)
+    parts += [table.markdown().rstrip("\n") for table in tables]
     if results.notes:
         parts += ["## Notes", "\n".join(f"* {markdown_text(note.text)}" for note in results.notes)]
     *earlier, last = results.record.sessions
@@ -81,11 +79,12 @@ def results_markdown(results: RunResults) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def results_latex(results: RunResults) -> str:
+def _results_latex(results: RunResults) -> str:
     """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].get("command", "")
-    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in results.tables.listed)])
+    tables = (*results.main_tables, *results.further_tables)
+    return "\n".join([*head, f"% {command}", "", *(one.latex() for one in tables)])
 
 
 def results_csv(results: RunResults) -> str:
@@ -157,7 +156,7 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
     }
 
 
-def results_json(results: RunResults) -> str:
+def _results_json(results: RunResults) -> str:
     """Returns protocol, notes, summaries and the run; rows are in `rows.jsonl`."""
     document = {
         "protocol": results.protocol,

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Results of a run, computed once from its rows: summaries, comparisons, worst sweeps, notes."""
+"""Results of a run, computed once from its rows: summaries, tables, worst sweeps, notes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from mnsf_ros.evaluation.run_record import RunRecord
 from mnsf_ros.evaluation.summary import row_table, summary_of
 from mnsf_ros.presets import UsedSettings
 from mnsf_ros.report.notes import Note, notes_of, protocol_text
-from mnsf_ros.report.run_tables import RunTables, tables_of
+from mnsf_ros.report.tables import further_tables, main_tables
+from mnsf_ros.report.text_table import TextTable
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,7 @@ class RunResults:
         by_recording: Name of each recording to its own summary.
         protocol: Sentences on the data and the options behind the figures.
         notes: Limits of the figures.
-        focus: The method under test; empty if there is none.
-        worst: Lines of its examples with a flow, the worst one first.
+        focus: The method whose worst sweeps are shown; empty if there is none.
     """
 
     record: RunRecord
@@ -44,12 +44,24 @@ class RunResults:
     protocol: list[str]
     notes: list[Note]
     focus: str
-    worst: pd.DataFrame
 
     @cached_property
-    def tables(self) -> RunTables:
-        """All tables of the run."""
-        return tables_of(self)
+    def main_tables(self) -> list[TextTable]:
+        """Errors, movers and self-consistency."""
+        return main_tables(self.summary)
+
+    @cached_property
+    def further_tables(self) -> list[TextTable]:
+        """Details; the last table has the numbers of examples."""
+        return further_tables(self.summary)
+
+    @property
+    def worst(self) -> pd.DataFrame:
+        """Lines of the `focus` that have a flow and a figure to judge it by, the worst first."""
+        own = self.table[self.table["method"] == self.focus]
+        badness_m = [float("nan") if row.failure else row.badness_m for row in own["row"]]
+        known = own.assign(badness_m=badness_m).dropna(subset="badness_m")
+        return known.sort_values("badness_m", ascending=False, kind="stable")
 
     @property
     def is_incomplete(self) -> bool:
@@ -58,15 +70,14 @@ class RunResults:
 
 
 def read_results(folder: RunFolder, focus: str | None = None) -> RunResults:
-    """Reads the results of a run so far; `focus` is the method under test, see `results_of`.
+    """Reads the results of a run so far; `focus` as in `results_of`.
 
     Raises:
         EvaluationError: There is no run, or its files are damaged, or it has no such method.
     """
-    record, rows = folder.read_record(), list(folder.rows)
-    finished = folder.finished().values()
+    record, rows = folder.read_record(), folder.rows()
     try:
-        return results_of(record, rows, finished, focus)
+        return results_of(record, rows, folder.finished(rows).values(), focus)
     except EvaluationError as error:
         raise EvaluationError(f"{folder.path}: {error}") from error
 
@@ -79,8 +90,8 @@ def results_of(
 ) -> RunResults:
     """Returns the results of a run, from its rows in any order and its finished tasks.
 
-    The method under test is the `focus`, else the first one that is no reference, if one has a flow
-    the first of those.
+    The worst sweeps are those of the `focus`, else of the first method that is no reference, if one
+    has a flow of the first of those.
 
     Raises:
         EvaluationError: The run has no such method.
@@ -90,7 +101,7 @@ def results_of(
     summary = summary_of(table, names)
     parts = {name: table[table["recording"] == name] for name in table["recording"].unique()}
     parts = {one.name: table[:0] for one in record.recordings} | parts
-    focus = _method_under_test(record, summary, focus)
+    focus = _focus(record, summary, focus)
     used = {name: record.used_settings(name) for name in dict.fromkeys([*names, *summary.index])}
     used[focus] = record.used_settings(focus)
     return RunResults(
@@ -99,14 +110,13 @@ def results_of(
         used_settings=used,
         summary=summary,
         by_recording={name: summary_of(part, names) for name, part in parts.items()},
-        protocol=protocol_text(record, summary, rows, used),
+        protocol=protocol_text(record, summary, used),
         notes=notes_of(record, list(finished), rows),
         focus=focus,
-        worst=_worst_first(table[table["method"] == focus]),
     )
 
 
-def _method_under_test(record: RunRecord, summary: pd.DataFrame, wanted: str | None) -> str:
+def _focus(record: RunRecord, summary: pd.DataFrame, wanted: str | None) -> str:
     known = list(dict.fromkeys([*record.method_names, *summary.index]))
     if wanted is not None:
         if wanted not in known:
@@ -116,10 +126,3 @@ def _method_under_test(record: RunRecord, summary: pd.DataFrame, wanted: str | N
     rivals = [name for name in found if name not in record.references]
     named = [name for name in known if name not in record.references]
     return next(iter(rivals or named or found), "")
-
-
-def _worst_first(own: pd.DataFrame) -> pd.DataFrame:
-    """The lines of one method that have a flow and a figure, the worst first."""
-    badness_m = [float("nan") if row.failure else row.badness_m for row in own["row"]]
-    known = own.assign(badness_m=badness_m).dropna(subset="badness_m")
-    return known.sort_values("badness_m", ascending=False, kind="stable")

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Tables of methods: columns of a summary with titles, units and decimals."""
+"""The tables of a run: columns of its summary with titles, units and decimals."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ import pandas as pd
 
 from mnsf_ros.evaluation.argoverse_metrics import THREE_WAY
 from mnsf_ros.evaluation.mover_summary import FAST, MOVER_GROUPS, SLOW, MoverGroup
-from mnsf_ros.evaluation.movers import LostBy
+from mnsf_ros.evaluation.movers import LostBy, ObjectRow
+from mnsf_ros.evaluation.results import ResultRow
 from mnsf_ros.evaluation.summary import errors_in, part_of
-from mnsf_ros.report.text_table import Better, TextTable, format_number
+from mnsf_ros.report.text_table import NO_VALUE, Better, TextTable, format_number
+from mnsf_ros.sweeps.sweep import NANOSECONDS
 
 
 class Column(NamedTuple):
@@ -42,8 +44,9 @@ def _percent(title: str, better: Better = None) -> Column:
     return Column(f"{title} (%)", 1, better, 100.0)
 
 
+_NUM_LISTED: Final = 10
 _EPE: Final = ".epe_m"
-TIME: Final = Column("time (ms)", 0, "min")
+_TIME: Final = Column("time (ms)", 0, "min")
 # The paper's column order.
 _ERRORS: Final = {
     "epe_m": Column("EPE (m)", 3, "min"),
@@ -75,7 +78,7 @@ _WORK: Final = {
     "num_examples": Column("flows", None),
     "num_failed": Column("failed", None),
     "num_dropped": Column("dropped", None),
-    "time_ms": TIME,
+    "time_ms": _TIME,
     "latency_ms": Column("latency (ms)", 0),
     "num_warm": Column("warm starts", None),
     "num_out_of_time": Column("out of time", None),
@@ -86,6 +89,14 @@ _CONSISTENCY: Final = {
 }
 _THREE_WAY: Final = {name: Column(name, 4, "min") for name in (*THREE_WAY, "mean")}
 _LOST: Final = {one.value: Column(one.value, None) for one in LostBy}
+_WORST: Final = {
+    "num_points": Column("points", None),
+    "errors.all.epe_m": Column("EPE (m)"),
+    "errors.all.acc5": _percent("Acc5"),
+    "errors.dynamic.epe_m": Column("dynamic EPE (m)"),
+    "consistency.nearest_m": Column("to next sweep (m)"),
+    "time_ms": _TIME._replace(better=None),
+}
 _GROUP_TITLES: Final = {
     "all": "All points",
     "dynamic": "Dynamic points",
@@ -93,7 +104,7 @@ _GROUP_TITLES: Final = {
 }
 
 
-def made_table(
+def _made_table(
     frame: pd.DataFrame, columns: Mapping[str, Column], title: str, row_title: str = "method"
 ) -> TextTable:
     """Returns columns of a table of numbers as text; its index names the rows."""
@@ -112,24 +123,25 @@ def errors_table(errors: pd.DataFrame, title: str = "", row_title: str = "method
     `errors` has the fields of `FlowErrors` as columns, and `time_ms` where the wall time of an
     estimate is to be shown.
     """
-    columns = _ERRORS | ({"time_ms": TIME} if "time_ms" in errors else {})
-    return made_table(errors, columns, title, row_title)
+    columns = _ERRORS | ({"time_ms": _TIME} if "time_ms" in errors else {})
+    return _made_table(errors, columns, title, row_title)
 
 
 def main_tables(summary: pd.DataFrame) -> list[TextTable]:
-    """Returns errors, movers and self-consistency of each method."""
+    """Returns errors, movers and self-consistency of each method, as far as there are values."""
     tracked = "Tracked objects (median; after a stop: longest time)"
     consistency = (
         "Self-consistency (needs no truth; a small distance does not prove that a flow is right, a "
         "large one shows that it is wrong)"
     )
-    return [
+    tables = [
         *_group_tables(summary),
         _part_table(summary, "movers", _CALLED_DYNAMIC, "Points called dynamic, and false movers"),
         _part_table(summary, "movers", _TRACKED, tracked),
         _objects_table(summary, (FAST, SLOW)),
         _part_table(summary, "consistency", _CONSISTENCY, consistency),
     ]
+    return [table for table in tables if table.has_values]
 
 
 def further_tables(summary: pd.DataFrame) -> list[TextTable]:
@@ -145,15 +157,16 @@ def further_tables(summary: pd.DataFrame) -> list[TextTable]:
     three_way = "Three-way EPE (m) of Argoverse 2, over all points of all examples"
     lost = "Mover-sweeps without detection, by the stage that rejected the mover (to 50 m)"
     work = "Examples (out of time: optimizations ended by their time budget)"
-    return [
+    tables = [
         _part_table(summary, "three_way", _THREE_WAY, three_way),
         _part_table(summary, "bucketed", bucketed, bucketed_title),
         _bins_table(summary, "by_range", "EPE (m) in bins of range", "m"),
         _bins_table(summary, "by_speed", "EPE (m) in bins of true speed without ego motion", "m/s"),
         _objects_table(summary, MOVER_GROUPS[2:]),
         _part_table(summary, "movers.lost", _LOST, lost),
-        made_table(summary, _WORK, work),
+        _made_table(summary, _WORK, work),
     ]
+    return [table for table in tables if table.has_values]
 
 
 def _part_table(
@@ -161,7 +174,7 @@ def _part_table(
 ) -> TextTable:
     """The methods with values in a part of the summary, in the columns that it has."""
     part = part_of(summary, prefix).dropna(how="all")
-    return made_table(part, {name: one for name, one in columns.items() if name in part}, title)
+    return _made_table(part, {name: one for name, one in columns.items() if name in part}, title)
 
 
 def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
@@ -185,7 +198,7 @@ def _objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextT
         if part.loc[method].notna().any()
     }
     frame = pd.DataFrame.from_dict(lines, orient="index")
-    return made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
+    return _made_table(frame, _OBJECTS, "Objects that move, of 20 points and more", "movers")
 
 
 def _bins_table(summary: pd.DataFrame, field: str, title: str, unit: str) -> TextTable:
@@ -194,13 +207,42 @@ def _bins_table(summary: pd.DataFrame, field: str, title: str, unit: str) -> Tex
     names = bin_names([name.removesuffix(_EPE) for name in limits])
     named = zip(limits, names, strict=True)
     columns = {limit: Column(f"{name} {unit}", 3, "min") for limit, name in named}
-    return made_table(part_of(summary, field), columns, title)
+    return _made_table(part_of(summary, field), columns, title)
 
 
 def bin_names(limits: Sequence[str]) -> list[str]:
     """Returns names of bins from their upper limits in ascending order."""
-    names, low = [], "0"
-    for limit in limits:
-        names.append(f"{low}+" if limit == "inf" else f"{low}\N{EN DASH}{limit}")
-        low = limit
-    return names
+    lows = ["0", *limits]
+    pairs = zip(lows, limits, strict=False)
+    return [f"{low}+" if high == "inf" else f"{low}\N{EN DASH}{high}" for low, high in pairs]
+
+
+def worst_table(worst: pd.DataFrame, method: str) -> TextTable:
+    """Returns the figures of the worst sweeps of a method, from its rows in that order."""
+    listed = worst[:_NUM_LISTED]
+    names = [f"{row.recording}, sweep {row.number}" for row in listed["row"]]
+    columns = {name: one for name, one in _WORST.items() if name in worst}
+    title = f"The worst {len(listed)} of {len(worst)} sweeps of {method}"
+    return _made_table(listed.set_axis(names), columns, title, "sweep")
+
+
+def missed_table(rows: Iterable[ResultRow], method: str) -> TextTable:
+    """Returns the movers that a method missed most often, each in its sweep with most points."""
+    missed: dict[tuple[str, int], list[tuple[ResultRow, ObjectRow]]] = {}
+    for row in rows:
+        for item in row.missed_movers if row.method == method else ():
+            missed.setdefault((row.recording, item.object_id), []).append((row, item))
+    header = ("mover", "sweeps", "stamp (s)", "x, y (m)", "speed (m/s)", "points", "lost by")
+    cells = []
+    for sweeps in sorted(missed.values(), key=len, reverse=True)[:_NUM_LISTED]:
+        row, item = max(sweeps, key=lambda one: one[1].num_points)
+        place = ", ".join(f"{value:.1f}" for value in item.place_m)
+        cells.append(
+            (
+                *(f"{row.recording}: {item.kind}", str(len(sweeps))),
+                *(f"{row.stamp_ns / NANOSECONDS:.3f}", place, f"{item.speed_m_s:.1f}"),
+                *(f"{item.num_points:,}", item.lost_by.value if item.lost_by else NO_VALUE),
+            )
+        )
+    title = f"Movers that {method} missed in most sweeps (see also mnsf explain)"
+    return TextTable(header, cells, title)

@@ -39,11 +39,7 @@ class TextTable:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """The cells.
-
-        Raises:
-            ValueError: A row has another number of cells than the header.
-        """
+        """The cells."""
         return pd.DataFrame([list(row) for row in self.rows], columns=list(self.header), dtype=str)
 
     @property
@@ -86,33 +82,23 @@ class TextTable:
         )
         return text
 
-    def text(self, width: int) -> str:
-        """Returns the table for a terminal; columns without room follow in a further block."""
-        frame = self.frame.iloc[:, 1:].set_axis([row[0] for row in self.rows])
-        if frame.empty:
-            return "  ".join(self.header)
-        frame.columns.name = self.header[0]
-        with pd.option_context("display.unicode.east_asian_width", True):
-            text = frame.to_string(line_width=width)
-        # Without the marks of lines that go on below.
-        return re.sub(r" +\\?$", "", text, flags=re.MULTILINE)
-
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yields the title and the table, for a console of any width."""
+        """Yields title and table; columns that the console has no room for follow in a block."""
         if self.title:
             yield Text(self.title, style="bold")
-        # Text, not str: rich would take a method called "[a]" for markup and swallow it.
-        yield Text(f"{self.text(options.max_width)}\n", no_wrap=True, overflow="ignore")
+        frame = self.frame.iloc[:, 1:].set_axis([row[0] for row in self.rows])
+        frame.columns.name = self.header[0]
+        with pd.option_context("display.unicode.east_asian_width", True):
+            text = frame.to_string(line_width=options.max_width)
+        # Without the marks of lines that go on below. Text, not str: rich would take a method
+        # called "[a]" for markup and swallow it.
+        text = re.sub(r" +\\?$", "", text, flags=re.MULTILINE)
+        yield Text(f"{text}\n", no_wrap=True, overflow="ignore")
 
 
 def format_number(value: float, decimals: int) -> str:
     """Returns the number with so many decimals, or a dash for NaN."""
     return NO_VALUE if math.isnan(value) else f"{value:.{decimals}f}"
-
-
-def format_percent(share: float, decimals: int = 1) -> str:
-    """Returns a share of 0 to 1 in percent, without the sign, or a dash for NaN."""
-    return format_number(share * 100.0, decimals)
 
 
 def markdown_text(text: str) -> str:

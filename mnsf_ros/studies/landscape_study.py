@@ -25,7 +25,7 @@ from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.temporal_fusion import invert_motion
 from mnsf_ros.core.workbench import Workbench
-from mnsf_ros.drawing.study_charts import height_maps
+from mnsf_ros.drawing.charts import height_maps
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.methods.mnsf import Networks, fitted_mnsf
 from mnsf_ros.report.text_table import TextTable, format_number

@@ -10,7 +10,7 @@ from typing import Final
 
 import pandas as pd
 
-from mnsf_ros.drawing.study_charts import grouped_bars
+from mnsf_ros.drawing.charts import grouped_bars
 from mnsf_ros.errors import EvaluationError, RecordingError
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.options import MAX_SWEEPS, evaluated_methods

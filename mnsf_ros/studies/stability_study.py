@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from scipy.stats import linregress
 
 from mnsf_ros.core.scene_flow_estimator import SceneFlowEstimator
-from mnsf_ros.drawing.study_charts import log_lines
+from mnsf_ros.drawing.charts import log_lines
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.methods import make_method
 from mnsf_ros.report.text_table import TextTable, format_number

@@ -1,8 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Halves of recordings, and the cost of settings on a half with true flow.
-
-Settings are chosen on the first half and judged on the second one.
-"""
+"""Halves of recordings, on which settings are chosen and judged, and their cost with true flow."""
 
 from __future__ import annotations
 
@@ -122,8 +119,6 @@ _FIGURES: Final = {
     "IoU of dynamic points": "movers.iou",
     "EPE of dynamic points (m)": "errors.dynamic.epe_m",
     "EPE of static points (m)": "errors.static.epe_m",
-    "precision of dynamic points": "movers.precision",
-    "recall of dynamic points": "movers.recall",
     "false movers per sweep": "movers.ghosts_per_sweep",
 }
 

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Final
 from mnsf_ros.errors import EvaluationError, SettingsError, library_missing, one_line
 from mnsf_ros.evaluation.options import EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.setting import Setting, SettingValue
+from mnsf_ros.report.text_table import TextTable, format_number
+from mnsf_ros.setting import Setting, SettingValue, check_declared, declared
 from mnsf_ros.settings import Settings, declared_setting, declared_settings
+from mnsf_ros.settings_documents import settings_yaml
 from mnsf_ros.tuning.judges import Judgement, LabelledJudge, read_halves
-from mnsf_ros.tuning.outcome import Outcome
 from mnsf_ros.tuning.self_consistency import ConsistencyJudge
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ CONSISTENCY: Final = "consistency"
 _WORTH: Final = 0.002
 
 TRIALS_FILE: Final = "trials.log"
+PARAMETER_FILE: Final = "tuned.yaml"
 _IDENTITY: Final = "identity"
 _STEP: Final = 0.01
 # In place of infinity, which the sampler cannot compare.
@@ -44,50 +46,124 @@ Watch = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class TuneOptions:
-    """How to tune.
-
-    Attributes:
-        out: Folder of the trials.
-        start: Settings to start from; those set explicitly are not tuned.
-        num_trials: Number of trials in all.
-        minutes: Time limit of the search.
-        names: Full names of the settings to tune; if empty, all that are declared so.
-        goal: `EPE` or `CONSISTENCY`; None for the default of the recordings.
-        max_examples: Maximum number of examples of each half of a recording.
-        seed: Of the search and of the points that are scored.
-        resume: Whether to continue with the trials in the folder.
+    """How to tune, each an option of the command.
 
     Raises:
-        SettingsError: If a number is out of its range.
+        SettingsError: If a value is out of its range.
     """
 
-    out: Path
-    start: Settings
-    num_trials: int = 60
-    minutes: float = math.inf
-    names: tuple[str, ...] = ()
-    goal: str | None = None
-    max_examples: int = 40
-    seed: int = 0
-    resume: bool = False
+    goal: str = declared(
+        "auto",
+        "what to improve, see below; auto: epe with true flow",
+        choices=("auto", EPE, CONSISTENCY),
+    )
+    trials: int = declared(60, "number of trials in all", 1, 100_000)
+    parameters: str = declared(
+        "all", "parameters to tune, NAME,...; all: those listed in docs/parameters.md"
+    )
+    max_examples: int = declared(
+        40, "examples of each half of a recording; they stay in memory", 1, 100_000
+    )
+    seed: int = declared(0, "seed of the search and of the points looked at", 0, 2_147_483_647)
 
     def __post_init__(self) -> None:
-        options = ("trials", "minutes", "max-examples")
-        values = self.num_trials, self.minutes, self.max_examples
-        for option, value in zip(options, values, strict=True):
-            if not value > 0:
-                raise SettingsError(f"{option}: got {value:g}, expected more than 0")
+        check_declared(self)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The `parameters`; empty for all."""
+        names = "" if self.parameters == "all" else self.parameters
+        return tuple(filter(None, map(str.strip, names.split(","))))
 
 
-def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: Watch) -> Outcome:
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a search.
+
+    Attributes:
+        start: The settings at its start.
+        goal: Name and unit of the cost.
+        num_trials: Number of trials.
+        changed: Full name to the new value of each changed parameter.
+        tuned: Judgements on the half that was tuned, before and after.
+        held_out: The same on the other half.
+    """
+
+    start: Settings
+    goal: str
+    num_trials: int
+    changed: dict[str, SettingValue]
+    tuned: tuple[Judgement, Judgement]
+    held_out: tuple[Judgement, Judgement]
+
+    @property
+    def table(self) -> TextTable:
+        """All figures, before and after, on both halves."""
+        halves = (*self.tuned, *self.held_out)
+        names = dict.fromkeys(name for one in halves for name in one.figures)
+        rows = [
+            (name, *(format_number(one.figures.get(name, math.nan), 4) for one in halves))
+            for name in names
+        ]
+        header = ("figure", "tuned half, before", "after", "other half, before", "after")
+        return TextTable(header, rows, "Before and after")
+
+    @property
+    def changes(self) -> list[str]:
+        """One line for each changed parameter, with the values before and after."""
+        items = self.changed.items()
+        return [f"{name}: {self.start.value_of(name)} -> {value}" for name, value in items]
+
+    @property
+    def verdict(self) -> str:
+        """One line on whether the changes help."""
+        if not self.changed:
+            return (
+                f"No change of a parameter gains anything in {self.num_trials} trials: keep the "
+                "settings as they are; no parameter file is written."
+            )
+        before, after = (judgement.cost for judgement in self.held_out)
+        words = f"{self.goal} of the half that was not tuned: {before:.4f} -> {after:.4f}"
+        if after >= before:
+            return f"{words}. Not better: keep the settings as they are."
+        return f"{words}, {1 - after / before:.1%} less."
+
+    def write_parameters(self, folder: Path, command: str) -> Path | None:
+        """Writes the parameter file, if anything changes, and returns its path.
+
+        Raises:
+            OSError: Writing fails.
+        """
+        path = folder / PARAMETER_FILE
+        if not self.changed:  # and none of an earlier search
+            path.unlink(missing_ok=True)
+            return None
+        title = f"Written by `{command}`. {self.verdict}"
+        text = settings_yaml(self.start.changed(self.changed), title, self.changed)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+
+def tune(
+    recordings: Sequence[EvaluatedRecording],
+    settings: Settings,
+    options: TuneOptions,
+    folder: Path,
+    watch: Watch,
+    *,
+    resume: bool = False,
+) -> Outcome:
     """Searches for better settings and judges them on the halves that were not tuned.
+
+    Settings to start from that were set explicitly are not tuned. The folder gets the trials, or
+    has those to `resume`.
 
     Raises:
         MnsfError: An option or a recording cannot be used, or the folder has another search.
     """
-    evaluation = EvaluationOptions(options.start, seed=options.seed)
+    evaluation = EvaluationOptions(settings, seed=options.seed)
     start, goal = evaluation.settings, _goal(options.goal, recordings)
-    names = [one.name for one in tuned_settings(options.names, options.start.explicit)]
+    names = [one.name for one in tuned_settings(options.names, settings.explicit)]
     identity = {
         **start.to_mapping(),
         "goal": goal,
@@ -95,14 +171,16 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
         "max-examples": options.max_examples,
         **{one.name: one.identity for one in recordings},
     }
-    study = _open_study(options.out, identity, options.seed, resume=options.resume)
+    study = _open_study(folder, identity, options.seed, resume=resume)
     tuned, held_out = (
         ConsistencyJudge(half, start, options.seed) if goal == CONSISTENCY else LabelledJudge(half)
         for half in read_halves(recordings, evaluation, options.max_examples)
     )
 
     before = {name: start.value_of(name) for name in names}
-    best = _best_values(study, before, options, watch, lambda v: tuned(start.changed(v)).cost)
+    best = _best_values(
+        study, before, options.trials, watch, lambda v: tuned(start.changed(v)).cost
+    )
     changed = {name: value for name, value in best.items() if value != before[name]}
     numbers, num_in_all = count(), 4 + len(changed)
 
@@ -115,9 +193,9 @@ def tune(recordings: Sequence[EvaluatedRecording], options: TuneOptions, watch: 
     return Outcome(start, tuned.goal, _num_done(study), kept, on_tuned, on_other)
 
 
-def _goal(wanted: str | None, recordings: Sequence[EvaluatedRecording]) -> str:
+def _goal(wanted: str, recordings: Sequence[EvaluatedRecording]) -> str:
     unlabelled = [one.name for one in recordings if one.truth is None]
-    if wanted is None:
+    if wanted not in (EPE, CONSISTENCY):
         return CONSISTENCY if unlabelled else EPE
     if unlabelled and wanted == EPE:
         raise EvaluationError(
@@ -195,8 +273,7 @@ def _open_study(
     study.sampler = optuna.samplers.TPESampler(seed=seed + len(study.trials))
     texts = {name: str(value) for name, value in identity.items()}
     known = study.user_attrs.get(_IDENTITY, texts)
-    others = [name for name, text in texts.items() if known.get(name) != text]
-    if others:
+    if others := [name for name, text in texts.items() if known.get(name) != text]:
         raise EvaluationError(
             f"cannot continue: {', '.join(others)} differ from those of the search in the "
             "folder; name another folder"
@@ -208,7 +285,7 @@ def _open_study(
 def _best_values(
     study: optuna.Study,
     start: Values,
-    options: TuneOptions,
+    num_trials: int,
     watch: Watch,
     cost_of: Callable[[Values], float],
 ) -> Values:
@@ -220,13 +297,12 @@ def _best_values(
 
     def say(study: optuna.Study, _: object) -> None:
         text = f"trials, lowest cost {study.best_value:.4f}"
-        watch(text, _num_done(study), options.num_trials)
+        watch(text, _num_done(study), num_trials)
 
     if not _num_done(study):
         study.enqueue_trial(dict(start))
-    timeout_s = None if math.isinf(options.minutes) else 60.0 * options.minutes
-    if (num_left := options.num_trials - _num_done(study)) > 0:
-        study.optimize(tried, num_left, timeout_s, callbacks=[say])
+    if (num_left := num_trials - _num_done(study)) > 0:
+        study.optimize(tried, num_left, callbacks=[say])
     return {one.name: one.checked(_rounded(study.best_params[one.name])) for one in settings}
 
 

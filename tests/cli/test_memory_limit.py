@@ -8,7 +8,7 @@ import resource
 
 import pytest
 
-from mnsf_ros.cli import report
+from mnsf_ros.cli import evaluate
 from mnsf_ros.cli.main import EXIT_MEMORY, run
 from mnsf_ros.errors import RecordingError
 
@@ -23,7 +23,7 @@ def data_limit():
 def limits(monkeypatch):
     """The limits under which `mnsf report` has run."""
     seen = []
-    monkeypatch.setattr(report, "_run", lambda _: seen.append(data_limit()))
+    monkeypatch.setattr(evaluate, "run_report", lambda _: seen.append(data_limit()))
     return seen
 
 
@@ -62,7 +62,7 @@ def exhaust(_):
     ("fail", "said"), [(refuse, "a.mcap: cannot be read"), (exhaust, "out of memory")]
 )
 def test_memory_that_is_missing_is_one_line_with_the_option(monkeypatch, capsys, fail, said):
-    monkeypatch.setattr(report, "_run", fail)
+    monkeypatch.setattr(evaluate, "run_report", fail)
     assert run(["report", "run", "--max-memory", "99"]) == EXIT_MEMORY
     line = f"mnsf: {said}; memory is limited to 99.0 GB (--max-memory)\n"
     assert capsys.readouterr().err == line

@@ -11,15 +11,15 @@ import pytest
 import tiny_world
 
 from mnsf_ros.cli import recordings
+from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.datasets.formats import FORMATS
 from mnsf_ros.errors import DatasetError, RecordingError
 
 
 def run(*arguments):
     parser = argparse.ArgumentParser(prog="mnsf")
-    recordings.add_convert(parser.add_subparsers())
-    options = parser.parse_args(["convert", *map(str, arguments)])
-    options.run(options)
+    recordings.add_convert(Arguments(parser))
+    recordings.run_convert(parser.parse_args(list(map(str, arguments))))
 
 
 @pytest.fixture

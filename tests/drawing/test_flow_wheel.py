@@ -7,17 +7,10 @@ import colorsys
 
 import numpy as np
 
-from mnsf_ros.drawing import color_wheel
-from mnsf_ros.drawing.color_wheel import SLOW, packed_colors, wheel_image
+from mnsf_ros.drawing.color_wheel import SLOW, flow_colors, packed_colors, wheel_image
 
-NEUTRAL = (0.3, 0.4, 0.5)
 ANGLES = np.linspace(-np.pi, np.pi, 49)
 DIRECTIONS = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-
-
-def flow_colors(flow, full_speed_m, neutral=(1.0, 1.0, 1.0)):
-    """Around white, where hue and saturation have their usual meaning."""
-    return color_wheel.flow_colors(flow, full_speed_m, neutral=neutral)
 
 
 def hsv(colors):
@@ -30,14 +23,15 @@ def test_hue_is_the_direction_and_saturation_the_speed_up_to_the_full_one():
     np.testing.assert_allclose(difference, 0.0, atol=1e-12)
     lengths = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 1e30])
     colors = flow_colors(lengths[:, None] * DIRECTIONS[7], 2.0)
-    np.testing.assert_allclose(hsv(colors)[:, 1], [0, 0.25, 0.5, 0.75, 1, 1, 1], atol=1e-12)
+    shares = (colors[:, 0] - SLOW[0]) / (colors[-1, 0] - SLOW[0])
+    np.testing.assert_allclose(shares, [0, 0.25, 0.5, 0.75, 1, 1, 1], atol=1e-12)
     # Ahead is red; heights do not count.
     np.testing.assert_allclose(flow_colors(np.array([[1, 0, 9]]), 1.0), [[1, 0, 0]], atol=1e-12)
 
 
 def test_no_flow_is_neutral():
     flow = np.array([[0, 0], [np.nan, 1], [1, np.inf], [np.nan, np.nan], [-np.inf, np.nan]])
-    np.testing.assert_array_equal(flow_colors(flow, 1.0, neutral=NEUTRAL), [NEUTRAL] * 5)
+    np.testing.assert_array_equal(flow_colors(flow, 1.0), [SLOW] * 5)
 
 
 def test_wheel_image_shows_directions_as_the_picture_does():
@@ -45,14 +39,10 @@ def test_wheel_image_shows_directions_as_the_picture_does():
     assert image.shape == (101, 101, 4)
     np.testing.assert_allclose(image[50, 50], [*SLOW, 1], atol=1e-12)
     np.testing.assert_array_equal(image[[0, 0, -1, -1], [0, -1, 0, -1], 3], 0)
-    right, up = image[50, 95, :3], image[5, 50, :3]
-    expected = flow_colors(np.array([[0.9, 0], [0, 0.9]]), 1.0, neutral=SLOW)
-    np.testing.assert_allclose([right, up], expected, atol=1e-12)
+    right, up = image[50, 75, :3], image[25, 50, :3]
     # As in clouds, with the root of the length.
-    np.testing.assert_allclose(
-        wheel_image(101, root=True)[50, 75, :3],
-        flow_colors(np.array([[0.5**0.5, 0]]), 1.0, neutral=SLOW)[0],
-    )
+    expected = flow_colors(np.array([[0.5**0.5, 0], [0, 0.5**0.5]]), 1.0)
+    np.testing.assert_allclose([right, up], expected, atol=1e-12)
 
 
 def unpacked(colors):
@@ -65,7 +55,7 @@ def test_packed_colors_are_those_of_the_wheel():
     lengths = np.hypot(motion[:, 0], motion[:, 1])
     # The root of the length, as the length of a vector of the same direction.
     vectors = motion[:, :2] * (np.sqrt(lengths / 1.5) / lengths)[:, None]
-    expected = 255 * color_wheel.flow_colors(vectors, 1.0)
+    expected = 255 * flow_colors(vectors, 1.0)
     assert np.abs(unpacked(packed_colors(motion, 1.5)) - expected).max() < 5
 
 

@@ -85,7 +85,7 @@ def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carri
         run(watch=stop_after_three)
     _, folder = run(resume=True, watch=note)
     assert skipped == {frozenset() if carries_state else frozenset({1, 2, 3})}
-    assert plain(folder.rows) == whole
+    assert plain(folder.rows()) == whole
 
 
 def test_replay_is_done_in_one_go():

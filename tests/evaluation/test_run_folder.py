@@ -173,21 +173,21 @@ def done_run(out, recording, num_rows=2):
     assert not folder.has_results
     for number in range(num_rows):
         folder.take(task, full_row(number, "ego"))
-        assert [row.number for row in folder.rows] == list(range(number + 1))
+        assert [row.number for row in folder.rows()] == list(range(number + 1))
     folder.take(task, findings)
     return folder
 
 
 def test_task_is_finished_if_all_of_its_rows_are_there(tmp_path, recording):
     folder = done_run(tmp_path / "out", recording)
-    known = folder.finished()["drive", "ego"]
+    known = folder.finished(folder.rows())["drive", "ego"]
     assert (known.num_examples, known.counts) == (2, {Event.GAPS.value: 6})
     assert begin(folder.path, recording, resume=True)[1] == []
     rows = folder.path / "rows.jsonl"
     first, second = rows.read_text().splitlines(keepends=True)
     for text, skipped in ((first, {0}), (first + second[:-40], {0}), ("", set())):
         rows.write_text(text)
-        assert folder.finished() == {}
+        assert folder.finished(folder.rows()) == {}
         (task,) = begin(folder.path, recording, resume=True)[1]
         assert task.skipped == skipped
         # A line that was being written when a process was killed is gone.

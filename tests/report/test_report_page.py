@@ -7,7 +7,6 @@ import os
 import re
 from html.parser import HTMLParser
 
-import pytest
 from small_runs import (
     METHODS,
     failed,
@@ -21,11 +20,9 @@ from small_runs import (
 )
 
 from mnsf_ros.evaluation.movers import LostBy, MoverRow, ObjectRow
-from mnsf_ros.evaluation.pictures import Picture
-from mnsf_ros.evaluation.run_folder import RunFolder
+from mnsf_ros.evaluation.pictures import Picture, save_picture
 from mnsf_ros.report.run_results import results_of
 
-without_drawing = pytest.mark.usefixtures("without_drawing")
 WITHOUT_END = {"meta", "link", "img", "br"}
 
 
@@ -58,19 +55,17 @@ def report(tmp_path, rows, run, pictures=()):
     return Page(path.read_text(encoding="utf-8"))
 
 
-@without_drawing
 def test_the_run_its_means_and_the_worst_sweeps_are_there(tmp_path):
     text = report(tmp_path, rows(), run_record()).text
-    for fact in ("mnsf evaluate street", "abc123", "box, fast, 2 cores", "Seed 7"):
+    for fact in ("mnsf evaluate street", "abc123", "box, fast, 2 cores", "seed 7"):
         assert fact in text
-    for mean in ("0.200 m", "0.210", "0.220", "1 / 0"):
+    for mean in ("0.200", "0.210", "0.220"):
         assert mean in text
     text = text[text.index("The worst 3 of 3 sweeps of mnsf") :]
     places = [text.index(f"street, sweep {number}") for number in (3, 2, 1)]
     assert places == sorted(places)
 
 
-@without_drawing
 def test_best_value_is_that_of_a_method_not_of_a_reference(tmp_path):
     found = [row(1, "mnsf", 0.2), row(1, "fnsf", 0.3), row(1, "zero", 0.1)]
     source = report(tmp_path, found, run_record()).source
@@ -88,16 +83,12 @@ def test_nothing_is_loaded_and_every_picture_says_what_it_shows(tmp_path):
     assert policies[0].startswith("default-src 'none'")
     assert "url(" not in page.source
     images = page.all("img")
-    assert len(images) == 2 * 2
+    assert len(images) == 2
     assert all(len(image["alt"]) > 20 for image in images)
-    drawings = [svg for svg in page.all("svg") if svg.get("aria-hidden") != "true"]
-    assert drawings
-    assert all(svg["role"] == "img" and svg["aria-label"] for svg in drawings)
     sections = {f"#{section['id']}" for section in page.all("section") if "id" in section}
     assert {link["href"] for link in page.all("a")} <= sections
 
 
-@without_drawing
 def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
     place = {"place_m": (8.0, -9.0), "lost_by": LostBy.TOO_LARGE}
     item = ObjectRow(7, "<b>car</b>", True, 5.0, 12.0, 120, 0.0, **place)
@@ -108,45 +99,29 @@ def test_missed_mover_is_listed_with_the_stage_that_rejected_it(tmp_path):
     assert "too large" in page.text
 
 
-@without_drawing
-def test_rivals_are_shown_where_they_were_drawn_and_damage_costs_only_a_picture(tmp_path):
-    page = report(tmp_path, rows(), run_record(), [*kept(3), *kept(2, methods=["fnsf"])])
-    captions = re.findall("<figcaption>([^<]*)<", page.source)
-    assert [caption.partition(":")[0] for caption in captions] == ["mnsf", "fnsf"]
-    assert captions[0].startswith("mnsf: EPE 0.300 m")
-    assert "2 of 3 sweeps have no picture" in page.text
+def test_damage_costs_only_a_picture(tmp_path):
+    page = report(tmp_path, rows(), run_record(), kept(3))
+    (caption,) = re.findall("<figcaption>([^<]*)<", page.source)
+    assert caption == "street, sweep 3, 3.000 s: EPE 0.300 m. Left: truth. Right: mnsf."
     for file in (tmp_path / "pictures").rglob("*.png"):
         file.unlink()
         os.mkfifo(file)
     for number in (1, 2):
-        frame = Picture("street", "mnsf", number, b"no PNG")
-        RunFolder(tmp_path).pictures.add(frame, 1)
-    page = report(tmp_path, rows(), run_record())
-    assert page.all("img") == []
-    assert "3 of 3 sweeps have no picture" in page.text
+        save_picture(tmp_path, Picture("street", "mnsf", number, b"no PNG"))
+    assert report(tmp_path, rows(), run_record()).all("img") == []
 
 
-def test_methods_without_any_flow_and_references_are_not_in_the_charts(tmp_path):
-    found = [row(n, name, e) for n in (1, 2) for name, e in (("mnsf", 0.1), ("zero", 2.0))]
-    source = report(tmp_path, [*found, failed(1, "fnsf", "cancelled")], run_record()).source
-    errors = source[source.index('id="errors"') : source.index('id="time"')]
-    assert set(re.findall(r">(mnsf|fnsf|zero)</text>", errors)) == {"mnsf"}
-
-
-@without_drawing
 def test_without_truth_or_rows_there_is_still_a_report(tmp_path):
     run = run_record(["mnsf"], truth=None)
     page = report(tmp_path, rows_without_truth(), run, kept(methods=["mnsf"]))
-    for text in ("0.200 m", "Where the time goes", "no true flow"):
+    for text in ("0.200", "no true flow"):
         assert text in page.text
-    for text in ("Error of each sweep", "EPE"):
-        assert text not in page.text
+    assert "EPE" not in page.text
     (image,) = page.all("img")
     assert "from the moved points to the next sweep" in image["alt"]
     assert "There are no results yet." in report(tmp_path, [], run_record()).text
 
 
-@without_drawing
 def test_text_of_others_is_no_markup(tmp_path):
     bad = "<script>alert(1)</script>\"'&"
     found = [row(1, bad, 0.1, recording=bad), failed(2, bad, bad, recording=bad)]

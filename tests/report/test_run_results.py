@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Results of a run: which method is better, on which sweeps, what is worst, and their files."""
+"""Results of a run: what is worst, what was missed, and their files."""
 
 from __future__ import annotations
 
@@ -10,89 +10,18 @@ import resource
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from small_runs import NOTHING, dropped, failed, recording, row, rows, run_record, session
 
-from mnsf_ros.evaluation.comparison import differences, verdict
 from mnsf_ros.evaluation.movers import MoverRow, ObjectRow
 from mnsf_ros.evaluation.run_folder import RunFolder, WritingError
-from mnsf_ros.evaluation.summary import row_table
-from mnsf_ros.report.page import stage_times_ms
 from mnsf_ros.report.results_files import (
     results_csv,
-    results_latex,
     results_markdown,
     write_results,
 )
 from mnsf_ros.report.run_results import results_of
-
-
-def difference(under_test, other):
-    pairs = {"mnsf": under_test, "fnsf": other}
-    found = [row(n, m, e) for m, values in pairs.items() for n, e in enumerate(values)]
-    return differences(row_table(found), "mnsf", ["fnsf"]).loc[("fnsf", "all")]
-
-
-def test_difference_and_interval():
-    random = np.random.default_rng(0)
-    base = random.uniform(0.05, 0.2, 60)
-    found = difference(base, base + random.normal(0.02, 0.01, 60))
-    assert found["mean_m"] == pytest.approx(0.02, abs=0.004)
-    assert found["low_m"] < found["mean_m"] < found["high_m"]
-    assert 0.001 < found["high_m"] - found["low_m"] < 0.01
-    assert verdict(found) == "better"
-    back = difference(base + 0.02, base)
-    assert verdict(back) == "worse"
-    assert (back["low_m"], back["high_m"]) == (pytest.approx(-0.02), pytest.approx(-0.02))
-    noise = random.normal(0, 0.01, 40)
-    assert verdict(difference(np.full(40, 0.1), 0.1 + noise)) == "undecided"
-    assert verdict(difference([0.1], [0.3])) == "undecided"
-    # Consecutive sweeps that are alike make the interval wider.
-    slow = np.repeat(random.normal(0, 0.01, 20), 10)
-    both = [difference(0 * slow, part) for part in (slow, random.permutation(slow))]
-    alike, mixed = (one["high_m"] - one["low_m"] for one in both)
-    assert alike > 2 * mixed
-
-
-def compared(mnsf_drops=(), fnsf_fails=()):
-    found = []
-    for n in range(1, 11):
-        found.append(row(n, "zero", 0.5 + 0.01 * n))
-        found.append(dropped(n, "mnsf") if n in mnsf_drops else row(n, "mnsf", 0.1 + 0.01 * n))
-        lost = failed(n, "fnsf", "too few points")
-        found.append(lost if n in fnsf_fails else row(n, "fnsf", 0.2 + 0.01 * n))
-    return results_of(run_record(), found)
-
-
-def test_table_says_which_is_better_and_by_how_much():
-    (table,) = compared().tables.comparison
-    assert table.title.startswith("mnsf against the others")
-    assert table.rows[0][:5] == ("fnsf, all", "10", "0.155", "0.255", "+0.100")
-    assert table.rows[0][-1] == "better"
-    groups = ("all", "dynamic", "static")
-    assert [line[0] for line in table.rows] == [
-        f"{m}, {g}" for m in ("fnsf", "zero") for g in groups
-    ]
-    # A difference that is rounded to nothing has no minus.
-    found = [row(n, m, e) for n in range(1, 7) for m, e in (("mnsf", 0.1), ("fnsf", 0.0999))]
-    (table,) = results_of(run_record(), found).tables.comparison
-    assert {line[4] for line in table.rows} == {"+0.000"}
-
-
-def test_methods_that_answered_different_sweeps_are_compared_on_common_ones():
-    found = compared(mnsf_drops=(1, 2, 3), fnsf_fails=(10,))
-    common, paired = found.tables.comparison
-    assert "the 6 of 10 that each of them answered" in common.title
-    assert [line[0] for line in common.rows] == ["mnsf", "fnsf", "zero"]
-    # Sweeps 4 to 9 alone.
-    assert [line[1] for line in common.rows] == ["0.165", "0.265", "0.565"]
-    assert paired.rows[0][1] == "6"
-    assert common.title in results_markdown(found)
-    found = compared(mnsf_drops=range(1, 6), fnsf_fails=range(6, 11))
-    common, *_ = found.tables.comparison
-    assert "the 0 of 10" in common.title
-    assert common.rows == []
+from mnsf_ros.report.tables import missed_table
 
 
 @pytest.mark.parametrize(
@@ -116,25 +45,19 @@ def test_worst_is_by_error_and_without_truth_by_distance():
 
 
 def test_movers_that_were_missed_most_often_come_first():
-    def missed(numbers, *, found=0.0, focus=None):
+    def missed(numbers, *, found=0.0, method="mnsf"):
         items = [ObjectRow(who, "car", True, 5.0, 10.0, 50, found) for who in numbers]
         rows = [
             row(number, "mnsf", 0.1, movers=MoverRow((1, 0, 0), 0, objects=[item]))
             for number, item in enumerate(items)
         ]
-        tables = results_of(run_record(), rows, focus=focus).tables.missed
-        return [line[:3] for table in tables for line in table.rows]
+        return [line[:3] for line in missed_table(rows, method).rows]
 
     assert missed([1, 2, 2, 1, 2]) == [
         ("street: car", "3", "1.000"),
         ("street: car", "2", "0.000"),
     ]
-    assert missed([1, 2], focus="fnsf") == missed([1], found=1.0) == []
-
-
-def test_time_outside_of_all_stages_is_shown():
-    times_ms = stage_times_ms(row_table(rows()))
-    assert times_ms["mnsf"] == pytest.approx({"prepare": 10.0, "forward": 60.0, "other": 30.0})
+    assert missed([1, 2], method="fnsf") == missed([1], found=1.0) == []
 
 
 def csv_lines(results):
@@ -200,9 +123,10 @@ def test_files_of_results(tmp_path):
     assert document["methods"][0]["errors.static.epe_m"] == pytest.approx(0.2)
     assert document["by_recording"].keys() == {"street"}
     assert document["run"]["options"]["num_points"] == 2048
-    text = results_latex(found)
+    text = (tmp_path / "results.tex").read_text()
     assert "% mnsf evaluate street\n" in text
-    assert text.count(r"\begin{table}") == text.count(r"\end{table}") == len(found.tables.listed)
+    num_tables = len(found.main_tables) + len(found.further_tables)
+    assert text.count(r"\begin{table}") == text.count(r"\end{table}") == num_tables
 
 
 @contextmanager

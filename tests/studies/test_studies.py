@@ -54,8 +54,7 @@ def options(tmp_path, street):
 
 @pytest.fixture(autouse=True)
 def without_pictures_of_sweeps(monkeypatch):
-    for name in ("example_picture", "frame"):
-        monkeypatch.setattr(f"mnsf_ros.evaluation.pictures.{name}", lambda *_: b"PNG")
+    monkeypatch.setattr("mnsf_ros.evaluation.pictures.frame", lambda *_: b"PNG")
 
 
 @pytest.fixture(scope="module")
@@ -99,13 +98,13 @@ def test_method_study_has_so_many_examples_and_can_be_resumed(options):
     said = []
     options = replace(options, say=said.append)
     run_study("fusion", options)
-    num_rows = len(list(RunFolder(options.out / "evaluation").rows))
+    num_rows = len(list(RunFolder(options.out / "evaluation").rows()))
     assert num_rows == 2 * 4
     assert said[-1].startswith("8: mnsf+fusion.kind=mlp, street sweep 2: EPE ")
     with pytest.raises(MnsfError, match="exists already"):
         run_study("fusion", options)
     run_study("fusion", replace(options, resume=True))
-    assert len(list(RunFolder(options.out / "evaluation").rows)) == num_rows
+    assert len(list(RunFolder(options.out / "evaluation").rows())) == num_rows
     with pytest.raises(MnsfError, match="max_examples"):
         run_study("fusion", replace(options, resume=True, max_examples=None))
 
@@ -115,7 +114,7 @@ def test_method_study_can_be_reported(studied):
     folder = RunFolder(studied("depth")[1][0].parent / "evaluation")
     results = read_results(folder, "mnsf+fusion.num_hidden_layers=3")
     text = write_report(folder, results, 1).read_text()
-    assert "<figcaption>mnsf+fusion.num_hidden_layers=3: EPE" in text
+    assert "Right: mnsf+fusion.num_hidden_layers=3." in text
 
 
 def test_without_recordings_a_street_is_simulated(options):

@@ -11,6 +11,7 @@ import pytest
 from box_street import BoxStreet, pose
 
 from mnsf_ros.cli import flow
+from mnsf_ros.cli.arguments import Arguments
 from mnsf_ros.errors import SettingsError, SweepError, SweepFileError
 from mnsf_ros.sweeps_io.sweep_files import read_points
 
@@ -25,9 +26,8 @@ FAST = [
 def run(*arguments):
     """Runs the subcommand with its arguments."""
     parser = argparse.ArgumentParser()
-    flow.add_to(parser.add_subparsers())
-    options = parser.parse_args(["flow", *map(str, arguments)])
-    options.run(options)
+    flow.add_flow(Arguments(parser))
+    flow.run_flow(parser.parse_args(list(map(str, arguments))))
 
 
 @pytest.fixture

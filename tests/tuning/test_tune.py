@@ -63,9 +63,10 @@ def test_settings_that_fail_do_not_win(halves):
     assert judge(START.changed({"crop.max_range_m": 1.0})).cost == float("inf")
 
 
-def tuned(recording, out, num_trials, **changes):
-    options = TuneOptions(out, START, num_trials, names=TWO, goal="consistency", max_examples=4)
-    return tune([recording], replace(options, **changes), lambda *_: None)
+def tuned(recording, out, num_trials, *, resume=False, **changes):
+    values = {"parameters": ",".join(TWO), "goal": "consistency", "max_examples": 4, **changes}
+    options = TuneOptions(trials=num_trials, **values)
+    return tune([recording], START, options, out, lambda *_: None, resume=resume)
 
 
 def test_search_is_resumed(recording, tmp_path):
@@ -140,8 +141,7 @@ def test_missing_optuna_is_said_first(tmp_path, capsys, monkeypatch):
     ("arguments", "text"),
     [
         (["--trials", "0"], "trials: got 0"),
-        (["--minutes", "nan"], "minutes: got nan"),
-        (["--max-examples", "0"], "max-examples: got 0"),
+        (["--max-examples", "0"], "max_examples: got 0"),
         (["--parameters", "crop.max_range_m"], "cannot be tuned; choose from"),
         (["--parameters", "objects.min_prob"], "or objects.min_probability or"),
         (["--parameters", TWO[0], "--set", f"{TWO[0]}=0.4"], "no parameter is left to tune"),
