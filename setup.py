@@ -97,7 +97,7 @@ setup(
         "rosbags>=0.11,<0.12",
         "mcap>=1.2,<2",
         "apsw>=3.44",
-        "lz4>=4",
+        "zstandard>=0.15",
         "ruamel.yaml>=0.17",
         'backports.zstd>=1; python_version < "3.14"',
         "rich>=13",

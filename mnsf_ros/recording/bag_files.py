@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from mnsf_ros.errors import RecordingError
+
+Kind = TypeVar("Kind")
 
 METADATA_NAME: Final = "metadata.yaml"
 MCAP: Final = ".mcap"
@@ -27,10 +28,6 @@ _ROOT: Final = "rosbag2_bagfile_information"
 _MOST: Final = 2**63
 # That of a thousand topics has half of it, and takes seconds to parse.
 _METADATA_BYTES: Final = 2**20
-# No recorder writes anchors or references; nested ones are trees that grow with every use.
-_REFERENCE: Final = re.compile(r"(?:^|[\s\[{,:?-])([&*][^\s,\]]{1,20})")
-# Of a file, and more than ROS allows for a topic.
-_NAME_LENGTH: Final = 255
 
 
 def stored_files(path: Path) -> list[Path]:
@@ -128,37 +125,29 @@ def read_metadata(folder: Path) -> Metadata | None:
     file = folder / METADATA_NAME
     if not file.is_file():
         return None
-    content = _parsed(file)[_ROOT]
-    counts: Counter[str] = Counter()
-    for topic in content["topics_with_message_count"]:
-        if not 0 <= topic["message_count"] < _MOST:
-            raise ValueError("a message_count is out of range")
-        counts[_name(topic["topic_metadata"]["name"])] += topic["message_count"]
-    # Whatever folders a path names, only this one is looked into, and once for each file.
-    names = [_name(PurePath(path).name) for path in content["relative_file_paths"]]
-    return Metadata([folder / name for name in dict.fromkeys(names)], counts)
-
-
-def _parsed(file: Path) -> Any:  # noqa: ANN401
     with file.open("rb") as stream:
         data = stream.read(_METADATA_BYTES + 1)
     if len(data) > _METADATA_BYTES:
         raise ValueError(f"it has more than {_METADATA_BYTES} bytes")
-    text = data.decode()
-    if reference := _REFERENCE.search(text):
-        raise ValueError(f"YAML references such as {reference[1]!r} are not supported")
     try:
-        return YAML(typ="safe").load(text)
+        content = YAML(typ="safe").load(data.decode())[_ROOT]
     except YAMLError as error:
         problem = getattr(error, "problem", None) or type(error).__name__
         raise ValueError(f"YAML error: {problem}") from error
+    counts: Counter[str] = Counter()
+    for topic in content["topics_with_message_count"]:
+        count = _typed(topic["message_count"], int)
+        if not 0 <= count < _MOST:
+            raise ValueError("a message_count is out of range")
+        counts[_typed(topic["topic_metadata"]["name"], str)] += count
+    # Whatever folders a path names, only this one is looked into, and once for each file.
+    names = [PurePath(_typed(path, str)).name for path in content["relative_file_paths"]]
+    return Metadata([folder / name for name in dict.fromkeys(names)], counts)
 
 
-def _name(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"found a {type(value).__name__}, expected a name")
-    if len(value) > _NAME_LENGTH:
-        raise ValueError(f"a name of {len(value)} characters, expected at most {_NAME_LENGTH}")
+def _typed(value: Any, kind: type[Kind]) -> Kind:  # noqa: ANN401 - of YAML
+    if not isinstance(value, kind):
+        raise TypeError(f"found a {type(value).__name__}, expected a {kind.__name__}")
     return value
 
 

@@ -1,63 +1,39 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Compressed parts of recordings: chunks, messages and whole files."""
+"""Messages and whole files that are compressed with zstd."""
 
 from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
-
-import lz4.frame
+from typing import Final
 
 if sys.version_info >= (3, 14):
     from compression import zstd
 else:
     from backports import zstd
 
-# The largest lidars send 10 MB a sweep; what is larger is damaged.
-MAX_BYTES: Final = 2**29
 # How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
 # which, also in a file that has lost the metadata.yaml which says so.
-_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
-_DECOMPRESSORS: Final[dict[str, Callable[[], Any]]] = {
-    "lz4": lz4.frame.LZ4FrameDecompressor,
-    "zstd": zstd.ZstdDecompressor,
-}
-
-
-def expanded(compression: str, data: bytes, max_bytes: int = MAX_BYTES) -> bytes:
-    """Returns decompressed data, of the compression `lz4` or `zstd`.
-
-    Raises:
-        ValueError: It is damaged, has more bytes, or is of another compression.
-    """
-    if compression not in _DECOMPRESSORS:
-        raise ValueError(f"compression {compression!r} is not supported")
-    stream = _DECOMPRESSORS[compression]()
-    try:
-        content: bytes = stream.decompress(data, max_bytes + 1)
-    except (zstd.ZstdError, RuntimeError) as error:
-        raise ValueError(f"{compression} data is damaged: {error}") from error
-    if len(content) > max_bytes:
-        raise ValueError(f"{compression} data expands to more than {max_bytes} bytes")
-    if not stream.eof:
-        raise ValueError(f"{compression} data is cut short")
-    return content
+_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 
 
 def expanded_message(raw: bytes) -> bytes:
     """Returns a ROS 2 message, decompressed if it was compressed by itself.
 
     Raises:
-        ValueError: It is damaged or too large.
+        ValueError: It is damaged.
     """
-    return expanded("zstd", raw) if raw.startswith(_ZSTD_MAGIC) else raw
+    if not raw.startswith(_MAGIC):
+        return raw
+    try:
+        return zstd.decompress(raw)
+    except zstd.ZstdError as error:
+        raise ValueError(f"zstd data is damaged: {error}") from error
 
 
 def expand_file(file: Path, target: Path) -> None:
-    """Decompresses a file that is compressed as a whole (zstd).
+    """Decompresses a file that is compressed as a whole.
 
     Raises:
         ValueError: It is damaged.

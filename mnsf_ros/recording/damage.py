@@ -15,6 +15,7 @@ from rosbags.highlevel import AnyReaderError
 from rosbags.rosbag1 import ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
+from zstandard import ZstdError
 
 from mnsf_ros.errors import RecordingError
 
@@ -27,6 +28,7 @@ UNREADABLE: Final[tuple[type[Exception], ...]] = (
     SerdeError,
     TypesysError,
     McapError,
+    ZstdError,
     apsw.Error,
     struct.error,
     OSError,

@@ -7,45 +7,28 @@ next one; without an index, reading ends at the first damaged length.
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from io import SEEK_END, BytesIO
+from io import SEEK_END
 from pathlib import Path
-from typing import BinaryIO, Final, NamedTuple
+from typing import Any, BinaryIO, Final
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, ChunkIndex, Footer, Schema
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, has_latched_profile
-from mnsf_ros.recording.compression import MAX_BYTES, expanded
 from mnsf_ros.recording.damage import UNREADABLE, Damage
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
-# Opcode and length of a record.
-_HEAD: Final = struct.Struct("<BQ")
-# Channel, sequence number, time of reception and time of publication, then the data.
-_MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
-_FOOTER_BYTES: Final = _HEAD.size + 20 + len(_MAGIC)
-# Where the checksum of a chunk is in its record.
-_CHECKSUM: Final = slice(_HEAD.size + 24, _HEAD.size + 28)
-_NEEDED: Final = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK)
-_OPCODES: Final = frozenset(Opcode)
-# From here on programs have opcodes of their own.
-_PRIVATE: Final = 0x80
-_PIECE_BYTES: Final = 2**20
-
-
-class _Message(NamedTuple):
-    """A message with the number of its channel."""
-
-    channel: int
-    received_ns: int
-    data: bytes
+# Opcode and length, two offsets and a checksum, and the mark of the end.
+_FOOTER_BYTES: Final = 9 + 20 + len(_MAGIC)
+_CHECKED_BYTES: Final = 2**20
+# The largest lidars send 10 MB a sweep; what is larger is damaged.
+_MAX_BYTES: Final = 2**29
 
 
 class McapFile:
@@ -67,9 +50,7 @@ class McapFile:
         # None: all that is there, from the front.
         self._chunks: list[ChunkIndex] | None = None
         counts = self._read_index()
-        if counts is None:
-            counts = self._read_all()
-        self._summarize(counts)
+        self._summarize(self._read_all() if counts is None else counts)
 
     def messages(self, topic: str, start_ns: float) -> Iterator[tuple[int, bytes] | Damage]:
         """Yields receive time and CDR bytes of the messages from a time on, or a Damage."""
@@ -85,8 +66,8 @@ class McapFile:
         for item in found:
             if isinstance(item, Damage):
                 yield item
-            elif item.channel in channels and item.received_ns >= start_ns:
-                yield item.received_ns, item.data
+            elif item.channel_id in channels and item.log_time >= start_ns:
+                yield item.log_time, item.data
 
     def _read_index(self) -> Counter[int] | None:
         """Number of messages of each channel; None without an intact index of all messages."""
@@ -101,9 +82,7 @@ class McapFile:
                 if not chunks and summary.statistics.message_count:
                     return None
                 if chunks:
-                    file.seek(chunks[0].chunk_start_offset)
-                    is_checked = any(file.read(_CHECKSUM.stop)[_CHECKSUM])
-                    self.has_checksums = has_checksum and is_checked
+                    self.has_checksums = has_checksum and _is_checked(file, chunks[0])
             except UNREADABLE as error:
                 text = "it has no index that can be read"
                 self.damages = [Damage.of(self._path, "", error, text)]
@@ -121,9 +100,9 @@ class McapFile:
             if isinstance(item, Damage):
                 found.append(item)
             else:
-                counts[item.channel] += 1
-                self.first_ns = min(self.first_ns, item.received_ns)
-                self.last_ns = max(self.last_ns, item.received_ns)
+                counts[item.channel_id] += 1
+                self.first_ns = min(self.first_ns, item.log_time)
+                self.last_ns = max(self.last_ns, item.log_time)
         # They tell more than that the index, which would be behind them, is missing.
         self.damages = found or self.damages
         return counts
@@ -140,7 +119,7 @@ class McapFile:
 
     def _of_chunks(
         self, chunks: list[ChunkIndex], channels: set[int], start_ns: float
-    ) -> Iterator[_Message | Damage]:
+    ) -> Iterator[Message | Damage]:
         """The messages of all chunks that have some of the channels from a time on."""
         with self._path.open("rb") as file:
             for chunk in chunks:
@@ -148,60 +127,77 @@ class McapFile:
                 is_early = chunk.message_end_time < start_ns
                 if is_early or (listed and channels.isdisjoint(listed)):
                     continue
-                offset = file.seek(chunk.chunk_start_offset)
+                offset = chunk.chunk_start_offset
                 try:
-                    for opcode, payload in _records(file, offset + chunk.chunk_length):
-                        if opcode != Opcode.CHUNK:
-                            raise EOFError(f"found a record of kind {opcode}")
-                        yield from self._in_chunk(payload)
+                    yield from self._messages_in(_chunk_at(file, offset))
                 except UNREADABLE as error:
                     yield Damage.of(self._path, f"byte {offset}", error, "damaged chunk")
 
-    def _from_the_front(self) -> Iterator[_Message | Damage]:
+    def _from_the_front(self) -> Iterator[Message | Damage]:
         """All messages up to the end of the data or the first damaged length."""
         with self._path.open("rb") as file:
             size = file.seek(0, SEEK_END)
-            offset = file.seek(len(_MAGIC))
+            offset = len(_MAGIC)
             try:
-                for opcode, payload in _records(file, size):
-                    if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                for record in _records(file, offset):
+                    if isinstance(record, DataEnd | Footer):
                         return
-                    yield from self._readable(opcode, payload, offset)
+                    yield from self._readable(record, offset)
                     offset = file.tell()
                 raise EOFError("it has no end mark")
             except UNREADABLE as error:
                 text = f"cut short or damaged, the rest of {size} bytes is not read"
                 yield Damage.of(self._path, f"byte {offset}", error, text)
 
-    def _readable(self, opcode: int, payload: bytes, offset: int) -> Iterator[_Message | Damage]:
+    def _readable(self, record: object, offset: int) -> Iterator[Message | Damage]:
         try:
-            if opcode == Opcode.CHUNK:
-                yield from self._in_chunk(payload)
-            elif (message := self._message(opcode, payload)) is not None:
-                yield message
+            yield from self._messages_in(record)
         except UNREADABLE as error:
             yield Damage.of(self._path, f"byte {offset}", error, "damaged record")
 
-    def _in_chunk(self, payload: bytes) -> Iterator[_Message]:
-        content = _content(payload, is_checked=self.has_checksums)
-        for opcode, part in _records(BytesIO(content), len(content)):
-            if (message := self._message(opcode, part)) is not None:
-                yield message
+    def _messages_in(self, record: object) -> Iterator[Message]:
+        """The messages in a record; schemas and channels are kept."""
+        if isinstance(record, Chunk):
+            for part in self._records_in(record):
+                yield from self._messages_in(part)
+        elif isinstance(record, Message):
+            if record.channel_id not in self._channels:
+                raise EOFError(f"the channel {record.channel_id} of a message is not described")
+            yield record
+        elif isinstance(record, Schema):
+            self._schemas.setdefault(record.id, record)
+        elif isinstance(record, Channel):
+            self._channels.setdefault(record.id, record)
 
-    def _message(self, opcode: int, payload: bytes) -> _Message | None:
-        """The message in a record; schemas and channels are kept."""
-        if opcode == Opcode.MESSAGE:
-            channel, _, received_ns, _ = _MESSAGE_HEAD.unpack_from(payload)
-            if channel not in self._channels:
-                raise EOFError(f"the channel {channel} of a message is not described")
-            return _Message(channel, received_ns, payload[_MESSAGE_HEAD.size :])
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(ReadDataStream(BytesIO(payload)))
-            self._schemas.setdefault(schema.id, schema)
-        elif opcode == Opcode.CHANNEL:
-            described = Channel.read(ReadDataStream(BytesIO(payload)))
-            self._channels.setdefault(described.id, described)
-        return None
+    def _records_in(self, chunk: Chunk) -> list[Any]:
+        """The records of a chunk; it must have a checksum if the chunks of its file have one."""
+        if chunk.uncompressed_size > _MAX_BYTES:
+            raise EOFError(f"it claims to expand to {chunk.uncompressed_size} bytes")
+        if self.has_checksums and chunk.uncompressed_crc == 0:
+            raise EOFError("its checksum is missing")
+        return breakup_chunk(chunk, validate_crc=True)
+
+
+def _is_checked(file: BinaryIO, chunk: ChunkIndex) -> bool:
+    """Whether a chunk has a checksum; one that cannot be read is taken to have had one."""
+    try:
+        return _chunk_at(file, chunk.chunk_start_offset).uncompressed_crc != 0
+    except UNREADABLE:
+        return True
+
+
+def _chunk_at(file: BinaryIO, offset: int) -> Chunk:
+    record = next(_records(file, offset))
+    if not isinstance(record, Chunk):
+        raise EOFError(f"found a {type(record).__name__}")
+    return record
+
+
+def _records(file: BinaryIO, offset: int) -> Iterator[Any]:
+    """The records from a place on, chunks as a whole."""
+    file.seek(offset)
+    reader = StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=_MAX_BYTES)
+    return iter(reader.records)
 
 
 def _summary(file: BinaryIO) -> tuple[Summary | None, bool]:
@@ -215,58 +211,16 @@ def _summary(file: BinaryIO) -> tuple[Summary | None, bool]:
     tail = file.read()
     if not tail.endswith(_MAGIC) or tail[0] != Opcode.FOOTER:
         raise EOFError("the file is cut short, it has no end mark")
-    footer = Footer.read(ReadDataStream(BytesIO(tail[_HEAD.size :])))
+    footer = next(_records(file, size - _FOOTER_BYTES))
     if footer.summary_start == 0:
         return None, False
     if footer.summary_crc:
         # It covers the footer, too, up to itself.
         left, checksum = size - len(_MAGIC) - 4 - file.seek(footer.summary_start), 0
-        while left > 0 and (piece := file.read(min(left, _PIECE_BYTES))):
+        while left > 0 and (piece := file.read(min(left, _CHECKED_BYTES))):
             left, checksum = left - len(piece), zlib.crc32(piece, checksum)
         if checksum != footer.summary_crc:
             raise EOFError("its checksum is wrong")
     file.seek(0)
-    summary = SeekingReader(file, record_size_limit=MAX_BYTES).get_summary()
+    summary = SeekingReader(file, record_size_limit=_MAX_BYTES).get_summary()
     return summary, footer.summary_crc != 0
-
-
-def _records(file: BinaryIO, end: int) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of each record up to a place; the content of kinds not needed is skipped.
-
-    Raises:
-        EOFError: The next one is none, or does not end before that place.
-    """
-    while (begin := file.tell()) < end:
-        opcode, length = _HEAD.unpack(file.read(_HEAD.size).ljust(_HEAD.size, b"\0"))
-        left = end - begin - _HEAD.size
-        if opcode not in _OPCODES and opcode < _PRIVATE:
-            raise EOFError(f"no record of kind {opcode} exists")
-        if length > left:
-            raise EOFError(f"a record of {length} bytes begins, {max(left, 0)} bytes follow")
-        if opcode not in _NEEDED:
-            file.seek(length, 1)
-            yield opcode, b""
-        elif length > MAX_BYTES:
-            raise EOFError(f"a record of {length} bytes, expected at most {MAX_BYTES}")
-        else:
-            yield opcode, file.read(length)
-
-
-def _content(payload: bytes, *, is_checked: bool) -> bytes:
-    """The records in a chunk, which must have a checksum if the chunks of its file have one.
-
-    Raises:
-        Exception: One of `UNREADABLE`: the chunk is damaged or too large.
-    """
-    chunk = Chunk.read(ReadDataStream(BytesIO(payload)))
-    data: bytes = chunk.data
-    size = chunk.uncompressed_size
-    if size > MAX_BYTES:
-        raise EOFError(f"it claims to expand to {size} bytes, expected at most {MAX_BYTES}")
-    if chunk.compression:
-        data = expanded(chunk.compression, data, size)
-    if len(data) != size:
-        raise EOFError(f"it has {len(data)} bytes, expected {size}")
-    if (is_checked or chunk.uncompressed_crc) and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise EOFError("its checksum is wrong")
-    return data
