@@ -15,12 +15,13 @@ import pytest
 from websockets.sync.client import connect
 
 pytest.importorskip("rclpy")
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE
-from mnsf_ros.recording.ros1_file import jazzy
 from mnsf_ros.sweeps_io.flow_columns import object_columns
 from mnsf_ros.view.node_view import NodeView
 from mnsf_ros.view.page_server import PageServer
@@ -85,39 +86,18 @@ class Front:
         item = TrackedObject(
             7, np.ones(3), np.ones(3), 0.0, np.array([3.0, 4.0, 0.0]), np.eye(6), 1.0, 1
         )
+        place = Odometry(header=header)
+        place.pose.pose.position.x, place.pose.pose.orientation.w = float(stamp_s), 1.0
         messages = {
             "flow": serialized_cloud(header, encoding_of_columns(columns, 1, 3), is_dense=True),
             "objects": serialized_cloud(
                 header, encoding_of_columns(object_columns([item]), 1, 1), is_dense=True
             ),
-            "ego_motion": odometry(stamp_s),
+            "ego_motion": serialize_message(place),
         }
         for name, raw in messages.items():
             if name != without:
                 self.outputs[name].publish(raw)
-
-
-def odometry(stamp_s: int) -> bytes:
-    types = jazzy().types
-
-    def made(name: str, **values: object) -> object:
-        return types[name](**values)
-
-    stamp = made("builtin_interfaces/msg/Time", sec=stamp_s, nanosec=0)
-    zero = made("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-    place = made("geometry_msgs/msg/Point", x=float(stamp_s), y=0.0, z=0.0)
-    turn = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-    pose = made("geometry_msgs/msg/Pose", position=place, orientation=turn)
-    twist = made("geometry_msgs/msg/Twist", linear=zero, angular=zero)
-    unknown = np.zeros(36)
-    message = made(
-        ODOMETRY_TYPE,
-        header=made("std_msgs/msg/Header", stamp=stamp, frame_id="odom"),
-        child_frame_id="lidar",
-        pose=made("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=unknown),
-        twist=made("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
-    )
-    return bytes(jazzy().serialize_cdr(message, ODOMETRY_TYPE))
 
 
 def test_scenes_of_a_node_while_somebody_watches(address: str) -> None:
