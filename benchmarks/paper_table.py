@@ -1,7 +1,7 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
 """The paper's tables on four sweeps of KITTI raw drive 0005, beside the authors' own code.
 
-    python benchmarks/paper_table.py [--out benchmark] [--rows mnsf fnsf] [--scales 8192 full]
+    python benchmarks/paper_table.py [--out benchmark] [--rows mnsf fnsf]
 
 Estimates run on one thread, every triplet from scratch. Each result is appended to OUT/rows.jsonl,
 and results that are there are not computed again: interrupt it and start it again as you like, but
@@ -10,7 +10,7 @@ looked for beside the checkout, or in the folder MNSF_DATA.
 
 The triplets of 8,192 points are npz files in the layout of the authors of FNSF and MNSF: pc1, pc2,
 pc3 (N, 3) and flow23 (N, 3) in metres, without ground, cropped to 80 m and 4 m of height, and
-is_dynamic and label_valid (N,). Full sweeps have the same crop, without labelled ground.
+is_dynamic and label_valid (N,). Earlier sweeps are drawn from full ones with the same crop.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,41 +43,26 @@ from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 MOMENTS: Final = (5, 10, 15, 20)
-FEW, FULL = "8192", "full"
 _NUM_POINTS: Final = 8192
 _MAX_RANGE_M, _MAX_HEIGHT_M = 80.0, 4.0
 Arrays = dict[str, NDArray[Any]]
 
-
 # A row is a method, with the settings that make it a variant; PRESET/METHOD has another preset.
-_MEAN: Final = "mnsf+fusion.kind=mean"
-_ABLATIONS: Final = ("mnsf-no-backward", _MEAN, "mnsf+fusion.inversion=false", "mnsf")
-TABLES: Final = {
-    "methods": (
-        *("zero", "ego", "ego-estimated", "nsfp", "nsfp-linear", "fnsf", "fnsf-linear"),
-        *("fnsf-joint", "fnsf-time", "mnsf-cycle", "mnsf", "authors/mnsf", "online"),
-    ),
-    "ablations": ("fnsf", *_ABLATIONS),
-    "fusion": (_MEAN, "mnsf+fusion.kind=weighted_sum", "mnsf"),
-    # The method itself has 3 layers, and 3 sweeps.
-    "depth": ("mnsf", *(f"mnsf+fusion.num_hidden_layers={depth}" for depth in (2, 5, 7))),
-    "sweeps": ("mnsf-no-backward", "mnsf", "mnsf-frames4", "mnsf-frames5"),
-}
-ROWS: Final = tuple(dict.fromkeys(row for rows in TABLES.values() for row in rows))
-NUM_SEEDS: Final = {FEW: 3, FULL: 1}
+# The ablations that are not here are those of `mnsf study`.
+ROWS: Final = (
+    *("nsfp", "fnsf", "mnsf-no-backward", "mnsf+fusion.kind=mean", "mnsf+fusion.inversion=false"),
+    *("mnsf", "mnsf-cycle", "authors/mnsf", "online"),
+)
+NUM_SEEDS: Final = 3
 # Column of a result, to its title, decimals and factor.
 COLUMNS: Final = {
     "epe_m": ("EPE (m)", 3, 1),
     "acc5": ("Acc5 (%)", 1, 100),
-    "acc10": ("Acc10 (%)", 1, 100),
-    "outliers": ("Outliers (%)", 1, 100),
-    "angle_error_rad": ("angle (rad)", 3, 1),
     "dynamic_epe_m": ("EPE dynamic", 3, 1),
     "static_epe_m": ("EPE static", 3, 1),
     "time_s": ("time (s)", 1, 1),
 }
-_KEY: Final = ["scale", "row", "seed", "moment"]
-_SHORT: Final = ("epe_m", "acc5", "dynamic_epe_m", "static_epe_m")
+_KEY: Final = ["row", "seed", "moment"]
 # The authors' released solvers with the settings of their README on the same triplets, one seed,
 # with an exact distance transform and an exact k-d tree in place of their approximations.
 AUTHORS: Final = {
@@ -91,7 +76,6 @@ AUTHORS: Final = {
 class Job:
     """One estimate."""
 
-    scale: str
     row: str
     seed: int
     moment: int
@@ -138,7 +122,6 @@ def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, default=Path("benchmark"), metavar="FOLDER")
     parser.add_argument("--rows", nargs="+", choices=ROWS, default=ROWS, metavar="ROW")
-    parser.add_argument("--scales", nargs="+", choices=NUM_SEEDS, default=list(NUM_SEEDS))
     parser.add_argument("--tables", action="store_true", help="only print what is there")
     options = parser.parse_args()
     if missing := [file for file in _files() if not file.is_file()]:
@@ -148,19 +131,14 @@ def main() -> None:
     if not options.tables:
         options.out.mkdir(parents=True, exist_ok=True)
         with suppress(KeyboardInterrupt):
-            run(planned(options.rows, options.scales), file)
-    publish("paper", tables(read_rows(file)), options.document)
+            run(planned(options.rows), file)
+    publish("paper", [table(read_rows(file))], options.document)
 
 
-def planned(rows: Collection[str], scales: Collection[str]) -> list[Job]:
-    """Returns the jobs; the first seed of all rows comes first, so that tables get full early."""
+def planned(rows: Collection[str]) -> list[Job]:
+    """Returns the jobs; the first seed of all rows comes first, so the table fills early."""
     return [
-        Job(scale, row, seed, moment)
-        for seed in range(max(NUM_SEEDS.values()))
-        for scale in scales
-        if seed < NUM_SEEDS[scale]
-        for row in rows
-        for moment in MOMENTS
+        Job(row, seed, moment) for seed in range(NUM_SEEDS) for row in rows for moment in MOMENTS
     ]
 
 
@@ -191,7 +169,7 @@ def run(jobs: Sequence[Job], file: Path) -> None:
 
 def measured(job: Job) -> dict[str, float]:
     """Errors and CPU time of one estimate."""
-    example = read_example(job.scale, job.moment)
+    example = read_example(job.moment)
     estimator = make_method(job.method, job.settings)
     warm_up(job.method, job.settings)
     start_s = time.process_time()
@@ -200,60 +178,29 @@ def measured(job: Job) -> dict[str, float]:
     return example.errors(estimate) | {"time_s": time_s}
 
 
-def tables(rows: pd.DataFrame) -> Iterator[Table]:
-    """The main rows beside the authors' figures; then each table at each scale."""
-    counts = rows.groupby(_KEY[:3])["moment"].transform("size")
-    seeds = rows[counts == len(MOMENTS)].groupby(_KEY[:3])[list(COLUMNS)].mean()
-    groups = seeds.groupby(["scale", "row"])
-    means, sizes = groups.mean(), groups.size()
-    cells = {key: _cells(means.loc[key]) for key in means.index}
-    yield _summary(cells)
-    header = ["", *(title for title, _, _ in COLUMNS.values()), "seeds"]
-    for scale, points in ((FEW, "8,192 points"), (FULL, "full sweeps")):
-        for title, names in TABLES.items():
-            known = [name for name in names if (scale, name) in cells]
-            lines = [
-                [name, *cells[scale, name].values(), str(sizes[scale, name])] for name in known
-            ]
-            if lines:
-                yield Table(f"{title.capitalize()}, {points}", header, lines, is_detail=True)
-
-
-def _cells(mean: pd.Series) -> dict[str, str]:
-    return {
-        name: f"{factor * mean[name]:.{decimals}f}"
-        for name, (_, decimals, factor) in COLUMNS.items()
-    }
-
-
-def _summary(cells: Mapping[tuple[str, str], Mapping[str, str]]) -> Table:
-    names = ("nsfp", "fnsf", *_ABLATIONS, "mnsf-cycle", "authors/mnsf", "online")
-    rows = []
-    for name in names:
-        few, full = (cells.get((scale, name), {}) for scale in (FEW, FULL))
-        own = [few.get(column, "") for column in (*_SHORT, "time_s")]
-        rows.append([name, *own, full.get("epe_m", "")])
+def table(rows: pd.DataFrame) -> Table:
+    """The rows beside the authors' figures: means over the seeds that have all moments."""
+    counts = rows.groupby(_KEY[:2])["moment"].transform("size")
+    means = rows[counts == len(MOMENTS)].groupby("row")[list(COLUMNS)].mean()
+    lines = []
+    for name in ROWS:
+        known = means.loc[name] if name in means.index else None
+        cells = [
+            "" if known is None else f"{factor * known[column]:.{decimals}f}"
+            for column, (_, decimals, factor) in COLUMNS.items()
+        ]
+        lines.append([name, *cells])
         if name in AUTHORS:
-            rows.append([f"{name}, authors' code", *AUTHORS[name], "", ""])
-    header = ["8,192 points", *(COLUMNS[column][0] for column in _SHORT), "time (s)", "EPE in full"]
-    return Table("Mean over four sweeps of KITTI and the seeds", header, rows)
+            lines.append([f"{name}, authors' code", *AUTHORS[name], ""])
+    header = ["8,192 points", *(title for title, _, _ in COLUMNS.values())]
+    return Table("Mean over four sweeps of KITTI and the seeds", header, lines)
 
 
-def read_example(scale: str, moment: int) -> Example:
-    """Returns the example of a scale whose current sweep has this number."""
+def read_example(moment: int) -> Example:
+    """Returns the example whose current sweep has this number."""
     following, current, previous, *earlier = map(_read, _sweep_files(moment))
     next_from_current = np.linalg.inv(following["pose"]) @ current["pose"]
     three = (previous, current, following)
-    if scale == FULL:
-        triplet = SweepTriplet(
-            *(_sweep(item, item["xyz"][_kept(item)]) for item in three),
-            tuple(_sweep(item, item["xyz"][_kept(item)]) for item in earlier),
-            next_from_current,
-        )
-        kept = _kept(current)
-        return Example(
-            triplet, *(current[name][kept] for name in ("flow", "is_dynamic", "label_valid"))
-        )
     arrays = _read(_triplet_file(moment))
     # The triplets have three sweeps; earlier ones are drawn from the full ones, as those were.
     rng = np.random.default_rng(0)

@@ -358,8 +358,8 @@ class LinearSettings:
 class FieldSettings:
     """The networks of the forward and the backward field."""
 
-    num_hidden_layers: int = declared(8, "Number of hidden layers, each with a ReLU", 1, 64)
-    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
+    num_hidden_layers: int = declared(8, "Number of hidden layers, each with a ReLU", 1, 32)
+    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 1024)
 
 
 @dataclass(frozen=True)
@@ -418,8 +418,8 @@ class FusionSettings:
     inversion: bool = declared(
         True, "Invert the backward flow before fusion; false: only for the ablation of the paper"
     )
-    num_hidden_layers: int = declared(3, "Number of hidden layers of the fusion network", 1, 64)
-    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 4096)
+    num_hidden_layers: int = declared(3, "Number of hidden layers of the fusion network", 1, 32)
+    hidden_width: int = declared(64, "Neurons per hidden layer", 1, 1024)
     max_iterations: int = declared(100, "Maximum number of iterations", 1, 100_000)
     patience: int = declared(
         0, "Stop after this many iterations without improvement; 0: never", 0, 100_000

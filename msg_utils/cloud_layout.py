@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -138,21 +138,16 @@ def read_only_bytes(cloud: PointCloudLike, layout: CloudLayout) -> npt.NDArray[n
 
 
 @dataclass(frozen=True, eq=False)
-class KeptBytes:
-    """The first bytes of each point of another cloud."""
-
-    layout: CloudLayout
-    data: npt.NDArray[np.uint8]
-    size: int
-
-
-@dataclass(frozen=True, eq=False)
 class CloudEncoding:
-    """The layout of a cloud without padding of rows, and the sources of its bytes."""
+    """The layout of a cloud without padding of rows, and the sources of its bytes.
+
+    Attributes:
+        layout: The layout.
+        sources: Places in a point, types there, and values (height * width,).
+    """
 
     layout: CloudLayout
-    columns: tuple[tuple[FieldLayout, npt.NDArray[Any]], ...]
-    kept: KeptBytes | None = None
+    sources: Sequence[tuple[int, npt.DTypeLike, npt.NDArray[Any]]]
 
     @classmethod
     def of(
@@ -163,9 +158,11 @@ class CloudEncoding:
         columns: Columns,
         *,
         is_bigendian: bool = False,
-        kept: KeptBytes | None = None,
+        kept: npt.NDArray[Any] | None = None,
     ) -> CloudEncoding:
-        """Returns the encoding of a cloud of a height and a width; the columns are its last fields.
+        """Returns the encoding of a cloud of a height and a width.
+
+        The columns are its last fields; `kept` (height * width,) are the first bytes of each point.
 
         Raises:
             MessageError: There are points but no fields, or more bytes than a message can state.
@@ -178,7 +175,13 @@ class CloudEncoding:
         checked_integer(height * row_step, "encoded size")
         layout = CloudLayout(height, width, fields, is_bigendian, point_step, row_step)
         added = fields[len(fields) - len(columns) :]
-        return cls(layout, tuple(zip(added, columns.values(), strict=True)), kept)
+        sources: list[tuple[int, npt.DTypeLike, npt.NDArray[Any]]] = [
+            (field.offset, field.scalar.newbyteorder(">" if is_bigendian else "<"), column)
+            for field, column in zip(added, columns.values(), strict=True)
+        ]
+        if kept is not None and kept.itemsize:
+            sources.insert(0, (0, kept.dtype, kept))
+        return cls(layout, sources)
 
     def encoded(self) -> EncodedCloud:
         """Returns the cloud with data of its own memory."""
@@ -188,32 +191,14 @@ class CloudEncoding:
 
     def write(self, data: npt.NDArray[np.uint8]) -> None:
         """Fills `layout.num_bytes` bytes, which must be 0."""
-        if self.layout.num_points == 0:
+        number, step = self.layout.num_points, (self.layout.point_step,)
+        if number == 0:
             return
-        pairs = self._pairs(data)
-        num_rows, num_columns = pairs[0][0].shape if pairs else (0, 1)
-        step = max(1, _BLOCK_POINTS // num_columns)
-        for start in range(0, num_rows, step):
+        pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = [
+            (np.ndarray(number, dtype, data, offset, step), source)
+            for offset, dtype, source in self.sources
+        ]
+        for start in range(0, number, _BLOCK_POINTS):
+            block = slice(start, start + _BLOCK_POINTS)
             for target, source in pairs:
-                target[start : start + step] = source[start : start + step]
-
-    def _pairs(
-        self, data: npt.NDArray[np.uint8]
-    ) -> list[tuple[npt.NDArray[Any], npt.NDArray[Any]]]:
-        """Returns views into the data, each with its values of the same shape."""
-        layout, kept = self.layout, self.kept
-        pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
-        shape = (layout.num_points, 1)
-        if kept is not None and layout.height > 1:
-            is_padded = kept.layout.row_step > layout.width * kept.layout.point_step
-            shape = (layout.height, layout.width) if is_padded else shape
-        if kept is not None and kept.size > 0:
-            # One opaque element per point: the fastest copy, and no value is interpreted.
-            element = np.dtype((np.void, kept.size))
-            source = kept.layout.view(kept.data, element).reshape(shape)
-            pairs.append((layout.view(data, element).reshape(shape), source))
-        for field, column in self.columns:
-            scalar = field.scalar.newbyteorder(">" if layout.is_bigendian else "<")
-            target = layout.view(data, scalar, field.offset).reshape(shape)
-            pairs.append((target, column.reshape(shape)))
-        return pairs
+                target[block] = source[block]

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from mnsf_ros.errors import RecordingError
-from mnsf_ros.plain_text import plain_text
+from mnsf_ros.errors import RecordingError, plain_text
 from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.setting import settings_of
 from mnsf_ros.settings import Settings, parse_assignments

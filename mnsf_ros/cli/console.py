@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import rich.console
 from rich.segment import Segment
 
-from mnsf_ros.plain_text import plain_text
+from mnsf_ros.errors import plain_text
 
 
 class Console(rich.console.Console):

@@ -8,15 +8,21 @@ Linux) the allocation fails instead, and Python raises a MemoryError.
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Final
 
 from mnsf_ros.cli.arguments import Arguments
-from mnsf_ros.core.compute_device import machine_bytes
 
 _GB: Final = 10**9
+# Limits of the container or service that the process runs in; without a limit: a word, or no file.
+_GROUP_LIMITS: Final = (
+    Path("/sys/fs/cgroup/memory.max"),
+    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
+)
 _INFINITE: Final = float("inf")
 
 
@@ -46,6 +52,15 @@ def limited_memory(max_gb: float | None) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (before, most))
+
+
+def machine_bytes() -> int:
+    """Returns the memory of the machine or its container."""
+    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    for file in _GROUP_LIMITS:
+        with suppress(OSError, ValueError):
+            limits.append(int(file.read_text()))
+    return min(limits)
 
 
 def memory_hint() -> str:

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Device, precision, threads and memory of networks.
+"""Device, precision and threads of networks.
 
 PyTorch is imported only when it is needed: that takes seconds, and `online` does without it.
 """
@@ -8,29 +8,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, MutableMapping
-from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
 from mnsf_ros.errors import LibraryError, SettingsError
-from mnsf_ros.settings import ComputeSettings, Settings
+from mnsf_ros.settings import ComputeSettings
 
 if TYPE_CHECKING:
     import torch
 
 # Instructions of x86 processors that multiply bfloat16, as `torch.cpu` names them.
 _CPU_BFLOAT16: Final = ("amx_bf16", "avx512_bf16")
-# Limits of the container or service that the process runs in; without a limit: a word, or no file.
-_GROUP_LIMITS: Final = (
-    Path("/sys/fs/cgroup/memory.max"),
-    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
-)
-# Weights, their gradient, and two moments of Adam, float32 each.
-_BYTES_PER_WEIGHT: Final = 4 * 4
-# Distances to the next and the previous sweep, float32, and the mask of the second.
-_BYTES_PER_CELL: Final = 2 * 4 + 1
 
 
 def compute_device(settings: ComputeSettings) -> torch.device:
@@ -136,51 +125,3 @@ def let_threads_sleep(environment: MutableMapping[str, str] = os.environ) -> Non
     the ROS executor needs. PyTorch reads it when it is imported: programs call this before.
     """
     environment.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
-
-def machine_bytes() -> int:
-    """Returns the memory of the machine or its container."""
-    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
-    for file in _GROUP_LIMITS:
-        with suppress(OSError, ValueError):
-            limits.append(int(file.read_text()))
-    return min(limits)
-
-
-def check_memory(settings: Settings) -> None:
-    """Checks that the networks and grids of the settings fit into memory, before any is taken.
-
-    Else the system would end the process, or another one. On CUDA nothing is checked: there a
-    failed allocation costs one estimate, and no process.
-
-    Raises:
-        SettingsError: They do not fit; with both figures, and the settings that decide.
-    """
-    field, fusion = settings.field, settings.fusion
-    num_weights = 2 * _num_weights(field.num_hidden_layers, field.hidden_width)
-    num_weights += _num_weights(fusion.num_hidden_layers, fusion.hidden_width)
-    num_cells = settings.distance.max_cells if settings.distance.kind == "grid" else 0
-    needs = {
-        "field.num_hidden_layers, field.hidden_width, fusion.num_hidden_layers, "
-        "fusion.hidden_width": num_weights * _BYTES_PER_WEIGHT,
-        "distance.max_cells": num_cells * _BYTES_PER_CELL,
-    }
-    needed, available = sum(needs.values()), machine_bytes()
-    if needed <= available or _is_on_cuda(settings.compute):
-        return
-    raise SettingsError(
-        f"networks and distance transform need {needed / 1e9:.1f} GB of memory, this machine has "
-        f"{available / 1e9:.1f} GB: reduce {max(needs, key=lambda name: needs[name])}"
-    )
-
-
-def _num_weights(num_hidden_layers: int, width: int) -> int:
-    """Weights between hidden layers; the few of the first and the last layer do not count."""
-    return (num_hidden_layers - 1) * width * (width + 1)
-
-
-def _is_on_cuda(settings: ComputeSettings) -> bool:
-    try:
-        return compute_device(settings).type == "cuda"
-    except SettingsError:  # there is no torch: a method that needs it says so
-        return False

@@ -19,13 +19,43 @@ from torch import nn
 
 from mnsf_ros.core.compute_device import copy_to
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason, check_cancelled
-from mnsf_ros.core.schedule import Schedule
 from mnsf_ros.errors import OptimizationError
 
 # Steps until the host asks whether the network has converged.
 _STEPS_AT_ONCE = {"cpu": 1, "cuda": 10}
 # Steps before the recording: a library may allocate at its first calls.
 _UNRECORDED_STEPS = 3
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Steps of the optimization of one network.
+
+    Attributes:
+        max_iterations: Maximum number of steps.
+        learning_rate: Step size at the start.
+        decay: Whether the step size falls to zero along a cosine.
+        patience: Steps without improvement before it counts as converged; 0: any number.
+        min_delta_m: A smaller fall of the loss is no improvement.
+        deadline: `time.monotonic()` value after which no further step starts.
+        cancelled: Asked before each step; True abandons the estimate.
+        records_steps: Whether CUDA may record a step and replay it.
+    """
+
+    max_iterations: int
+    learning_rate: float
+    decay: bool = False
+    patience: int = 0
+    min_delta_m: float = 0.0
+    deadline: float = math.inf
+    cancelled: Callable[[], bool] = lambda: False
+    records_steps: bool = True
+
+    def learning_rate_at(self, iteration: int) -> float:
+        """Step size of an iteration, counted from 0."""
+        if not self.decay:
+            return self.learning_rate
+        return self.learning_rate * 0.5 * (1 + math.cos(math.pi * iteration / self.max_iterations))
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from typing import Final
 
 import torch
 from torch import nn
 
+from mnsf_ros.core.compute_device import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OptimizationResult, StageClock
-from mnsf_ros.core.flow_field import Perceptron, evaluate
-from mnsf_ros.core.optimization import LossOf, minimize
+from mnsf_ros.core.networks import Perceptron, evaluate
+from mnsf_ros.core.optimization import LossOf, Schedule, minimize
 from mnsf_ros.core.prepared_sweep import PreparedSweep, SweepPreparation
-from mnsf_ros.core.schedule import Schedule
+from mnsf_ros.core.scene_flow_estimator import never
 from mnsf_ros.errors import OptimizationError, SweepError
 from mnsf_ros.settings import Settings
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
+
+# Share of the time budget for the fields; the rest is for the fusion.
+_FIELDS_DONE: Final = 0.8
 
 
 class Workbench:
@@ -43,18 +50,18 @@ class Workbench:
         self,
         triplet: SweepTriplet,
         settings: Settings,
-        device: torch.device,
         preparation: SweepPreparation,
         num_before: int = 0,
+        cancelled: Callable[[], bool] = never,
     ) -> None:
         """Prepares the sweeps and chooses the points to fit to.
 
         Args:
             triplet: At least a current and a next sweep.
             settings: All settings.
-            device: Device of the networks.
             preparation: Keeps prepared sweeps from triplet to triplet.
             num_before: Number of sweeps before the current one.
+            cancelled: Asked before each step of a fit.
 
         Raises:
             SweepError: If crop and ground removal leave too few points of a sweep, or there are
@@ -62,7 +69,8 @@ class Workbench:
         """
         self.triplet = triplet
         self.settings = settings
-        self.device = device
+        self.device = device = compute_device(settings.compute)
+        self._cancelled = cancelled
         self._precision = ""
         self.fits: dict[str, OptimizationResult] = {}
         self._clock = StageClock(finish=self._wait_for_gpu)
@@ -73,6 +81,29 @@ class Workbench:
             self.current, self.next, *self.before = preparation.prepare(*sweeps)
             self._indices_to_fit = self._sampled(self.current.kept_positions).to(device)
             self.points = self.current.positions[self._indices_to_fit]
+        self._started_s = time.monotonic()
+
+    def field_schedules(self, number: int) -> tuple[Schedule, ...]:
+        """Schedules of fields that are fitted one after the other, before the fusion."""
+        return tuple(self.field_schedule(_FIELDS_DONE * (k + 1) / number) for k in range(number))
+
+    def field_schedule(self, done: float = 1.0) -> Schedule:
+        """Schedule of one field, which ends at a share of the time budget."""
+        patience = self.settings.early_stopping.patience
+        return self._schedule(self.settings.optimization.max_iterations, patience, done)
+
+    def _schedule(self, max_iterations: int, patience: int, done: float) -> Schedule:
+        optimization = self.settings.optimization
+        return Schedule(
+            max_iterations=max_iterations,
+            learning_rate=optimization.learning_rate,
+            decay=optimization.decay,
+            patience=patience,
+            min_delta_m=self.settings.early_stopping.min_delta_m,
+            deadline=self._started_s + done * (optimization.time_budget_ms / 1e3 or math.inf),
+            cancelled=self._cancelled,
+            records_steps=self.settings.compute.cuda_graphs,
+        )
 
     def stage(self, name: str) -> AbstractContextManager[None]:
         """Adds the time of the block to the stage's time."""
@@ -128,9 +159,7 @@ class Workbench:
                 )
             return flow
 
-    def fused_flow(
-        self, fusion: nn.Module, flows: Sequence[torch.Tensor], schedule: Schedule
-    ) -> torch.Tensor:
+    def fused_flow(self, fusion: nn.Module, flows: Sequence[torch.Tensor]) -> torch.Tensor:
         """Fuses f and f' ..., each (P, 3), to (P, 3) finite metres, from t to t+1.
 
         Minimizes mean D(p + g_fusion(f, f'), S3); f and f' are fixed.
@@ -141,6 +170,8 @@ class Workbench:
         def loss_of() -> torch.Tensor:
             return self.next.distance.mean(self.points + fusion(chosen))
 
+        settings = self.settings.fusion
+        schedule = self._schedule(settings.max_iterations, settings.patience, 1.0)
         self.fit("fusion", fusion, loss_of, schedule)
         return self.flow("fusion", fusion, side_by_side)
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mnsf_ros.errors import EvaluationError, RecordingError
-from mnsf_ros.plain_text import plain_text
+from mnsf_ros.errors import EvaluationError, RecordingError, plain_text
 from mnsf_ros.recording.bag_files import fingerprint, stored_files
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import used_topics

@@ -24,14 +24,13 @@ from typing import Any, Final, TypeVar
 
 import cattrs
 
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, plain_text
 from mnsf_ros.evaluation.findings import Findings
 from mnsf_ros.evaluation.options import EvaluationTask, TaskKey
 from mnsf_ros.evaluation.pictures import Picture, save_picture
 from mnsf_ros.evaluation.results import FinishedTask, ResultRow
 from mnsf_ros.evaluation.run_record import FORMAT, RunRecord
 from mnsf_ros.evaluation.task import TaskEvent
-from mnsf_ros.plain_text import plain_text
 from mnsf_ros.setting import SettingValue
 from mnsf_ros.settings import Settings
 

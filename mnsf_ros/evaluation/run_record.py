@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Final
 
 from mnsf_ros import __version__
-from mnsf_ros.errors import EvaluationError
+from mnsf_ros.errors import EvaluationError, plain_text
 from mnsf_ros.evaluation.options import SET_BY_EVALUATOR, EvaluatedMethod, EvaluationOptions
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
-from mnsf_ros.plain_text import plain_text
 from mnsf_ros.presets import UsedSettings, used_settings
 
 # Layout of the files of a run.

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.evaluation.findings import Event, Findings
-from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import StampedPose
+from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.damage import Damage
 from mnsf_ros.recording.flow_truth import FlowTruth

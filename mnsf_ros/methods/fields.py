@@ -11,8 +11,8 @@ from torch import nn
 from torch.nn import functional
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_field import Perceptron
-from mnsf_ros.core.schedule import Schedule
+from mnsf_ros.core.networks import Perceptron
+from mnsf_ros.core.optimization import Schedule
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.errors import SweepError
 from mnsf_ros.settings import LinearSettings

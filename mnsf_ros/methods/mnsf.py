@@ -16,16 +16,14 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.compute_device import layer_precision
-from mnsf_ros.core.flow_field import Perceptron
-from mnsf_ros.core.optimization import PartlyJudgedLoss
+from mnsf_ros.core.networks import Perceptron, fusion_network, invert_motion
+from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule
 from mnsf_ros.core.prepared_sweep import PreparedSweep
-from mnsf_ros.core.schedule import Schedule, Schedules
-from mnsf_ros.core.temporal_fusion import fusion_network, invert_motion
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field
 
 
-def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.Tensor:
+def mnsf(bench: Workbench, num_fields: int = 2) -> torch.Tensor:
     """MNSF (section 3 of the paper); (N, 3) metres.
 
     With fewer sweeps before the current one than backward fields, the forward flow alone is the
@@ -33,10 +31,9 @@ def mnsf(bench: Workbench, schedules: Schedules, num_fields: int = 2) -> torch.T
 
     Args:
         bench: The sweeps.
-        schedules: Steps and time limit of each network.
         num_fields: The forward field, and a backward field for each sweep before the current one.
     """
-    return fitted_mnsf(bench, schedules, num_fields)[0]
+    return fitted_mnsf(bench, num_fields)[0]
 
 
 @dataclass(frozen=True)
@@ -68,29 +65,28 @@ class Networks:
         return cls(fields, fusion.to(bench.device))
 
 
-def fitted_mnsf(
-    bench: Workbench, schedules: Schedules, num_fields: int = 2
-) -> tuple[torch.Tensor, Networks]:
+def fitted_mnsf(bench: Workbench, num_fields: int = 2) -> tuple[torch.Tensor, Networks]:
     """The same, and the fitted networks."""
     with bench.stage("prepare"):
         networks = Networks.fresh(bench, num_fields)
     if len(bench.before) < num_fields - 1:
-        one = schedules.fields(2)[:1]
+        one = bench.field_schedules(2)[:1]
         return _fitted_flows(bench, networks, one, keep_best=True)[0], networks
     # 1. and 2.: the forward field and the backward field, each fitted to its sweep.
-    forward_flow, *backward_flows = _field_flows(bench, networks, schedules)
+    forward_flow, *backward_flows = _field_flows(bench, networks)
     # 3.: the backward flow is inverted.
     inverted_flows = _inverted(bench, backward_flows)
     # 4.: the fusion makes one flow of both.
-    flow = bench.fused_flow(networks.fusion, [forward_flow, *inverted_flows], schedules.fusion)
+    flow = bench.fused_flow(networks.fusion, [forward_flow, *inverted_flows])
     return flow, networks
 
 
-def _field_flows(bench: Workbench, networks: Networks, schedules: Schedules) -> list[torch.Tensor]:
+def _field_flows(bench: Workbench, networks: Networks) -> list[torch.Tensor]:
     """The flows to t+1, t-1, t-2 ..., (N, 3) metres each."""
     fields, keep_best = networks.fields, bench.settings.fusion.fields == "best"
     if not bench.settings.optimization.joint:
-        return _fitted_flows(bench, networks, schedules.fields(len(fields)), keep_best=keep_best)
+        schedules = bench.field_schedules(len(fields))
+        return _fitted_flows(bench, networks, schedules, keep_best=keep_best)
     targets = (bench.next, *bench.before)
 
     def loss_of() -> PartlyJudgedLoss:
@@ -102,7 +98,7 @@ def _field_flows(bench: Workbench, networks: Networks, schedules: Schedules) -> 
         losses = [_loss(bench, field, target) for field, target in pairs]
         return PartlyJudgedLoss(torch.stack(losses).sum(), losses[0])
 
-    (schedule,) = schedules.fields(1)
+    (schedule,) = bench.field_schedules(1)
     bench.fit("fields", nn.ModuleList(fields), loss_of, schedule, keep_best=keep_best)
     return [bench.flow("fields", field) for field in fields]
 
@@ -136,18 +132,16 @@ def _inverted(bench: Workbench, backward_flows: Sequence[torch.Tensor]) -> list[
     return [invert_motion(flow, ratio) for flow, ratio in zip(backward_flows, ratios, strict=True)]
 
 
-def mnsf_cycle(bench: Workbench, schedules: Schedules) -> torch.Tensor:
+def mnsf_cycle(bench: Workbench) -> torch.Tensor:
     """MNSF (cycle consistency) of the paper's tables, with NSFP's cycle term; (N, 3) metres."""
     (previous,) = bench.before
-    first, second = schedules.fields(2)
+    first, second = bench.field_schedules(2)
     forward_flow = _cycle_flow("forward", bench, bench.next, first)
     backward_flow = _cycle_flow("backward", bench, previous, second)
     inverted_flow = invert_motion(backward_flow, bench.triplet.interval_ratio)
     precision = layer_precision(bench.settings.compute)
     fusion = fusion_network(bench.settings.fusion, bench.generator, precision=precision)
-    return bench.fused_flow(
-        fusion.to(bench.device), [forward_flow, inverted_flow], schedules.fusion
-    )
+    return bench.fused_flow(fusion.to(bench.device), [forward_flow, inverted_flow])
 
 
 def _cycle_flow(

@@ -16,11 +16,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from mnsf_ros.core.compute_device import check_memory, compute_device, limit_threads
+from mnsf_ros.core.compute_device import compute_device, limit_threads
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.prepared_sweep import SweepPreparation
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.ego_motion.ego_motion import SensorPose, SensorPoses
 from mnsf_ros.geometry.rigid_motion import rigid_flow, transformed
@@ -30,7 +29,7 @@ from mnsf_ros.sweeps.sweep import USUAL_INTERVAL_S, Sweep, SweepTriplet
 # A point that is faster over ground is dynamic: 0.05 m within a sweep at 10 Hz.
 _DYNAMIC_SPEED_M_S: Final = 0.5
 
-FlowOf = Callable[[Workbench, Schedules], torch.Tensor]
+FlowOf = Callable[[Workbench], torch.Tensor]
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,7 @@ class NetworkMethod:
     """A method that fits networks.
 
     Attributes:
-        flow_of: Fits networks on the workbench, by the schedules, and returns the flow (N, 3),
-            metres from t to t+1.
+        flow_of: Fits networks on the workbench, and returns the flow (N, 3), metres from t to t+1.
         num_sweeps: Sweeps that the method looks at.
         distance_kind: Kind of the distances, if not that of `Workbench.next.distance`.
         needs_previous: False if a method of three sweeps can do with two.
@@ -65,8 +63,7 @@ class NetworkEstimator:
         """Makes a new estimator.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there, or for more memory
-                than there is.
+            SettingsError: If the settings ask for a device that is not there.
         """
         self.settings = settings
         self._method = method
@@ -76,8 +73,7 @@ class NetworkEstimator:
             carries_state=is_removed,
             max_gap_s=settings.ego_motion.max_gap_s if is_removed else math.inf,
         )
-        self._device = compute_device(settings.compute)
-        check_memory(settings)
+        compute_device(settings.compute)
         self._preparation = SweepPreparation(settings)
         self._poses = SensorPoses(settings.ego_motion)
 
@@ -85,8 +81,7 @@ class NetworkEstimator:
         """Returns an estimator with other settings; valid state is kept.
 
         Raises:
-            SettingsError: If the settings ask for a device that is not there, or for more memory
-                than there is.
+            SettingsError: If the settings ask for a device that is not there.
         """
         other, old = NetworkEstimator(settings, self._method), self.settings
         if _preparing(settings) == _preparing(old):
@@ -129,9 +124,8 @@ class NetworkEstimator:
         """The flow in the coordinates of the sweeps as they are."""
         is_pair = triplet.previous is None and not self._method.needs_previous
         num_before = 0 if is_pair else self._method.num_sweeps - 2
-        bench = Workbench(triplet, self.settings, self._device, self._preparation, num_before)
-        schedules = Schedules.start_now(self.settings, cancelled)
-        return bench.finish(self._method.flow_of(bench, schedules), self._method.distance_kind)
+        bench = Workbench(triplet, self.settings, self._preparation, num_before, cancelled)
+        return bench.finish(self._method.flow_of(bench), self._method.distance_kind)
 
 
 def _preparing(settings: Settings) -> tuple[object, ...]:

@@ -87,12 +87,12 @@ def _mnsf(num_sweeps: int) -> MethodMaker:
 
 
 _NETWORKS: Final[dict[str, MethodMaker]] = {
-    "nsfp": _network("nsfp:nsfp", distance_kind="tree"),
-    "nsfp-linear": _network("nsfp:nsfp", {"is_linear": True}, distance_kind="tree"),
-    "fnsf": _network("fnsf:fnsf"),
-    "fnsf-linear": _network("fnsf:fnsf", {"is_linear": True}),
-    "fnsf-joint": _network("fnsf:fnsf_joint", num_sweeps=3),
-    "fnsf-time": _network("fnsf:fnsf_joint", {"has_time": True}, num_sweeps=3),
+    "nsfp": _network("baselines:nsfp", distance_kind="tree"),
+    "nsfp-linear": _network("baselines:nsfp", {"is_linear": True}, distance_kind="tree"),
+    "fnsf": _network("baselines:fnsf"),
+    "fnsf-linear": _network("baselines:fnsf", {"is_linear": True}),
+    "fnsf-joint": _network("baselines:fnsf_joint", num_sweeps=3),
+    "fnsf-time": _network("baselines:fnsf_joint", {"has_time": True}, num_sweeps=3),
     "mnsf-cycle": _network("mnsf:mnsf_cycle", num_sweeps=3),
     "mnsf": _mnsf(3),
     # Ablation (a) of the paper, and its numbers of sweeps.

@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, TrackedObject
 from mnsf_ros.ego_motion.covariance import UNKNOWN_COVARIANCE
-from mnsf_ros.geometry.pose_messages import pose_quaternion
+from mnsf_ros.geometry.transforms import pose_quaternion
 from mnsf_ros.node.object_messages import ObjectMarkers, installed_messages, objects_cloud
 from mnsf_ros.settings import OutputSettings
 from mnsf_ros.sweeps.sweep import SweepTriplet

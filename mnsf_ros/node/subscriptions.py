@@ -15,9 +15,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from sensor_msgs.msg import PointCloud2
 
-from mnsf_ros.geometry.pose_messages import pose_matrix
 from mnsf_ros.geometry.pose_track import PoseTrack, StampedPose
-from mnsf_ros.geometry.transforms import sensor_mount
+from mnsf_ros.geometry.transforms import pose_matrix, sensor_mount
 from mnsf_ros.node.environment import advice_on_lost_clouds
 from mnsf_ros.node.transforms import Transforms
 from mnsf_ros.online.watches import (

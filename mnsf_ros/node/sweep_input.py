@@ -27,9 +27,13 @@ from mnsf_ros.node.subscriptions import (
 )
 from mnsf_ros.node.transforms import TransformError, Transforms
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.lidar_groups import ArrivedSweep, LidarGroup, LidarGroups
 from mnsf_ros.sweeps.sweep import NANOSECONDS, Sweep
-from mnsf_ros.sweeps_io.merged_cloud import merged_sweep
+from mnsf_ros.sweeps_io.several_lidars import (
+    ArrivedSweep,
+    LidarGroup,
+    LidarGroups,
+    merged_sweep,
+)
 
 TRANSFORMS_MISSING: Final = "transforms_missing"
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from mnsf_ros.core.flow_estimate import OverGround
 from mnsf_ros.errors import MnsfError, SettingsError
-from mnsf_ros.geometry.pose_messages import pose_quaternion, transform_matrix
+from mnsf_ros.geometry.transforms import pose_quaternion, transform_matrix
 from msg_utils.errors import MessageError
 
 

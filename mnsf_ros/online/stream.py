@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from mnsf_ros.core.compute_device import check_device, check_memory
+from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import (
     MethodTraits,
@@ -75,10 +75,9 @@ class Stream:
 
         Raises:
             SettingsError: There is no such method, or the settings ask for a device that is not
-                there, or for more memory than there is.
+                there.
             LibraryError: The method needs a library that is not installed.
         """
-        check_memory(settings)
         self.settings = settings
         self.method: Final = method or settings.method.name
         self.triplet: SweepTriplet | None = None
@@ -155,7 +154,6 @@ class Stream:
                 f"{self.settings.method.name!r}: the method of a running stream is fixed"
             )
         check_device(settings.compute)
-        check_memory(settings)
         if settings != self.settings:
             self.settings = settings
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy as ros
 
-from mnsf_ros.geometry.pose_messages import pose_quaternion
+from mnsf_ros.geometry.transforms import pose_quaternion
 from msg_utils.stamps import encode_stamp
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mnsf_ros.errors import RecordingError
-from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError

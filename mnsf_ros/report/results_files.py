@@ -9,11 +9,11 @@ from typing import Final
 
 import pandas as pd
 
+from mnsf_ros.errors import plain_text
 from mnsf_ros.evaluation.metrics import FlowErrors
 from mnsf_ros.evaluation.mover_summary import FAST, SLOW
 from mnsf_ros.evaluation.run_folder import RunFolder, replace_file, to_json
 from mnsf_ros.evaluation.run_record import Session
-from mnsf_ros.plain_text import plain_text
 from mnsf_ros.report.run_results import RunResults
 from mnsf_ros.report.text_table import markdown_code, markdown_text
 

@@ -13,7 +13,7 @@ import pandas as pd
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
-from mnsf_ros.plain_text import plain_text
+from mnsf_ros.errors import plain_text
 
 # Which value of a column is the best.
 Better = Literal["min", "max"] | None

@@ -8,6 +8,7 @@ and three arrays of direction components; ranges come back in units of the direc
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeAlias
@@ -127,6 +128,10 @@ class Model:
     length_m: float
     width_m: float
     reflectivity: float
+
+
+# Draws a specimen.
+Maker = Callable[[np.random.Generator], Model]
 
 
 @dataclass(frozen=True)

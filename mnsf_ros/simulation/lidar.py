@@ -89,9 +89,14 @@ class ShapeTable:
         poses = lidar_from_body[self.body_of_shape] @ self._poses
         nearest = self._nearest(poses)
         order = np.argsort(nearest, kind="stable")
-        seen = (nearest < max_range_m) & self._may_be_in(rays, poses)
+        middles, reaches = self._azimuths(poses)
+        first, last = rays.azimuth[[0, -1]]
+        apart = np.abs(_turned(middles - (first + last) / 2))
+        seen = (nearest < max_range_m) & (apart <= (last - first) / 2 + reaches + _TINY)
         for k in order[seen[order]]:
-            for window in _windows(poses[k], self.half_extents[k], rays, float(nearest[k])):
+            beams = self._beams(int(k), poses[k], rays)
+            for columns in _columns(rays.azimuth, middles[k], reaches[k]):
+                window = (columns, beams)
                 block = ranges[window]
                 # Shapes come nearest first, so most of what is far is already hidden.
                 if block.size == 0 or block.max() <= nearest[k]:
@@ -109,15 +114,22 @@ class ShapeTable:
         nearest: FloatArray = np.linalg.norm(outside, axis=1)
         return nearest
 
-    def _may_be_in(self, rays: Rays, poses: FloatArray) -> NDArray[np.bool_]:
-        """Returns a (K,) mask of the shapes whose bounding sphere some column can meet."""
-        first, last = rays.azimuth[[0, -1]]
+    def _azimuths(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns (K,) azimuths of the shapes, and how far their bounding spheres reach around."""
         x, y = poses[:, 0, 3], poses[:, 1, 3]
-        apart = np.arctan2(y, x) - (first + last) / 2
-        apart = np.abs((apart + math.pi) % (2 * math.pi) - math.pi)
-        reach = np.arcsin(np.minimum(self._radii / np.maximum(np.hypot(x, y), 1e-9), 1.0))
-        is_around = np.hypot(x, y) <= self._radii
-        return np.asarray(is_around | (apart <= (last - first) / 2 + reach + _TINY))
+        flat_m = np.hypot(x, y)
+        reaches = np.arcsin(np.minimum(self._radii / np.maximum(flat_m, _TINY), 1.0))
+        return np.arctan2(y, x), np.where(flat_m <= self._radii, math.pi, reaches)
+
+    def _beams(self, k: int, pose: FloatArray, rays: Rays) -> slice:
+        """Returns the beams that can meet the bounding sphere of shape k."""
+        distance_m, radius_m = float(np.linalg.norm(pose[:3, 3])), float(self._radii[k])
+        if len(rays.elevations) > 1 or distance_m <= radius_m:
+            return slice(0, rays.elevations.shape[1])
+        middle, reach = math.asin(pose[2, 3] / distance_m), math.asin(radius_m / distance_m) + _TINY
+        return slice(
+            *np.searchsorted(rays.elevations[0], [middle - reach, middle + reach]).tolist()
+        )
 
     def _entry(self, k: int, pose: FloatArray, rays: Rays, window: Window) -> FloatArray:
         """Returns the ranges at which the window's rays enter shape k, metres; `inf`: misses."""
@@ -130,38 +142,20 @@ class ShapeTable:
         return entry
 
 
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-
-
-def _windows(pose: FloatArray, half: FloatArray, rays: Rays, nearest_m: float) -> list[Window]:
-    """Returns the columns and beams that can meet a bounding box; two windows across the start."""
-    corners = (_CORNERS * half) @ pose[:3, :3].T + pose[:3, 3]
-    beams = _beams(corners, rays, nearest_m)
-    center = math.atan2(pose[1, 3], pose[0, 3])
-    azimuth = np.arctan2(corners[:, 1], corners[:, 0]) - center
-    azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
-    low, high = float(azimuth.min()), float(azimuth.max())
-    # From above or inside a box its corners surround the lidar: no interval covers it.
-    if high - low >= math.pi - 0.1:
-        return [(slice(0, len(rays.azimuth)), beams)]
-    turns = math.ceil((float(rays.azimuth[0]) - center - high) / (2 * math.pi) - _TINY)
-    edges = center + 2 * math.pi * (turns + np.array([0, 0, 1, 1])) + [low, high, low, high]
-    edges += np.array([-_TINY, _TINY, -_TINY, _TINY])
-    begin, end, again, last = np.searchsorted(rays.azimuth, edges).tolist()
+def _columns(azimuth: FloatArray, middle: float, reach: float) -> list[slice]:
+    """Returns the columns around an azimuth; two slices across the start of a turn."""
+    if reach >= math.pi - _TINY:
+        return [slice(0, len(azimuth))]
+    turns = math.ceil((float(azimuth[0]) - middle - reach) / (2 * math.pi) - _TINY)
+    reach += _TINY
+    edges = (
+        middle + 2 * math.pi * (turns + np.array([0, 0, 1, 1])) + reach * np.array([-1, 1, -1, 1])
+    )
+    begin, end, again, last = np.searchsorted(azimuth, edges).tolist()
     columns = [slice(begin, end), slice(max(again, end), last)]
-    return [(part, beams) for part in columns if part.start < part.stop]
+    return [part for part in columns if part.start < part.stop]
 
 
-def _beams(corners: FloatArray, rays: Rays, nearest_m: float) -> slice:
-    """Returns the beams between the lowest and the highest possible sight of a bounding box."""
-    if len(rays.elevations) > 1:
-        return slice(0, rays.elevations.shape[1])
-    bottom, top = float(corners[:, 2].min()), float(corners[:, 2].max())
-    farthest = float(np.hypot(corners[:, 0], corners[:, 1]).max())
-    # The nearest point may lie below or above: its horizontal distance can be shorter still.
-    near_bottom = math.sqrt(max(nearest_m**2 - bottom**2, 1e-4))
-    near_top = math.sqrt(max(nearest_m**2 - top**2, 1e-4))
-    lowest = math.atan2(bottom, near_bottom if bottom < 0 else farthest)
-    highest = math.atan2(top, near_top if top > 0 else farthest)
-    first, end = np.searchsorted(rays.elevations[0], [lowest - _TINY, highest + _TINY]).tolist()
-    return slice(first, end)
+def _turned(angles: FloatArray) -> FloatArray:
+    """Returns angles turned to -pi to pi."""
+    return (angles + math.pi) % (2 * math.pi) - math.pi

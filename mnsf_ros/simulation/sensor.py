@@ -7,18 +7,17 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mnsf_ros.geometry.transforms import FloatArray
 from mnsf_ros.simulation.lidar import MIN_RANGE_M, Rays
-from mnsf_ros.simulation.scenarios import COLUMNS, LIDARS, drawn
+from mnsf_ros.simulation.settings import SimulationSettings, drawn
 
-if TYPE_CHECKING:
-    from mnsf_ros.simulation.settings import SimulationSettings
-
+_LIDARS: Final = {"16": 0.2, "32": 0.2, "64": 0.2, "128": 0.2, "raster": 0.1, "rosette": 0.1}
+_COLUMNS: Final = {900: 0.3, 1024: 0.3, 1800: 0.4}
 _TOP_DEG, _KNEE_DEG, _BOTTOM_DEG = 2.0, -8.33, -24.8
 # The points of a rolling sweep are measured in so many moments, of a whole turn every 7 degrees.
 _NUM_MOMENTS: Final = 50
@@ -141,11 +140,11 @@ def knee_elevations_deg(num_beams: int) -> FloatArray:
 
 def drawn_sensor(rng: np.random.Generator) -> Sensor:
     """Returns the lidar of a random world."""
-    kind = drawn(LIDARS, rng)
+    kind = drawn(_LIDARS, rng)
     sensor = Sensor(
         kind=f"{kind} beams" if kind.isdigit() else "solid state",
         elevations_deg=_elevations_deg(kind, rng),
-        num_columns=drawn(COLUMNS, rng),
+        num_columns=drawn(_COLUMNS, rng),
         rate_hz=drawn({10.0: 0.75, 20.0: 0.25}, rng),
         range_noise_m=rng.uniform(0.005, 0.03),
         dropout=rng.uniform(0.0, 0.15),

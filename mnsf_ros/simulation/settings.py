@@ -1,13 +1,19 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Settings of the simulated recording."""
+"""Settings of the simulated recording, and its scenario: what is drawn, and how often."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
+from typing import TypeVar
+
+import numpy as np
 
 from mnsf_ros.errors import SettingsError
 from mnsf_ros.setting import Setting, check_declared, declared, settings_of
+
+Item = TypeVar("Item")
 
 BEAM_CHOICES = (16, 32, 64, 128)
 SCENARIOS = ("street", "random", "standing")
@@ -59,3 +65,72 @@ class SimulationSettings:
 def simulation_settings() -> tuple[Setting, ...]:
     """The declarations of all settings of a simulation, in order."""
     return tuple(settings_of(SimulationSettings))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What scenarios differ in; the default is a random world.
+
+    Attributes:
+        places: Of which kind the place is.
+        egos: How the lidar moves.
+        speeds_m_s: Lowest and highest speed of each of these.
+        behaviours: Of ego vehicle and traffic.
+        numbers: Mean number of movers.
+        reach_m: From how far behind to how far ahead of the lidar traffic begins.
+        level: Share of places without a slope.
+    """
+
+    places: Mapping[str, float] = field(
+        default_factory=lambda: {
+            "street": 0.35,
+            "crossing": 0.2,
+            "country road": 0.15,
+            "square": 0.2,
+            "tunnel": 0.1,
+        }
+    )
+    egos: Mapping[str, float] = field(
+        default_factory=lambda: {"standing": 0.2, "on foot": 0.2, "driving": 0.4, "fast": 0.2}
+    )
+    speeds_m_s: Mapping[str, tuple[float, float]] = field(
+        default_factory=lambda: {
+            "standing": (0.0, 0.0),
+            "on foot": (0.5, 1.8),
+            "driving": (3.0, 15.0),
+            "fast": (15.0, 25.0),
+        }
+    )
+    behaviours: Mapping[str, float] = field(
+        default_factory=lambda: {"steady": 0.5, "brakes": 0.2, "starts": 0.15, "changes": 0.15}
+    )
+    numbers: Mapping[float, float] = field(
+        default_factory=lambda: {0: 0.1, 4: 0.3, 12: 0.35, 30: 0.25}
+    )
+    reach_m: tuple[float, float] = (-35.0, 55.0)
+    level: float = 0.7
+
+
+def scenario_of(settings: SimulationSettings) -> Scenario:
+    """Returns the scenario of the settings."""
+    if settings.scenario == "random":
+        return Scenario()
+    if settings.scenario == "standing":
+        return Scenario(numbers={0: 1.0})
+    # Oncoming traffic is met until the end.
+    ahead_m = 55.0 + 1.5 * settings.ego_speed_m_s * settings.duration_s
+    return Scenario(
+        places={"crossing": 1.0},
+        egos={"driving": 1.0},
+        speeds_m_s={"driving": (settings.ego_speed_m_s, settings.ego_speed_m_s)},
+        behaviours={"steady": 1.0},
+        numbers={0.22 * (35.0 + ahead_m): 1.0},
+        reach_m=(-35.0, ahead_m),
+        level=1.0,
+    )
+
+
+def drawn(shares: Mapping[Item, float], rng: np.random.Generator) -> Item:
+    """Returns one of the keys, with the probability of its share."""
+    names, weights = list(shares), np.array(list(shares.values()))
+    return names[rng.choice(len(names), p=weights / weights.sum())]

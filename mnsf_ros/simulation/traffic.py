@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mnsf_ros.simulation.bodies import Body
+from mnsf_ros.simulation import models
+from mnsf_ros.simulation.bodies import Body, Maker
 from mnsf_ros.simulation.routes import Clearance, Route, SpeedProfile, Trip
-from mnsf_ros.simulation.scenarios import KINDS, Kind, Scenario, drawn
+from mnsf_ros.simulation.settings import Scenario, drawn
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Crossing, Street
 
 if TYPE_CHECKING:
@@ -25,6 +26,41 @@ _TURN_SPEED_M_S = 4.0
 _STRIDE_S = 0.4
 # Movers that would meet something are left out; so many are tried for each that is wanted.
 _TRIES: Final = 4
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Traffic of one kind: its share, models, speeds, and where it goes.
+
+    Of two models the second one follows `behind_m` behind the first one, `beside_m` left of it.
+    """
+
+    share: float
+    makers: tuple[Maker, ...]
+    speeds_m_s: tuple[float, float]
+    way: str
+    behind_m: float = 0.0
+    beside_m: float = 0.0
+
+
+_KINDS: Final = (
+    Kind(0.2, (models.car,), (2.0, 20.0), "lane"),
+    Kind(0.06, (models.van,), (2.0, 18.0), "lane"),
+    Kind(0.07, (models.lorry,), (1.0, 16.0), "lane"),
+    Kind(0.03, (models.coach,), (2.0, 12.0), "lane"),
+    Kind(0.03, (models.bus_part, models.bus_part), (2.0, 10.0), "lane", behind_m=9.0),
+    Kind(0.03, (models.car, models.trailer), (2.0, 12.0), "lane", behind_m=4.2),
+    Kind(0.08, (models.cyclist,), (2.0, 8.0), "edge"),
+    Kind(0.06, (models.scooter,), (4.0, 14.0), "edge"),
+    Kind(0.14, (models.pedestrian,), (0.5, 2.0), "sidewalk"),
+    Kind(0.05, (models.pedestrian, models.child), (0.4, 1.6), "sidewalk", beside_m=0.5),
+    Kind(0.03, (models.pedestrian, models.dog), (0.5, 3.0), "sidewalk", behind_m=0.9),
+    Kind(0.08, (models.pedestrian,), (0.5, 2.5), "across"),
+    Kind(0.03, (models.child,), (1.0, 3.5), "across"),
+    Kind(0.02, (models.cyclist,), (2.0, 5.0), "sidewalk"),
+    Kind(0.05, (models.car,), (3.0, 18.0), "side street"),
+    Kind(0.04, (models.van,), (3.0, 5.0), "turn"),
+)
 
 
 def straight_over(
@@ -95,7 +131,7 @@ class Traffic:
         """Yields movers that meet nothing, with the name of their kind."""
         number, found = rng.poisson(drawn(self.scenario.numbers, rng)), 0
         for _ in range(_TRIES * number):
-            kind = drawn({kind: kind.share for kind in KINDS}, rng)
+            kind = drawn({kind: kind.share for kind in _KINDS}, rng)
             first = self._trip(kind, rng)
             if first is None:
                 continue

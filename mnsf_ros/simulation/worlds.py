@@ -10,13 +10,14 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import Final
 
 import numpy as np
 
 from mnsf_ros.simulation import models
-from mnsf_ros.simulation.bodies import Body
+from mnsf_ros.simulation.bodies import Body, Maker, Model
 from mnsf_ros.simulation.routes import (
     EGO_LENGTH_M,
     EGO_WIDTH_M,
@@ -29,21 +30,8 @@ from mnsf_ros.simulation.routes import (
     Trip,
     draw_sway,
 )
-from mnsf_ros.simulation.scenarios import (
-    BACK_ROWS,
-    BACKS,
-    ON_SQUARE,
-    PARKED,
-    POSTS,
-    SHAKEN,
-    Maker,
-    Scenario,
-    drawn,
-    one_of,
-    scenario_of,
-)
 from mnsf_ros.simulation.sensor import Sensor, drawn_sensor, sensor_of
-from mnsf_ros.simulation.settings import SimulationSettings
+from mnsf_ros.simulation.settings import Scenario, SimulationSettings, drawn, scenario_of
 from mnsf_ros.simulation.street import LANE_LATERAL_M, Centerline, Crossing, Street
 from mnsf_ros.simulation.traffic import Traffic, draw_profile
 
@@ -51,6 +39,29 @@ _LEAST_S: Final = 10.0
 _APART_M: Final = 0.02
 _CLEAR_OF_CROSSING_M: Final = 14.0
 _CROSSING_SPACING_M: Final = 120.0
+_BACKS: Final[dict[str, dict[str, float]]] = {
+    "street": {"houses": 0.4, "shops": 0.25, "hedge": 0.2, "fence": 0.15},
+    "crossing": {"houses": 0.6, "shops": 0.2, "hedge": 0.1, "fence": 0.1},
+    "country road": {"hedge": 0.2, "fence": 0.3, "bank": 0.4, "nothing": 0.1},
+    "square": {"houses": 0.6, "nothing": 0.4},
+    "tunnel": {"nothing": 1.0},
+}
+# Of a back: its things, their spacing, and how far behind the edge their origins are.
+_BACK_ROWS: Final[dict[str, tuple[Maker, float, float]]] = {
+    "houses": (partial(models.house, width_m=11.0), 10.9, 4.0 - models.HOUSE_WALL_Y_M),
+    "shops": (models.shop, 9.0, 8.5),
+    "hedge": (models.hedge, 4.1, 3.3),
+    "fence": (models.fence, 4.0, 3.2),
+    "bank": (models.bank, 10.0, 3.2),
+}
+_POSTS: Final[tuple[Maker, ...]] = (
+    *(models.tree, models.tree, models.lamp_post, models.sign, models.bollard, models.bollard),
+    *(models.litter_bin, models.cabinet, models.bench),
+)
+_PARKED: Final[tuple[Maker, ...]] = (models.car, models.car, models.car, models.van, models.lorry)
+_ON_SQUARE: Final[tuple[Maker, ...]] = (*_POSTS, *_PARKED, models.hedge, models.shelter)
+# Sway over that of a car on its springs.
+_SHAKEN: Final = {"standing": 0.1, "on foot": 6.0, "driving": 1.0, "fast": 2.0}
 
 
 @dataclass(frozen=True)
@@ -138,7 +149,7 @@ class _World:
         route = street.lane(lateral, forward=True)
         profile = draw_profile(self._speed_m_s, self._scenario.behaviours, rng)
         at_m = route.arc_nearest(0.0, float(street.centerline.place(np.zeros(1), lateral)[0, 1]))
-        shaken = SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
+        shaken = _SHAKEN[self._ego_kind] * rng.uniform(0.5, 1.5)
         sway = draw_sway(rng) * (shaken, rng.uniform(1.0, 4.0), 1.0)
         height_m = rng.uniform(0.45, 1.3) if on_foot else rng.uniform(1.5, 2.4)
         spread = 0.08 if rng.uniform() < 0.2 else 0.015
@@ -156,12 +167,12 @@ class _World:
         for side in (1.0, -1.0):
             if self._place not in ("tunnel", "square"):
                 pitch_m, share = rng.uniform(6.5, 8.0), rng.choice([0.0, 0.3, 0.9])
-                parked = self._row(PARKED, side * (edge_m - 1.25), pitch_m, rng, share)
-                posts = self._row(POSTS, side * (edge_m + 0.5), rng.uniform(2.0, 9.0), rng, 0.8)
+                parked = self._row(_PARKED, side * (edge_m - 1.25), pitch_m, rng, share)
+                posts = self._row(_POSTS, side * (edge_m + 0.5), rng.uniform(2.0, 9.0), rng, 0.8)
                 yield from filter(self._is_free, (*parked, *posts))
-            back = drawn(BACKS[self._place], rng)
-            if back in BACK_ROWS:
-                maker, pitch_m, behind_m = BACK_ROWS[back]
+            back = drawn(_BACKS[self._place], rng)
+            if back in _BACK_ROWS:
+                maker, pitch_m, behind_m = _BACK_ROWS[back]
                 yield from self._row((maker,), side * (edge_m + behind_m), pitch_m, rng)
 
     def _is_free(self, body: Body) -> bool:
@@ -181,14 +192,19 @@ class _World:
     ) -> Iterator[Body]:
         turn = math.pi if lateral < 0 else 0.0
         for x in np.arange(self._street.start_x, self._street.end_x, pitch_m).tolist():
-            model, is_there = one_of(makers, rng), rng.uniform() < share
+            model, is_there = _one_of(makers, rng), rng.uniform() < share
             if is_there and self._street.clear_of_crossings(x, _CLEAR_OF_CROSSING_M):
                 yield Body(model, self._street.pose(x, lateral, turn))
 
     def _scattered(self, rng: np.random.Generator) -> Iterator[Body]:
         for _ in range(int(rng.integers(5, 40))):
-            model = one_of(ON_SQUARE, rng)
+            model = _one_of(_ON_SQUARE, rng)
             x, lateral, turn = rng.uniform((-60.0, -22.0, -3.0), (90.0, 22.0, 3.0))
             body = Body(model, self._street.pose(x, lateral, turn))
             if self._is_free(body):
                 yield body
+
+
+def _one_of(makers: Sequence[Maker], rng: np.random.Generator) -> Model:
+    """Returns a specimen of one of the models."""
+    return makers[int(rng.integers(len(makers)))](rng)

@@ -18,12 +18,10 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from mnsf_ros.core.compute_device import compute_device, limit_threads
+from mnsf_ros.core.compute_device import limit_threads
 from mnsf_ros.core.flow_estimate import OptimizationResult, StopReason
+from mnsf_ros.core.networks import invert_motion
 from mnsf_ros.core.prepared_sweep import SweepPreparation
-from mnsf_ros.core.scene_flow_estimator import never
-from mnsf_ros.core.schedule import Schedules
-from mnsf_ros.core.temporal_fusion import invert_motion
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.drawing.charts import height_maps
 from mnsf_ros.errors import SettingsError
@@ -165,9 +163,8 @@ def _fitted(triplet: SweepTriplet, settings: Settings) -> tuple[Workbench, Netwo
     """MNSF, and with it FNSF, fitted to a triplet, and the workbench."""
     settings = settings.changed({"fusion.inversion": True, "fusion.kind": "mlp"})
     limit_threads(settings.compute)
-    device, preparation = compute_device(settings.compute), SweepPreparation(settings)
-    bench = Workbench(triplet, settings, device, preparation, num_before=1)
-    return bench, fitted_mnsf(bench, Schedules.start_now(settings, never))[1]
+    bench = Workbench(triplet, settings, SweepPreparation(settings), num_before=1)
+    return bench, fitted_mnsf(bench)[1]
 
 
 def _losses(bench: Workbench, networks: Networks) -> dict[str, tuple[nn.Module, Loss]]:

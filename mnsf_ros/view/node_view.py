@@ -12,7 +12,7 @@ import numpy as np
 
 from mnsf_ros.core.flow_estimate import TrackedObject
 from mnsf_ros.errors import SettingsError, one_line
-from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.transforms import pose_matrix
 from mnsf_ros.node.raw_topics import RawTopics
 from mnsf_ros.node.remote_parameters import RemoteParameters
 from mnsf_ros.recording.ros1_file import jazzy

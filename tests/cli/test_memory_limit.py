@@ -8,7 +8,7 @@ import resource
 
 import pytest
 
-from mnsf_ros.cli import evaluate
+from mnsf_ros.cli import evaluate, memory
 from mnsf_ros.cli.main import EXIT_MEMORY, run
 from mnsf_ros.errors import RecordingError
 
@@ -80,3 +80,13 @@ def test_memory_that_is_missing_for_the_only_recording_is_told_alike(monkeypatch
 
 def exhaust_at(_path):
     raise MemoryError
+
+
+def test_memory_of_the_machine_is_that_of_its_container(monkeypatch, tmp_path):
+    limited, unlimited = tmp_path / "limited", tmp_path / "unlimited"
+    limited.write_text("3000000\n")
+    unlimited.write_text("max\n")
+    monkeypatch.setattr(memory, "_GROUP_LIMITS", (unlimited, tmp_path / "none"))
+    assert memory.machine_bytes() > 3_000_000
+    monkeypatch.setattr(memory, "_GROUP_LIMITS", (unlimited, limited))
+    assert memory.machine_bytes() == 3_000_000

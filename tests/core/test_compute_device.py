@@ -1,26 +1,21 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Device, precision, threads and memory of networks."""
+"""Device, precision and threads of networks."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from mnsf_ros.core import compute_device as module
 from mnsf_ros.core.compute_device import (
     check_device,
-    check_memory,
     compute_device,
     layer_precision,
     limit_threads,
-    machine_bytes,
 )
 from mnsf_ros.errors import SettingsError
-from mnsf_ros.presets import PRESET_NAMES, preset
 from mnsf_ros.settings import Settings
 
 HAS_CUDA = torch.cuda.is_available()
-HUGE_GRID = {"distance.kind": "grid", "distance.max_cells": 2_000_000_000}
 
 
 def settings_with(**changes):
@@ -68,36 +63,3 @@ def test_number_of_threads():
             assert torch.get_num_threads() == before + 1
     finally:
         torch.set_num_threads(before)
-
-
-@pytest.mark.parametrize(
-    ("changes", "needed", "remedy"),
-    [
-        ({"field.num_hidden_layers": 64, "field.hidden_width": 4096}, 33.8, "field.num_hidden_l"),
-        ({"fusion.num_hidden_layers": 64, "fusion.hidden_width": 4096}, 16.9, "field.num_hidden_l"),
-        (HUGE_GRID, 18.0, "distance.max_cells"),
-    ],
-)
-def test_more_memory_than_there_is_is_refused_with_both_figures(
-    monkeypatch, changes, needed, remedy
-):
-    monkeypatch.setattr(module, "machine_bytes", lambda: 8 * 10**9)
-    settings = settings_with(device="cpu")
-    with pytest.raises(SettingsError) as refusal:
-        check_memory(settings.changed(changes))
-    assert f"need {needed} GB of memory, this machine has 8.0 GB: reduce {remedy}" in str(
-        refusal.value
-    )
-    check_memory(settings.changed(HUGE_GRID | {"distance.kind": "tree"}))
-    for name in PRESET_NAMES:
-        check_memory(preset(name))
-
-
-def test_memory_of_the_machine_is_that_of_its_container(monkeypatch, tmp_path):
-    limited, unlimited = tmp_path / "limited", tmp_path / "unlimited"
-    limited.write_text("3000000\n")
-    unlimited.write_text("max\n")
-    monkeypatch.setattr(module, "_GROUP_LIMITS", (unlimited, tmp_path / "none"))
-    assert machine_bytes() > 3_000_000
-    monkeypatch.setattr(module, "_GROUP_LIMITS", (unlimited, limited))
-    assert machine_bytes() == 3_000_000

@@ -10,8 +10,7 @@ import torch
 from torch import nn
 
 from mnsf_ros.core.flow_estimate import StopReason
-from mnsf_ros.core.optimization import PartlyJudgedLoss, minimize
-from mnsf_ros.core.schedule import Schedule
+from mnsf_ros.core.optimization import PartlyJudgedLoss, Schedule, minimize
 from mnsf_ros.errors import CancelledError, OptimizationError
 
 GOAL = torch.tensor([1.0, -2.0, 3.0])
@@ -170,3 +169,12 @@ def test_network_without_weights_is_not_optimized():
     assert result.stop_reason is StopReason.CONVERGED
     with pytest.raises(OptimizationError, match=r"^the loss became nan, "):
         minimize(table, lambda: torch.tensor(math.nan), Schedule(100, 0.1), keep_best=True)
+
+
+def test_decay_is_a_cosine_to_zero():
+    schedule = Schedule(max_iterations=12, learning_rate=0.4, decay=True)
+    # cos 0, 60, 90, 120 and 180 degrees.
+    for iteration, rate in {0: 0.4, 4: 0.3, 6: 0.2, 8: 0.1, 12: 0.0}.items():
+        assert schedule.learning_rate_at(iteration) == pytest.approx(rate, abs=1e-12)
+    constant = Schedule(max_iterations=12, learning_rate=0.4)
+    assert {constant.learning_rate_at(iteration) for iteration in range(12)} == {0.4}

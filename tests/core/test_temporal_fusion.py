@@ -7,16 +7,15 @@ import pytest
 import torch
 
 from mnsf_ros.core.flow_estimate import StopReason
-from mnsf_ros.core.optimization import minimize
-from mnsf_ros.core.schedule import Schedule
-from mnsf_ros.core.target_distance import TargetDistance
-from mnsf_ros.core.temporal_fusion import (
+from mnsf_ros.core.networks import (
     MeanFusion,
     MlpFusion,
     WeightedSumFusion,
     fusion_network,
     invert_motion,
 )
+from mnsf_ros.core.optimization import Schedule, minimize
+from mnsf_ros.core.target_distance import TargetDistance
 from mnsf_ros.settings import Settings
 
 KINDS = {"mean": MeanFusion, "weighted_sum": WeightedSumFusion, "mlp": MlpFusion}

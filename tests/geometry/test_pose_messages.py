@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from box_street import pose
 
-from mnsf_ros.geometry.pose_messages import pose_matrix, pose_quaternion
+from mnsf_ros.geometry.transforms import pose_matrix, pose_quaternion
 from msg_utils.errors import MessageError
 
 

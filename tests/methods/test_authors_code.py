@@ -8,8 +8,8 @@ import torch
 from moving_sweeps import QUICK, mean_error
 
 from mnsf_ros.core.flow_estimate import StopReason
+from mnsf_ros.core.networks import fusion_network
 from mnsf_ros.core.prepared_sweep import SweepPreparation
-from mnsf_ros.core.temporal_fusion import fusion_network
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods import make_method
 from mnsf_ros.methods.mnsf import Networks
@@ -23,7 +23,6 @@ def test_joint_fields_start_from_the_same_weights(translated):
         bench = Workbench(
             translated,
             settings.changed({"optimization.joint": is_joint}),
-            torch.device("cpu"),
             SweepPreparation(settings),
             num_before=2,
         )

@@ -128,7 +128,7 @@ class KnownFlow:
         self.motion = motion
         self.asked = None
 
-    def __call__(self, bench, schedules):
+    def __call__(self, bench):
         self.asked = bench.triplet
         flow = torch.zeros_like(bench.current.positions)
         flow[:, 0] = torch.tensor(self.motion).repeat(len(flow) // 4)

@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from synthetic_clouds import column, flow_columns, velocity_columns, xyz_columns, xyz_message
 from visualization_msgs.msg import MarkerArray
 
-from mnsf_ros.geometry.pose_messages import pose_matrix
+from mnsf_ros.geometry.transforms import pose_matrix
 
 STREET = BoxStreet()
 POINTS_PER_CAR = 400

@@ -23,7 +23,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from synthetic_clouds import column, over_ground, xyz_columns, xyz_message
 
-from mnsf_ros.geometry.pose_messages import pose_matrix, transform_matrix
+from mnsf_ros.geometry.transforms import pose_matrix, transform_matrix
 from mnsf_ros.node import sweep_input
 from mnsf_ros.node.sweep_input import SweepInput
 from mnsf_ros.node.transforms import OdometryFrame, Transforms

@@ -10,7 +10,6 @@ import pytest
 import torch
 from box_street import BoxStreet, pose
 
-from mnsf_ros.core import compute_device
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
 from mnsf_ros.errors import SettingsError
@@ -189,18 +188,6 @@ class TestSettings:
         with pytest.raises(SettingsError, match=text):
             stream.change_settings(quick_settings.changed(change))
         assert stream.settings == quick_settings
-
-    @pytest.mark.parametrize("name", ["field.hidden_width", "fusion.hidden_width"])
-    def test_that_need_more_memory_than_there_is_are_refused(
-        self, quick_settings, monkeypatch, name
-    ):
-        stream = Stream(quick_settings)
-        monkeypatch.setattr(compute_device, "machine_bytes", lambda: 10**8)
-        huge = quick_settings.changed({name: 4096, "compute.device": "cpu"})
-        with pytest.raises(SettingsError, match=r"need \d\.\d GB .* has 0\.1 GB: reduce field"):
-            stream.change_settings(huge)
-        with pytest.raises(SettingsError, match=r"need \d\.\d GB"):
-            Stream(huge, "mnsf")
 
     @NO_CUDA
     @pytest.mark.parametrize("method", ["online", "mnsf"])

@@ -1,5 +1,5 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""NSFP: a field and its inverse, fitted with the Chamfer distance and a cycle term."""
+"""NSFP and FNSF, the baselines of the paper, and their variants."""
 
 from __future__ import annotations
 
@@ -8,13 +8,53 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from mnsf_ros.core.schedule import Schedules
 from mnsf_ros.core.target_distance import NearestNeighborDistance
 from mnsf_ros.core.workbench import Workbench
 from mnsf_ros.methods.fields import fresh_field, penalty, schedule_for
 
+# The time of the current sweep, in intervals; the previous one is at -1.
+_NOW, _BEFORE = 0.0, -1.0
 
-def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> torch.Tensor:
+
+def fnsf(bench: Workbench, *, is_linear: bool = False) -> torch.Tensor:
+    """FNSF (Li 2023), the forward field of the paper's method; (N, 3) metres.
+
+    Minimizes mean D(p + g(p), S3). A linear field is one on a Kronecker product of encodings.
+    """
+    field = fresh_field(bench, is_linear=is_linear)
+
+    def loss_of() -> torch.Tensor:
+        points = bench.points
+        return bench.next.distance.mean(points + field(points)) + penalty(field, bench)
+
+    schedule = schedule_for(field, bench.field_schedule(), bench)
+    bench.fit("forward", field, loss_of, schedule)
+    return bench.flow("forward", field)
+
+
+def fnsf_joint(bench: Workbench, *, has_time: bool = False) -> torch.Tensor:
+    """One field for t-1 -> t and t -> t+1; (N, 3) metres.
+
+    Minimizes mean D(p + g(p), S3) over p in S2 + mean D(q + g(q), S2) over q in S1. With the time
+    as a fourth input it is g(p, 0) and g(q, -1).
+    """
+    field = fresh_field(bench, num_inputs=4 if has_time else 3)
+    (previous,) = bench.before
+    points, earlier = bench.points, bench.sampled_points(previous)
+
+    def at(time: float, positions: torch.Tensor) -> torch.Tensor:
+        times = torch.full_like(positions[:, :1], time)
+        return torch.cat([positions, times], dim=1) if has_time else positions
+
+    def loss_of() -> torch.Tensor:
+        to_next = bench.next.distance.mean(points + field(at(_NOW, points)))
+        return to_next + bench.current.distance.mean(earlier + field(at(_BEFORE, earlier)))
+
+    bench.fit("forward", field, loss_of, bench.field_schedule())
+    return bench.flow("forward", field, at(_NOW, bench.current.positions))
+
+
+def nsfp(bench: Workbench, *, is_linear: bool = False) -> torch.Tensor:
     """NSFP (Li 2021), by minimizing Chamfer(p + g(p), S3) + Chamfer(p', S2); (N, 3) metres.
 
     p' = q + h(q) with q = p + g(p) is where the inverse field h takes the moved points back to.
@@ -34,7 +74,7 @@ def nsfp(bench: Workbench, schedules: Schedules, *, is_linear: bool = False) -> 
 
     both = nn.ModuleList([there, back])
     schedule = replace(
-        schedules.field(),
+        bench.field_schedule(),
         learning_rate=settings.learning_rate,
         patience=settings.patience,
         min_delta_m=settings.min_delta_m2,

@@ -8,7 +8,7 @@ import math
 import pytest
 import torch
 
-from mnsf_ros.core.flow_field import Perceptron, evaluate
+from mnsf_ros.core.networks import Perceptron, evaluate
 from mnsf_ros.presets import preset
 from mnsf_ros.settings import FieldSettings
 

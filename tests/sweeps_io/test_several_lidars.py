@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mnsf_ros.settings import Settings
-from mnsf_ros.sweeps.lidar_groups import ArrivedSweep, LidarGroups
 from mnsf_ros.sweeps.sweep import Sweep
+from mnsf_ros.sweeps_io.several_lidars import ArrivedSweep, LidarGroups
 
 SETTINGS = Settings().lidars
 PERIOD_S = 0.1
