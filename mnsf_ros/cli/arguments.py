@@ -146,7 +146,6 @@ def chosen_settings(options: argparse.Namespace) -> Settings:
 
 
 def _existing(text: str) -> Path:
-    """Before anything is imported and prepared that takes seconds."""
     if not (path := Path(text)).exists():
         raise RecordingError(f"{text}: no such file or folder")
     return path

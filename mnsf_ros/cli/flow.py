@@ -96,7 +96,6 @@ def _triplet(clouds: Sequence[NDArray[np.float32]], interval_s: float) -> SweepT
 
 
 def _measured(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Mask (N,) of the rows with a finite point."""
     return np.asarray(np.isfinite(xyz).all(axis=1))
 
 

@@ -11,8 +11,8 @@ from typing import Final
 
 from mnsf_ros.cli.arguments import FORCE, Arguments, chosen
 from mnsf_ros.cli.console import Console
-from mnsf_ros.datasets.formats import FORMATS, TruthSettings, open_source
-from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.conversion import FORMATS, open_source, write_recording
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
 from mnsf_ros.demo.console_progress import counting_progress, simulate_with_progress
 from mnsf_ros.node.environment import prepare_environment, require_ros
 from mnsf_ros.presets import PRESET_NAMES, preset

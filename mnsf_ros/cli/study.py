@@ -16,8 +16,7 @@ from mnsf_ros.cli.arguments import (
     number_or_all,
 )
 from mnsf_ros.cli.console import Console
-from mnsf_ros.studies.settings import CaseStudySettings
-from mnsf_ros.studies.study import StudyOptions
+from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
 
 _NAMES = {
     "ablation": "FNSF, and MNSF without single parts: (a) to (d) of the paper",

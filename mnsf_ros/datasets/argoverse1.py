@@ -3,19 +3,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import columns_of, numbered_files, read_json, reading, stacked
 from mnsf_ros.datasets.surface_classes import ARGOVERSE1, UNKNOWN
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
 _PLY_TYPES: Final = {"uchar": "u1", "ushort": "u2", "int": "i4", "float": "f4", "double": "f8"}

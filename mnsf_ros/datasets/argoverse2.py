@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
@@ -20,12 +23,6 @@ from mnsf_ros.datasets.source_files import (
 from mnsf_ros.datasets.surface_classes import ARGOVERSE2, UNKNOWN, argoverse2_classes
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import poses_from_quaternions, rigid_pose
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _EXTRA: Final = {"intensity": ("intensity", np.float32), "laser_number": ("ring", np.uint16)}
 _POSE: Final = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
@@ -142,6 +139,5 @@ def _read_boxes(path: Path) -> dict[int, tuple[Box, ...]]:
 
 
 def _poses(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(..., 4, 4) poses of columns (...)."""
     numbers = np.stack([columns[name] for name in _POSE], axis=-1)
     return poses_from_quaternions(numbers[..., :4], numbers[..., 4:])

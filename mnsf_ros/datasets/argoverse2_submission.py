@@ -5,22 +5,19 @@ from __future__ import annotations
 
 import zipfile
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.exported_sweep import ExportedSweep
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.sweeps_io.files import new_file, require
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from mnsf_ros.datasets.exported_sweep import ExportedSweep
 
 _COLUMNS: Final = ("flow_tx_m", "flow_ty_m", "flow_tz_m")
 

@@ -5,21 +5,18 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import numbered_files, read_float_rows, read_lines, reading
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.geometry.transforms import apply, invert, planar_pose, rigid_pose, tilt
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _EARTH_RADIUS_M: Final = 6_378_137.0
 _IMU_CALIBRATION: Final = "calib_imu_to_velo.txt"
@@ -37,8 +34,6 @@ def open_drive(source: Path) -> SweepSource:
 
 
 class _Drive:
-    """Calibration, stamps, poses and labels of a drive."""
-
     def __init__(self, source: Path, first: int) -> None:
         here = (source / _IMU_CALIBRATION).is_file()
         calibration = source if here else source.resolve().parent
@@ -107,7 +102,6 @@ def _calibration(path: Path, **shapes: tuple[int, ...]) -> list[NDArray[np.float
 
 
 def _rigid_transform(path: Path) -> NDArray[np.float64]:
-    """Returns the (4, 4) transform of the entries R and T."""
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = _calibration(path, R=(3, 3), T=(3,))
     with reading(path):

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import (
@@ -19,12 +22,6 @@ from mnsf_ros.datasets.source_files import (
 from mnsf_ros.datasets.surface_classes import KITTI, UNKNOWN
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import planar_pose, rigid_pose
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _EXTRA: Final = {
     "intensity": ("intensity", np.float32),

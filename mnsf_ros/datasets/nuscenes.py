@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, choose, file_inside, read_float_rows, reading
@@ -22,12 +24,6 @@ from mnsf_ros.geometry.transforms import (
     poses_from_quaternions,
     rigid_pose,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 _CHANNEL: Final = "LIDAR_TOP"
 _CHUNK_CHARACTERS: Final = 1 << 20
@@ -113,8 +109,6 @@ def _boxes_between(earlier: Keyframe, later: Keyframe, micros: int) -> list[Box]
 
 @dataclass(frozen=True)
 class _Tables:
-    """The tables of a version of the data set, a folder of JSON lists."""
-
     folder: Path
 
     def rows(self, name: str, *columns: str) -> Iterator[tuple[Any, ...]]:

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from mnsf_ros.datasets.labelled_sweep import GivenFlow, LabelledSweep, SweepSource
 from mnsf_ros.datasets.source_files import as_type, reading
@@ -16,12 +19,6 @@ from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion
 from mnsf_ros.geometry.transforms import FloatArray, invert
 from mnsf_ros.sweeps_io.files import require
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from numpy.typing import DTypeLike, NDArray
 
 # Stamps below this are microseconds, others nanoseconds: either counted since 1970 or 1980.
 _FIRST_NANOSECONDS: Final = 10**17

@@ -6,23 +6,41 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
+from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.rigid_motion import fit_rigid_motion, residual_flow, rigid_flow
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert
 from mnsf_ros.recording.flow_truth import DYNAMIC_SPEED_M_S, FlowTruth
 from mnsf_ros.settings import GroundSettings
 from mnsf_ros.sweeps.kept_points import ground_mask
 
-if TYPE_CHECKING:
-    from mnsf_ros.datasets.formats import TruthSettings
-    from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
-
 # (N, 3) flow, (N,) whether it is valid, (N,) whether the surface itself moves.
 _Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True)
+class TruthSettings:
+    """Settings of the truth.
+
+    Attributes:
+        box_margin_m: Growth of the boxes in length, width and height, metres. The default is that
+            of the data sets prepared for NSFP, FNSF and MNSF.
+        unlabelled_static: Whether points outside the labelled area are static instead of unknown.
+    """
+
+    box_margin_m: float = 0.6
+    unlabelled_static: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks the margin."""
+        if not 0.0 <= self.box_margin_m <= 10.0:
+            raise DatasetError(f"box margin is {self.box_margin_m} m, expected 0 to 10")
 
 
 def sweep_truth(
@@ -93,7 +111,6 @@ def _nothing_known(sweep: LabelledSweep) -> _Motion:
 def _labelled_motion(
     sweep: LabelledSweep, following: LabelledSweep, owner: NDArray[np.int64]
 ) -> _Motion:
-    """Motion by the poses of the sweeps and of their boxes."""
     next_from_current = _ego_motion(sweep, following)
     if next_from_current is None:
         return _nothing_known(sweep)
@@ -120,7 +137,6 @@ def _tracks(boxes: Sequence[Box]) -> Mapping[str | int | None, Box]:
 
 
 def _given_motion(sweep: LabelledSweep, given: GivenFlow, following: LabelledSweep) -> _Motion:
-    """Motion by the flow labels of the data set."""
     valid = given.valid & _finite_rows(np.hstack([sweep.xyz, given.flow]))
     if given.dynamic is not None:
         return given.flow, valid, given.dynamic

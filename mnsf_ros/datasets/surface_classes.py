@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.recording.flow_truth import SurfaceClass
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 UNKNOWN: Final = 0
 

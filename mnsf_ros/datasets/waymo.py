@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from mnsf_ros.datasets.labelled_sweep import Box, LabelledSweep, SweepSource
@@ -18,12 +21,6 @@ from mnsf_ros.datasets.surface_classes import UNKNOWN, WAYMO
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.geometry.transforms import FloatArray, apply, invert, planar_pose, rigid_pose
 from mnsf_ros.sweeps_io.files import require
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import ArrayLike, NDArray
 
 _STAMP: Final = "key.frame_timestamp_micros"
 _LASER: Final = "key.laser_name"

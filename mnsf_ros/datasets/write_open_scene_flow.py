@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import pickle
 import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.datasets.exported_sweep import ExportedFlow, ExportedSweep
 from mnsf_ros.datasets.open_scene_flow import (
     SweepGroup,
     nanoseconds,
@@ -19,15 +22,8 @@ from mnsf_ros.datasets.open_scene_flow import (
 from mnsf_ros.datasets.source_files import reading
 from mnsf_ros.datasets.surface_classes import argoverse2_numbers
 from mnsf_ros.errors import DatasetError
-from mnsf_ros.recording.flow_truth import SurfaceClass
+from mnsf_ros.recording.flow_truth import FlowTruth, SurfaceClass
 from mnsf_ros.sweeps_io.files import new_file, require
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from mnsf_ros.datasets.exported_sweep import ExportedFlow, ExportedSweep
-    from mnsf_ros.recording.flow_truth import FlowTruth
 
 # Data sets of a sweep that are no estimate.
 _SWEEP_KEYS: Final = ("lidar", "ground_mask", "pose")

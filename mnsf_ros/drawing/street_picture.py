@@ -1,8 +1,9 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""One picture of a sweep in perspective: moving points coloured, with boxes and speeds."""
+"""Pictures of sweeps in perspective: moving points coloured, with boxes and speeds."""
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ from mnsf_ros.drawing.color_wheel import packed_colors, wheel_image
 
 WIDTH_PX: Final = 880
 HEIGHT_PX: Final = 470
+# Of a picture beside another one.
+_SIDE_WIDTH_PX, _SIDE_HEIGHT_PX = 560, 299
+_GAP_PX: Final = 4
+_GAP_COLOR: Final = (90, 98, 110)
 _SCALE: Final = 2  # drawn larger, for smooth edges
 _BACKGROUND: Final = np.array([13, 15, 20], np.uint8)
 _INK: Final = (225, 228, 232)
@@ -133,7 +138,6 @@ def _splat(
 def _draw_object(
     canvas: ImageDraw.ImageDraw, item: ShownObject, full_speed_m_s: float, labels: list[_Box]
 ) -> None:
-    """Draws box, way and speed."""
     pixels, depth = _projected(_corners(item))
     if (depth < _NEAREST_M).any():
         return
@@ -176,14 +180,12 @@ def _overlap(first: _Box, second: _Box) -> bool:
 
 
 def _draw_sensor(canvas: ImageDraw.ImageDraw) -> None:
-    """Draws an arrow on the ground that points ahead."""
     arrow = np.array([[2.2, 0.0], [-1.6, 1.1], [-0.7, 0.0], [-1.6, -1.1]])
     pixels, _ = _projected(np.column_stack([arrow, np.full(4, _GROUND_M)]))
     canvas.polygon([tuple(pixel) for pixel in pixels.tolist()], fill=_INK)
 
 
 def _draw_way(canvas: ImageDraw.ImageDraw, item: ShownObject, color: tuple[int, int, int]) -> None:
-    """Draws the way of an object, fading."""
     base = np.array([0.0, 0.0, -item.size[2] / 2])
     pixels, depth = _projected(np.vstack([item.way, item.center]) + base)
     for index in range(len(pixels) - 1):
@@ -222,3 +224,29 @@ def _draw_legend(image: Image.Image, full_speed_m_s: float) -> None:
 
 def _font(size_px: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(mpl.get_data_path(), "fonts/ttf/DejaVuSans.ttf")), size_px)
+
+
+def frame(
+    xyz: NDArray[np.float32], velocities: Sequence[NDArray[np.float32]], full_speed_m_s: float
+) -> bytes:
+    """Returns a PNG file with a picture for each of the velocities, see `street_picture`."""
+    width = len(velocities) * (_SIDE_WIDTH_PX + _GAP_PX) - _GAP_PX
+    whole = Image.new("RGB", (width, _SIDE_HEIGHT_PX), _GAP_COLOR)
+    for place, velocity in enumerate(velocities):
+        picture = street_picture(xyz, velocity, [], full_speed_m_s)
+        picture = picture.resize((_SIDE_WIDTH_PX, _SIDE_HEIGHT_PX), Image.Resampling.BOX)
+        whole.paste(picture, (place * (_SIDE_WIDTH_PX + _GAP_PX), 0))
+    content = io.BytesIO()
+    whole.save(content, "PNG")
+    return content.getvalue()
+
+
+def animation(frames: Sequence[bytes], interval_s: float) -> bytes:
+    """Returns a WebP file of PNG files that plays at an interval."""
+    first, *others = (Image.open(io.BytesIO(one)) for one in frames)
+    content = io.BytesIO()
+    duration = max(1, round(1e3 * interval_s))
+    first.save(
+        content, "WEBP", save_all=True, append_images=others, duration=duration, loop=0, quality=60
+    )
+    return content.getvalue()

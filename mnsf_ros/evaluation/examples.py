@@ -154,7 +154,6 @@ class ExampleBuilder:
         self._buffer.clear()
 
     def _completed_by(self, sweep: Sweep) -> Example | None:
-        """The example whose next sweep this is."""
         number = len(self._stamps_ns)
         self._stamps_ns.append(sweep.stamp_ns)
         truth = self._truth_of(sweep)

@@ -65,7 +65,6 @@ def exported_sweeps(
 def _poses(
     example: Example, estimate: FlowEstimate | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`world_from_sensor` and `next_from_current`."""
     current, motion = example.triplet.current, example.triplet.next_from_current
     if current.odometry is not None and motion is not None:
         return current.odometry, motion

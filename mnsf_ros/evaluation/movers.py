@@ -235,7 +235,6 @@ def _object_rows(
 
 
 def _standing(truth: TrueMotion, called: NDArray[np.bool_]) -> list[int]:
-    """The true static objects that are not called movers."""
     if truth.object_id is None:
         return []
     ids, owners, counts = np.unique(truth.object_id, return_inverse=True, return_counts=True)

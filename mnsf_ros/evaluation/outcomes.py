@@ -108,7 +108,6 @@ def attempted(work: Callable[[], Result]) -> Result | str:
 def _timed(
     work: Callable[[], Result], clock_s: Callable[[], float] = time.perf_counter
 ) -> tuple[Result, float]:
-    """The result of work, and its run time in milliseconds."""
     start_s = clock_s()
     return work(), (clock_s() - start_s) * 1e3
 

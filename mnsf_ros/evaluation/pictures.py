@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.drawing.color_wheel import FULL_COLOR_M_S
-from mnsf_ros.drawing.side_by_side import frame
+from mnsf_ros.drawing.street_picture import frame
 from mnsf_ros.evaluation.examples import Example
 from mnsf_ros.evaluation.outcomes import attempted
 from mnsf_ros.evaluation.results import ResultRow

@@ -78,7 +78,6 @@ def run_task(task: EvaluationTask, options: EvaluationOptions) -> Iterator[TaskE
 def _outcomes(
     stream: Stream, examples: Iterator[tuple[Example, bool]], realtime_rate: float | None
 ) -> Iterator[Outcome]:
-    """The outcomes of the examples that are scored."""
     if realtime_rate is not None:
         yield from replayed(stream, (example for example, _ in examples), realtime_rate)
         return

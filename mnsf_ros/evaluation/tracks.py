@@ -65,7 +65,6 @@ def in_stamp_order(
 
 
 def _in_order(waiting: list[tuple[int, int, Item]]) -> Iterator[Item]:
-    """Empties the heap."""
     while waiting:
         yield heapq.heappop(waiting)[2]
 

@@ -3,18 +3,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy as ros
 
 from mnsf_ros.geometry.transforms import pose_quaternion
+from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.stamps import encode_stamp
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from msg_utils.cloud_layout import EncodedCloud
 
 
 def cloud_message(

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import copy
 import math
+import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import chain
@@ -23,16 +25,23 @@ from mnsf_ros.recording.bag_files import (
     recording_files,
 )
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic, find_topic, known_topic
-from mnsf_ros.recording.compression import expand_file, expanded_message
 from mnsf_ros.recording.damage import UNREADABLE, Damage, unfit_counts
 from mnsf_ros.recording.mcap_file import McapFile
 from mnsf_ros.recording.ros1_file import Ros1File, jazzy
 from mnsf_ros.recording.sqlite_file import SqliteFile
 
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
 Converted = TypeVar("Converted")
 # A message with its receive time in nanoseconds, or damage.
 Readable: TypeAlias = "tuple[int, Converted] | Damage"
 _MAX_WARNINGS: Final = 5
+# How each zstd frame begins. A ROS 2 message begins with a zero byte, so the bytes tell which is
+# which, also in a file that has lost the metadata.yaml which says so.
+_ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 
 
 class StorageFile(Protocol):
@@ -149,7 +158,7 @@ class BagReader:
     def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Returns receive time in nanoseconds and CDR bytes of each message, see `messages`."""
         known_topic(self.path, self.topics, topic)
-        return self._undamaged(self._converted(topic, expanded_message))
+        return self._undamaged(self._converted(topic, _expanded))
 
     def readable_messages(self, topic: str) -> Iterator[Readable[Any]]:
         """Returns receive time in nanoseconds and message, or a Damage where some may be missing.
@@ -158,9 +167,7 @@ class BagReader:
             RecordingError: The topic is unknown.
         """
         msgtype = known_topic(self.path, self.topics, topic).msgtype
-        return self._converted(
-            topic, lambda raw: jazzy().deserialize_cdr(expanded_message(raw), msgtype)
-        )
+        return self._converted(topic, lambda raw: jazzy().deserialize_cdr(_expanded(raw), msgtype))
 
     def _undamaged(self, found: Iterator[Readable[Converted]]) -> Iterator[tuple[int, Converted]]:
         for item in found:
@@ -237,8 +244,36 @@ def _storage(path: Path, stack: ExitStack) -> StorageFile:
         raise OSError(f"{path.name!r} is not a regular file")
     if path.suffix == COMPRESSED:
         plain = Path(stack.enter_context(TemporaryDirectory()), path.stem)
-        expand_file(path, plain)
+        _expand_file(path, plain)
         path = plain
     if path.suffix == MCAP:
         return McapFile(path)
     return Ros1File(path) if path.suffix == ROS1 else SqliteFile(path)
+
+
+def _expanded(raw: bytes) -> bytes:
+    """Returns a ROS 2 message, decompressed if it was compressed by itself.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    if not raw.startswith(_ZSTD_MAGIC):
+        return raw
+    try:
+        return zstd.decompress(raw)
+    except zstd.ZstdError as error:
+        raise ValueError(f"zstd data is damaged: {error}") from error
+
+
+def _expand_file(file: Path, target: Path) -> None:
+    """Decompresses a file that is compressed as a whole.
+
+    Raises:
+        ValueError: It is damaged.
+        OSError: It cannot be read, or there is no space left for its content.
+    """
+    try:
+        with zstd.open(file, "rb") as content, target.open("wb") as plain:
+            shutil.copyfileobj(content, plain)
+    except (zstd.ZstdError, EOFError) as error:
+        raise ValueError(f"zstd data is damaged: {error}") from error

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
+from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from mnsf_ros.errors import RecordingError
@@ -31,16 +33,10 @@ from mnsf_ros.recording.bag_topics import (
     TRUTH_ODOMETRY_TOPIC,
 )
 from mnsf_ros.recording.damage import reason
+from mnsf_ros.recording.flow_truth import FlowTruth
 from msg_utils.cloud_layout import EncodedCloud
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import encode_columns
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from numpy.typing import NDArray
-
-    from mnsf_ros.recording.flow_truth import FlowTruth
 
 _LATEST_NS: Final = 2**63 - 1
 _REPLACEABLE_SUFFIXES: Final = (*SUFFIXES, ".zstd")

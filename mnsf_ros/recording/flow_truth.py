@@ -7,22 +7,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mnsf_ros.errors import RecordingError
 from mnsf_ros.geometry.transforms import pose_matrix
+from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.bag_topics import CLOUD_TYPE, ODOMETRY_TYPE, TRUTH_FLOW_TOPIC
 from msg_utils.cloud_layout import EncodedCloud, PointCloudLike
 from msg_utils.errors import MessageError
 from msg_utils.point_cloud2 import decode_points, encode_columns
 from msg_utils.stamps import StampLike, decode_stamp
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mnsf_ros.recording.bag_reader import BagReader
 
 _FLOW = ("flow_x", "flow_y", "flow_z")
 _FLAGS = ("valid", "dynamic", "ground", "class_id")

@@ -93,7 +93,6 @@ class McapFile:
         return Counter(summary.statistics.channel_message_counts)
 
     def _read_all(self) -> Counter[int]:
-        """Number of messages of each channel."""
         counts: Counter[int] = Counter()
         found = []
         for item in self._from_the_front():

@@ -6,17 +6,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag1
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from mnsf_ros.recording.bag_topics import TopicSummary, add_topic
 from mnsf_ros.recording.damage import UNREADABLE, Damage
-
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
 
 
 @cache

@@ -116,7 +116,6 @@ class _Truth:
 
 
 def _stage(reason: Reason, truth_if_missed: _Truth | None) -> str:
-    """The stage under the name that it has in the report."""
     if truth_if_missed is not None and truth_if_missed.share > _MOVES:
         return lost_by(reason, truth_if_missed.motion).value
     return _STAGES.get(reason.verdict) or LostBy[reason.verdict.name].value
@@ -125,7 +124,6 @@ def _stage(reason: Reason, truth_if_missed: _Truth | None) -> str:
 def _estimated(
     recording: EvaluatedRecording, options: EvaluationOptions, stamp_ns: int, method: str
 ) -> tuple[Example, FlowEstimate]:
-    """The example of a stamp and its estimate."""
     stream = Stream(options.settings, method)
     stamps_ns: list[int] = []
     with recording.open() as reader:

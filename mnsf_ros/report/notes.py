@@ -106,7 +106,6 @@ def notes_of(
 def _unfinished(
     run: RunRecord, finished: Sequence[FinishedTask], rows: Sequence[ResultRow]
 ) -> Iterator[Note]:
-    """Tasks that were interrupted or gave up."""
     ended = {(one.recording, one.method) for one in finished}
     count = Counter((row.recording, row.method) for row in rows)
     for key in product([one.name for one in run.recordings], run.method_names):

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import jinja2
 
 from mnsf_ros import __version__
-from mnsf_ros.drawing.side_by_side import animation
+from mnsf_ros.drawing.street_picture import animation
 from mnsf_ros.evaluation.pictures import FRAME, WORST, saved_pictures
 from mnsf_ros.evaluation.recordings import EvaluatedRecording
 from mnsf_ros.evaluation.results import ResultRow
@@ -83,7 +83,6 @@ def _animation(results: RunResults, folder: Path) -> Image | None:
 
 
 def _worst(results: RunResults, folder: Path, number: int) -> list[Image]:
-    """The pictures of the worst sweeps, as far as the run has drawn them."""
     recordings = {one.name: one for one in results.record.recordings}
     images = []
     for row in results.worst["row"][:number]:

@@ -80,7 +80,6 @@ def results_markdown(results: RunResults) -> str:
 
 
 def _results_latex(results: RunResults) -> str:
-    """Returns all tables for LaTeX, the protocol as comments."""
     head = ["% \\usepackage{booktabs}", *(f"% {text}" for text in results.protocol)]
     command = results.record.sessions[-1].get("command", "")
     tables = (*results.main_tables, *results.further_tables)
@@ -157,7 +156,6 @@ def _origin(results: RunResults, method: str) -> dict[str, str]:
 
 
 def _results_json(results: RunResults) -> str:
-    """Returns protocol, notes, summaries and the run; rows are in `rows.jsonl`."""
     document = {
         "protocol": results.protocol,
         "notes": [note.text for note in results.notes],

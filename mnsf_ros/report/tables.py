@@ -178,7 +178,6 @@ def _part_table(
 
 
 def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
-    """Errors of all, dynamic and static points."""
     for group, words in _GROUP_TITLES.items():
         errors = errors_in(summary, group)
         counts = [f"{count:,.0f}" for count in sorted(set(errors.get("num_points", ())))]
@@ -189,7 +188,6 @@ def _group_tables(summary: pd.DataFrame) -> Iterator[TextTable]:
 
 
 def _objects_table(summary: pd.DataFrame, groups: Iterable[MoverGroup]) -> TextTable:
-    """The detection of moving objects."""
     parts = {group.name: part_of(summary, f"movers.{group.name}") for group in groups}
     lines = {
         f"{method}: {name}": part.loc[method]

@@ -160,7 +160,6 @@ def losses_along(
 
 
 def _fitted(triplet: SweepTriplet, settings: Settings) -> tuple[Workbench, Networks]:
-    """MNSF, and with it FNSF, fitted to a triplet, and the workbench."""
     settings = settings.changed({"fusion.inversion": True, "fusion.kind": "mlp"})
     limit_threads(settings.compute)
     bench = Workbench(triplet, settings, SweepPreparation(settings), num_before=1)
@@ -192,7 +191,6 @@ def _losses(bench: Workbench, networks: Networks) -> dict[str, tuple[nn.Module, 
 
 
 def _unconverged(fits: Mapping[str, OptimizationResult]) -> list[str]:
-    """A note on the fits that ended before they converged."""
     cut_off = [
         f"{stage} ({fit.stop_reason.value.replace('_', ' ')} after {fit.iterations} steps)"
         for stage, fit in fits.items()

@@ -127,7 +127,6 @@ def _said(row: ResultRow) -> str:
 
 
 def _result(study: MethodStudy, summary: pd.DataFrame, texts: Sequence[str]) -> StudyResult:
-    """The summary of the variants as tables and a picture."""
     known = {name: m for name, m in study.variants.items() if m in summary.index}
     named = summary.loc[list(known.values())].set_axis(list(known))
     errors = {group: errors_in(named, group).reindex(columns=_ERRORS) for group in _GROUPS}

@@ -307,7 +307,6 @@ def _best_values(
 
 
 def _num_done(study: optuna.Study) -> int:
-    """Returns the number of finished trials."""
     return sum(trial.value is not None for trial in study.get_trials(deepcopy=False))
 
 

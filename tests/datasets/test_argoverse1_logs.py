@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.conversion import open_source
 from mnsf_ros.errors import DatasetError
 
 BOXES = "per_sweep_annotations_amodal/tracked_object_labels"

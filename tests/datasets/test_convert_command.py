@@ -12,7 +12,7 @@ import tiny_world
 
 from mnsf_ros.cli import recordings
 from mnsf_ros.cli.arguments import Arguments
-from mnsf_ros.datasets.formats import FORMATS
+from mnsf_ros.datasets.conversion import FORMATS
 from mnsf_ros.errors import DatasetError, RecordingError
 
 

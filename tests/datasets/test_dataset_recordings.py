@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tiny_world
 
+from mnsf_ros.datasets.conversion import TruthSummary, write_recording
 from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-from mnsf_ros.datasets.recording_writer import TruthSummary, write_recording
 from mnsf_ros.errors import DatasetError, RecordingError
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import TruthSettings
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
 
 EARTH_RADIUS_M = 6_378_137.0
 LATITUDE, LONGITUDE = 49.0, 8.4

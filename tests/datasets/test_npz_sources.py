@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import TruthSettings, open_source
-from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
-from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.conversion import open_source, write_recording
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
 from mnsf_ros.errors import DatasetError
 
 

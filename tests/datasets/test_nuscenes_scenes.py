@@ -11,7 +11,8 @@ import pytest
 import tiny_world
 
 from mnsf_ros.datasets import nuscenes
-from mnsf_ros.datasets.formats import TruthSettings, open_source
+from mnsf_ros.datasets.conversion import open_source
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings
 from mnsf_ros.errors import DatasetError
 
 # The lidar looks to the left, as it does on the real vehicles, and the sweep is in its frame.

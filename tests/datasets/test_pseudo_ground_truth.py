@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import tiny_world
 
-from mnsf_ros.datasets.formats import TruthSettings
 from mnsf_ros.datasets.labelled_sweep import Box, GivenFlow, LabelledSweep
-from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
 from mnsf_ros.datasets.surface_classes import (
     ARGOVERSE1,
     ARGOVERSE2,

@@ -12,7 +12,7 @@ import pytest
 import tiny_world
 from scipy.spatial.transform import Rotation
 
-from mnsf_ros.datasets.formats import open_source
+from mnsf_ros.datasets.conversion import open_source
 from mnsf_ros.datasets.waymo import LaserCalibration, LaserReturns, waymo_sweep
 from mnsf_ros.errors import DatasetError
 

@@ -16,8 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mnsf_ros.datasets.formats import open_source
-from mnsf_ros.datasets.recording_writer import write_recording
+from mnsf_ros.datasets.conversion import open_source, write_recording
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_reader import BagReader
 from mnsf_ros.recording.flow_truth import read_sensor_poses, read_truth

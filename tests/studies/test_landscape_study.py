@@ -10,8 +10,7 @@ from torch import nn
 
 from mnsf_ros.presets import preset
 from mnsf_ros.studies.landscape_study import landscape, losses_along, random_direction
-from mnsf_ros.studies.settings import CaseStudySettings
-from mnsf_ros.studies.study import StudyOptions
+from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
 
 
 @pytest.fixture

@@ -14,9 +14,8 @@ import pytest
 from mnsf_ros.core.flow_estimate import FlowEstimate
 from mnsf_ros.errors import EvaluationError
 from mnsf_ros.presets import preset
-from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.stability_study import changes, fitted_slope
-from mnsf_ros.studies.study import StudyOptions
+from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
 from mnsf_ros.sweeps.sweep import Sweep, SweepTriplet
 
 

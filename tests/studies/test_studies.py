@@ -15,9 +15,8 @@ from mnsf_ros.presets import preset
 from mnsf_ros.report.page import write_report
 from mnsf_ros.report.run_results import read_results
 from mnsf_ros.studies.run_study import STUDIES, run_study
-from mnsf_ros.studies.settings import CaseStudySettings
 from mnsf_ros.studies.stability_study import STABILITY_SETTINGS, stability_settings
-from mnsf_ros.studies.study import StudyOptions
+from mnsf_ros.studies.study import CaseStudySettings, StudyOptions
 
 FEW_STEPS = {
     "crop.max_range_m": 20.0,

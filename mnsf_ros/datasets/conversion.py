@@ -1,23 +1,74 @@
 # Copyright 2026 The mnsf_ros developers. SPDX-License-Identifier: Apache-2.0
-"""Labelled sweeps into recordings with truth, see `docs/recordings.md`."""
+"""Sequences of data sets, opened by the name of their format, and written as recordings with truth.
+
+Each opener raises a DatasetError if a needed file is missing or damaged; so does reading the
+sweeps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from pathlib import Path
+from typing import Final, NamedTuple
 
-from mnsf_ros.datasets.formats import TruthSettings
-from mnsf_ros.datasets.pseudo_ground_truth import sweep_truth
+from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
+from mnsf_ros.datasets.pseudo_ground_truth import TruthSettings, sweep_truth
 from mnsf_ros.errors import DatasetError
 from mnsf_ros.recording.bag_writer import BagWriter
+from mnsf_ros.recording.flow_truth import FlowTruth
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
-    from mnsf_ros.datasets.labelled_sweep import LabelledSweep, SweepSource
-    from mnsf_ros.recording.flow_truth import FlowTruth
+class Format(NamedTuple):
+    """Module and function that opens a source, its description, and an option of `open_source`."""
+
+    place: str
+    source: str
+    option: str = ""
+
+
+FORMATS: Final[Mapping[str, Format]] = {
+    "kitti": Format("kitti:open_drive", "KITTI raw: folder of a drive, …_sync"),
+    "argoverse2": Format("argoverse2:open_log", "Argoverse 2 sensor: folder of a log", "labels"),
+    "argoverse1": Format("argoverse1:open_log", "Argoverse 1 tracking: folder of a log"),
+    "waymo": Format(
+        "waymo:open_segment", "Waymo Open v2: folder with lidar, lidar_pose, …", "sequence"
+    ),
+    "nuscenes": Format(
+        "nuscenes:open_scene", "nuScenes: folder with sweeps, samples, v1.0-…", "sequence"
+    ),
+    "opensceneflow": Format("open_scene_flow:open_file", "OpenSceneFlow: .h5 file"),
+    "triplets": Format(
+        "npz:open_triplets", "npz file (or folder) of NSFP, FNSF or MNSF: pc1, pc2, (pc3,) flow…"
+    ),
+    "sweeps": Format("npz:open_sweeps", "folder of npz sweeps, see docs/recordings.md"),
+}
+
+
+def open_source(
+    name: str, source: Path, *, sequence: str | None = None, labels: Path | None = None
+) -> SweepSource:
+    """Opens a sequence of a data set whose format is a key of `FORMATS`.
+
+    A source with several sequences needs the name of the `sequence`. `labels` is a separate folder
+    of labels.
+
+    Raises:
+        DatasetError: The format is unknown or does not support a given option, or a needed file is
+            missing or damaged.
+    """
+    if name not in FORMATS:
+        raise DatasetError(f"format {name!r} is unknown, expected one of {', '.join(FORMATS)}")
+    given = {"sequence": sequence, "labels": labels}
+    options = {option: value for option, value in given.items() if value is not None}
+    for option, value in options.items():
+        if option != FORMATS[name].option:
+            raise DatasetError(f"format {name!r} takes no {option}, got {str(value)!r}")
+    module, _, function = FORMATS[name].place.partition(":")
+    opener = getattr(import_module(f"{__package__}.{module}"), function)
+    opened: SweepSource = opener(source, **options)
+    return opened
 
 
 @dataclass
