@@ -61,7 +61,6 @@ class RawTopics:
     """
 
     def __init__(self, name: str) -> None:
-        """Joins the ROS graph as a node of this name."""
         self._context = Context()
         rclpy.init(args=[], context=self._context)
         self.node = rclpy.create_node(name, context=self._context)
@@ -69,11 +68,9 @@ class RawTopics:
         self._executor.add_node(self.node)
 
     def __enter__(self: Self) -> Self:
-        """Returns itself."""
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Leaves the ROS graph."""
         with leaving_ros():
             self._executor.shutdown()
             self.node.destroy_node()
