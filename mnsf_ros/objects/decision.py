@@ -10,10 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mnsf_ros.geometry.rigid_motion import transformed
 from mnsf_ros.objects.motion_fusion import JudgedMotions
 from mnsf_ros.objects.object_points import ObjectPoints
+from mnsf_ros.objects.range_view import margin_m
 from mnsf_ros.objects.suspects import MIN_PAST_M, Suspects
-from mnsf_ros.objects.target import Targets
+from mnsf_ros.objects.target import Target, Targets
 from mnsf_ros.settings import ObjectSettings
 
 # Not fitted: the number of places where something may match by chance grows with the square of the
@@ -23,10 +25,10 @@ _PER_LOG: Final = -2.0
 # `evidence`: constant, logarithm of the share of the residual in the neighbouring sweeps that the
 # motion leaves, of the number of points in free space, agreement with a track, and with what score
 # of that, logarithm of the thickness; with older sweeps: gain in metres there if the motion is
-# slow, gain where the object would be visible, logarithm of the share that the motion leaves;
+# slow, gain where the place was free, logarithm of the share that the motion leaves;
 # without them: logarithm of the metres from one on if no track expected the motion.
-_WITH_PAST: Final = (-1.84, -0.84, 0.60, 1.38, 0.51, 0.93, 5.40, 2.34, -0.46)
-_WITHOUT_PAST: Final = (-1.27, -0.78, 0.76, 0.79, -0.38, 0.89, _PER_LOG)
+_WITH_PAST: Final = (-2.07, -0.87, 0.90, 1.72, 0.31, 0.72, 12.32, 1.24, -0.41)
+_WITHOUT_PAST: Final = (-1.05, -1.00, 1.18, 2.85, 1.41, 1.05, _PER_LOG)
 # Below these, residuals are noise: of the neighbouring sweeps, and of the older ones.
 _NOISE_M: Final = 0.01
 _PAST_NOISE_M: Final = 0.02
@@ -41,20 +43,20 @@ _SAME_MOTION_SHARE: Final = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """Free and visible shares of K objects in other sweeps.
+    """Shares of K objects that are in free space of other sweeps.
 
-    A place that was seen through is evidence of motion. A place that was hidden is none: there a
-    static object leaves a residual, too.
+    A place that was seen through is evidence of motion. A place that was hidden, or beside the
+    beams, is none: there a static object leaves a residual, too.
 
     Attributes:
         free: (K,) share of each object's points that are in free space of a sweep if the object is
             static, summed over the sweeps, less the same if it moves.
-        visible_past: (K, S) share of its points that are not behind something in each of S older
-            sweeps if it is static.
+        free_past: (K, S) share of its points that are in free space of each of S older sweeps if
+            it is static.
     """
 
     free: NDArray[np.float64]
-    visible_past: NDArray[np.float64]
+    free_past: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -62,13 +64,13 @@ class Visibility:
     ) -> Visibility:
         """Returns the visibility in the targets of K objects with motions (K, 3), metres."""
         free = np.zeros(len(objects))
-        visible_past = np.zeros((len(objects), len(targets.past)))
+        free_past = np.zeros((len(objects), len(targets.past)))
         for number, target in enumerate((*targets.past, *targets.near)):
-            is_free, is_hidden = target.seen(objects, np.zeros_like(motions))
-            free += is_free - target.seen(objects, motions)[0]
+            is_free = target.free_shares(objects, np.zeros_like(motions))
+            free += is_free - target.free_shares(objects, motions)
             if number < len(targets.past):
-                visible_past[:, number] = 1 - is_hidden
-        return cls(free, visible_past)
+                free_past[:, number] = is_free
+        return cls(free, free_past)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +151,7 @@ def evidence(
         gains = standing.past - moving.past
         columns += [
             gains.mean(axis=1) * np.maximum(1 - lengths / _SLOW_M, 0.0),
-            (gains * seen.visible_past).mean(axis=1),
+            (gains * seen.free_past).mean(axis=1),
             _log_share(moving.past.mean(axis=1), standing.past.mean(axis=1), _PAST_NOISE_M),
         ]
     else:
@@ -166,13 +168,42 @@ def _log_share(
 
 # A shorter motion over ground is noise.
 _MIN_MOTION_M: Final = 0.02
+# A motion this much longer than the margin of free space leaves some behind it.
+_CLEARLY: Final = 1.25
+# Less than this share of its points in free space is none.
+_MIN_FREE: Final = 0.1
 # Objects whose odds are lower than asked for by up to this (logarithm) are only followed.
 _TENTATIVE: Final = 2.0
+
+
+def are_beams(
+    objects: ObjectPoints, moving: JudgedMotions, seen: Visibility, next_: Target
+) -> NDArray[np.bool_]:
+    """Returns the mask (K,) of what goes along with the sensor and was never seen through.
+
+    Along a wall, a kerb or a ceiling the traces of the beams go along with the sensor. Of a vehicle
+    that does so the place was, or will be, seen to be empty.
+
+    Args:
+        objects: K objects.
+        moving: Their motions.
+        seen: What the other sweeps could see of them.
+        next_: The next sweep.
+    """
+    lengths = np.sqrt((moving.motions**2).sum(axis=1))
+    along = transformed(objects.centers, next_.to_current) - objects.centers
+    apart = np.sqrt(((moving.motions - along) ** 2).sum(axis=1))
+    goes_along = apart < _SAME_MOTION_M + _SAME_MOTION_SHARE * lengths
+    # A shorter way may not show.
+    is_far = lengths > _CLEARLY * margin_m(np.sqrt((objects.centers**2).sum(axis=1)))
+    beams: NDArray[np.bool_] = goes_along & is_far & (seen.free < _MIN_FREE)
+    return beams
 
 
 def moves(
     suspects: Suspects,
     moving: JudgedMotions,
+    are_beams: NDArray[np.bool_],
     scores: NDArray[np.float64],
     interval_s: float,
     settings: ObjectSettings,
@@ -182,20 +213,21 @@ def moves(
     Args:
         suspects: K objects, how well they are explained as static, and what tracks expect of them.
         moving: How well their motions explain them.
+        are_beams: (K,) see `are_beams`.
         scores: (K,) logarithm of the odds that they move, see `moving_scores`.
         interval_s: Time to the next sweep.
         settings: Settings of the objects.
     """
     standing = suspects.standing
     lengths = np.hypot(moving.motions[:, 0], moving.motions[:, 1])
-    is_slow_enough = lengths <= settings.max_speed_m_s * interval_s
+    is_possible = (lengths <= settings.max_speed_m_s * interval_s) & ~are_beams
     may_move = moving.total < settings.max_unexplained * standing.total
-    may_move &= (lengths > _MIN_MOTION_M) & is_slow_enough
+    may_move &= (lengths > _MIN_MOTION_M) & is_possible
     odds = settings.min_probability / (1 - settings.min_probability)
     is_clear = may_move & (scores > np.log(odds))
     # What was clearly seen to move goes on, also slower, until standing explains as much.
     evidence = suspects.expected.evidence
     is_held = (evidence > 0) & (evidence + scores > 0) & (moving.total < standing.total)
-    is_held &= (lengths > _MIN_MOTION_M / 2) & is_slow_enough
+    is_held &= (lengths > _MIN_MOTION_M / 2) & is_possible
     is_held &= standing.past.max(axis=1, initial=0.0) > MIN_PAST_M
     return is_held | may_move & (scores > np.log(odds) - _TENTATIVE), is_held | is_clear

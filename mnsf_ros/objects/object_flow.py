@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 from mnsf_ros.core.compute_device import check_device
 from mnsf_ros.core.flow_estimate import FlowEstimate, OverGround, StageClock
 from mnsf_ros.core.scene_flow_estimator import MethodTraits, never
-from mnsf_ros.objects.decision import Decision, Visibility, evidence, moves, moving_scores
+from mnsf_ros.objects.decision import (
+    Decision,
+    Visibility,
+    are_beams,
+    evidence,
+    moves,
+    moving_scores,
+)
 from mnsf_ros.objects.first_guesses import first_guesses
 from mnsf_ros.objects.motion_field import fit_motion_field
 from mnsf_ros.objects.motion_fusion import (
@@ -134,7 +141,8 @@ class ObjectFlowEstimator:
             are_parts = scene.current.are_parts[fitted.objects.numbers]
             features = evidence(fitted, moving, seen, are_parts)
             scores, interval_s = moving_scores(features), scene.usual_interval_s
-            may_move, is_moving = moves(fitted, moving, scores, interval_s, settings)
+            beams = are_beams(fitted.objects, moving, seen, targets.near[0])
+            may_move, is_moving = moves(fitted, moving, beams, scores, interval_s, settings)
         return Decision(
             suspects, searched, start, fitted, moving, seen, features, may_move, is_moving
         )

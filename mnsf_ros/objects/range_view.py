@@ -10,44 +10,58 @@ from numpy.typing import NDArray
 
 from mnsf_ros.compiled import compiled
 
-# Cells span a few beams of common sensors. Empty cells, as with few beams, are not free.
+# Cells span a few beams of common sensors. Those above and below that are empty, as between few
+# beams, are passed over, up to this far.
 _AZIMUTH_DEG: Final = 0.5
 _ELEVATION_DEG: Final = 1.0
+_REACH_DEG: Final = 3.0
 _NUM_AZIMUTHS: Final = round(360 / _AZIMUTH_DEG)
 _NUM_ELEVATIONS: Final = round(180 / _ELEVATION_DEG)
+_NUM_REACHED: Final = round(_REACH_DEG / _ELEVATION_DEG)
 _AZIMUTHS_PER_RAD: Final = np.float32(180 / np.pi / _AZIMUTH_DEG)
 _ELEVATIONS_PER_RAD: Final = np.float32(180 / np.pi / _ELEVATION_DEG)
 # Of the odd polynomial that is nearest to the arctangent from 0 to 1, highest power first.
 _ARCTAN: Final = tuple(
     map(np.float32, (-0.011719, 0.052647, -0.116426, 0.19354, -0.332623, 0.999977))
 )
-# A place is free only if it is nearer than the surface by this plus this share of its range.
+# A place is free only if it is nearer than what is around by this plus this share of its range.
 _MARGIN_M: Final = 0.2
 _MARGIN_SHARE: Final = 0.01
 
 
 class RangeView:
-    """The nearest return in each direction, ground included."""
+    """The nearest return in each direction, ground included.
+
+    What is seen at a flat angle, a wall along the way or the ground, is far apart from beam to
+    beam: a place is free only if it is in front of the returns of neighbouring beams, too.
+    """
 
     def __init__(self, xyz: NDArray[np.float32]) -> None:
         """Makes the range image of points (N, 3), in metres in the frame of the sensor."""
         self._nearest = _nearest(*_directions(np.ascontiguousarray(xyz)))
+        self._nearest_around = _nearest_around(self._nearest)
 
     def free_and_hidden(
         self, positions: NDArray[np.float32]
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Returns (P,) masks of free and of hidden places (P, 3), metres, sensor frame.
 
-        Places behind a surface are hidden. Directions without a return say nothing.
+        Places behind a surface are hidden. Directions without a return around say nothing.
 
         Returns:
             Which are known to be free, and which are hidden.
         """
         cells, ranges = _directions(np.ascontiguousarray(positions))
-        nearest = self._nearest[cells]
-        margin = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
-        is_free: NDArray[np.bool_] = np.isfinite(nearest) & (nearest > ranges + margin)
+        nearest, around = self._nearest[cells], self._nearest_around[cells]
+        margin = margin_m(ranges)
+        is_free: NDArray[np.bool_] = np.isfinite(around) & (around > ranges + margin)
         return is_free, nearest + margin < ranges
+
+
+def margin_m(ranges: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (P,) metres by which a place at a range (P,) must be nearer than what is behind."""
+    margins: NDArray[np.float32] = np.float32(_MARGIN_M) + np.float32(_MARGIN_SHARE) * ranges
+    return margins
 
 
 @compiled("float32(float32, float32)")
@@ -95,3 +109,32 @@ def _nearest(cells: NDArray[np.int32], ranges: NDArray[np.float32]) -> NDArray[n
     for row in range(len(cells)):
         nearest[cells[row]] = min(nearest[cells[row]], ranges[row])
     return nearest
+
+
+@compiled("float32[::1](float32[::1])")
+def _nearest_around(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns (all cells,) the shortest range in each cell and in those beside, above and below.
+
+    It is infinite where nothing returned from above or below: at the edge of what the sensor sees
+    a place may lie beside all beams.
+    """
+    around = np.full(len(nearest), np.inf, np.float32)
+    for up in range(_NUM_ELEVATIONS):
+        row = up * _NUM_AZIMUTHS
+        for across in range(_NUM_AZIMUTHS):
+            cell = row + across
+            left, right = row + (across - 1) % _NUM_AZIMUTHS, row + (across + 1) % _NUM_AZIMUTHS
+            shortest = min(nearest[cell], nearest[left], nearest[right])
+            num_sides = 0
+            for side in (-1, 1):
+                for step in range(1, _NUM_REACHED + 1):
+                    other = cell + side * step * _NUM_AZIMUTHS
+                    if not 0 <= other < len(nearest):
+                        break
+                    if nearest[other] < np.inf:
+                        shortest = min(shortest, nearest[other])
+                        num_sides += 1
+                        break
+            if num_sides == 2:
+                around[cell] = shortest
+    return around

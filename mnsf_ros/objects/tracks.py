@@ -143,7 +143,8 @@ def alive(tracks: Sequence[Track], stamp_ns: int, interval_s: float) -> list[Tra
     """Tracks that may still be seen at a time, as they are expected then."""
     max_unseen_s = max(_MAX_UNSEEN_S, _MAX_UNSEEN_SWEEPS * interval_s)
     limit_ns = stamp_ns - max_unseen_s * NANOSECONDS
-    return _expected([track for track in tracks if track.seen_ns >= limit_ns], stamp_ns)
+    known = [track for track in tracks if limit_ns <= track.seen_ns <= stamp_ns]
+    return _expected(known, stamp_ns)
 
 
 def expecting_shares(
