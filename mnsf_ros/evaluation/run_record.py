@@ -9,7 +9,7 @@ import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -89,18 +89,14 @@ class RunRecord:
         Raises:
             EvaluationError: The settings, or a recording of the same name, are others than before.
         """
-        differences = list(_differences(before.options.identity, self.options.identity))
-        if differences:
-            more = len(differences) - _MAX_TOLD
-            listed = [*differences[:_MAX_TOLD], *([f"and {more} more"] if more > 0 else [])]
-            raise EvaluationError(f"{folder}: holds a run with other settings: {'; '.join(listed)}")
+        told = _differences(before.options.identity, self.options.identity)
+        if told:
+            raise EvaluationError(f"{folder}: holds a run with other settings: {told}")
         recordings = {recording.name: recording for recording in before.recordings}
         for new in self.recordings:
             old = recordings.get(new.name, new)
-            if differences := list(_differences(old.identity, new.identity)):
-                raise EvaluationError(
-                    f"{folder}: holds another recording {new.name!r}: {'; '.join(differences)}"
-                )
+            if told := _differences(old.identity, new.identity):
+                raise EvaluationError(f"{folder}: holds another recording {new.name!r}: {told}")
             recordings[new.name] = new
         return RunRecord(
             options=before.options,
@@ -110,10 +106,12 @@ class RunRecord:
         )
 
 
-def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> Iterator[str]:
-    for name in sorted({*before, *now}):
-        if before.get(name) != now.get(name):
-            yield f"{name} was {before.get(name)}, is {now.get(name)}"
+def _differences(before: Mapping[str, object], now: Mapping[str, object]) -> str:
+    """The first few changes as text; empty if there are none."""
+    names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
+    told = [f"{name} was {before.get(name)}, is {now.get(name)}" for name in names[:_MAX_TOLD]]
+    more = len(names) - len(told)
+    return "; ".join([*told, *([f"and {more} more"] if more else [])])
 
 
 def git_commit() -> str:

@@ -111,10 +111,3 @@ def test_recording_without_examples(street, tmp_path, capsys, name, text):
     assert study(name, street, *gaps, "--out", tmp_path / "out") == EXIT_USAGE
     (line,) = capsys.readouterr().err.splitlines()
     assert text in line
-
-
-def test_landscape_of_fits_that_were_cut_off_says_so(street, tmp_path, capsys):
-    few = ["--steps=3", "--directions=2", "--out", tmp_path / "out"]
-    assert study("landscape", street, *few) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "not converged, so that no optimum is in the middle: forward (iteration limit" in printed

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import weakref
-
 import numpy as np
 import pytest
 import tiny_world
@@ -55,20 +53,6 @@ def test_stamps_must_rise(tmp_path):
             write_recording(source(sweep(0), sweep(1, stamp_ns=stamp_ns)), tmp_path / "bag")
     with pytest.raises(RecordingError, match="stamp_ns is -1"):
         write_recording(source(sweep(0, stamp_ns=-1)), tmp_path / "bag")
-
-
-def test_only_a_few_sweeps_are_in_memory(tmp_path):
-    alive = weakref.WeakSet()
-
-    def sweeps():
-        for index in range(6):
-            made = sweep(index)
-            alive.add(made)
-            assert len(alive) <= 3
-            yield made
-            del made
-
-    write_recording(SweepSource("a", None, sweeps()), tmp_path / "bag")
 
 
 def test_a_part_of_a_source():

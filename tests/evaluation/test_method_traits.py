@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 import small_evaluations as small
@@ -66,29 +64,3 @@ def test_sampling_skips_examples_only_where_nothing_is_carried_on(bag, carries_s
     sampled = rows_of(task, small.options(every=3))
     assert plain(sampled) == plain(whole)[::3]
     assert len(SEEN_NS) == (6 if carries_state else 2)
-
-
-def test_interrupted_run_goes_on_as_if_nothing_had_happened(bag, tmp_path, carries_state):
-    recordings, methods = [small.recording_at(bag)], small.methods_of(["toy"])
-    skipped = set()
-
-    def stop_after_three(task, event):
-        if event.number == 3:
-            raise KeyboardInterrupt
-
-    def note(task, event):
-        skipped.add(task.skipped)
-
-    whole = plain(rows_of(small.task_at(bag, "toy"), small.options()))
-    run = partial(small.run, tmp_path / "out", recordings, methods, small.options())
-    with pytest.raises(KeyboardInterrupt):
-        run(watch=stop_after_three)
-    _, folder = run(resume=True, watch=note)
-    assert skipped == {frozenset() if carries_state else frozenset({1, 2, 3})}
-    assert plain(folder.rows()) == whole
-
-
-def test_replay_is_done_in_one_go():
-    (method,) = small.methods_of(["zero"])
-    assert not small.options().is_indivisible(method)
-    assert small.options(realtime_rate=1.0).is_indivisible(method)

@@ -105,16 +105,6 @@ def ros1_with_index(file, size):
     return file
 
 
-def sparse_mcap(file, opcode):
-    """An mcap file with a record of 1 GiB of zeros, without a place on the disk."""
-    with file.open("wb") as stream:
-        stream.write(MAGIC + mcap_record(Opcode.HEADER, mcap_text("ros2") + mcap_text("")))
-        stream.write(bytes([opcode]) + u64(2**30))
-        stream.seek(2**30, 1)
-        stream.write(mcap_record(Opcode.DATA_END, bytes(4)) + MAGIC)
-    return file
-
-
 def with_messages(write, path, content):
     """A recording whose messages are all the same bytes."""
     original = tiny_bags.cdr
@@ -182,21 +172,11 @@ def endless_tree(path):
     return file
 
 
-MESSAGE = mcap_message(0)
-# Nine bytes that no reader needs.
-RECORD = mcap_record(0x80, b"")
 LARGE = 100 * MEBIBYTE
 HOSTILE = {
-    "mcap, messages": lambda p: mcap_of_chunks(p / "a.mcap", MESSAGE, MEBIBYTE),
-    "mcap, messages, index": lambda p: mcap_of_chunks(
-        p / "a.mcap", MESSAGE, MEBIBYTE, has_index=True
-    ),
-    "mcap, records": lambda p: mcap_of_chunks(p / "a.mcap", RECORD, MEBIBYTE),
     "mcap, large chunks": lambda p: mcap_of_chunks(
         p / "a.mcap", mcap_message(LARGE), 2 * LARGE, 10, has_index=True
     ),
-    "mcap, sparse message": lambda p: sparse_mcap(p / "a.mcap", Opcode.MESSAGE),
-    "mcap, sparse chunk": lambda p: sparse_mcap(p / "a.mcap", Opcode.CHUNK),
     "mcap, messages of 3 GB": lambda p: with_messages(
         tiny_bags.write_mcap, p / "a", zstd_frame(3 * 2**30)
     ),

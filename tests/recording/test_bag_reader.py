@@ -172,11 +172,6 @@ def two_topics(path):
     return path
 
 
-def test_only_topic_of_its_type_is_found(tmp_path):
-    with BagReader(two_topics(tmp_path / "bag")) as reader:
-        assert reader.find_topic(None, ODOMETRY_TYPE) == "/odom"
-
-
 @pytest.mark.parametrize(
     ("name", "msgtype", "text"),
     [
@@ -241,14 +236,6 @@ def test_latched_topics_are_known(tmp_path, write):
     assert latched == {"/plain": False, "/latched": True}
 
 
-@pytest.mark.parametrize("durability", ["1", "transient_local", "2"])
-def test_latched_topics_are_known_without_an_index(tmp_path, durability):
-    metadata = {"offered_qos_profiles": f"- history: 3\n  durability: {durability}\n"}
-    file = tiny_bags.write_unindexed_mcap(tmp_path / "bag.mcap", metadata=metadata)
-    with BagReader(file) as reader:
-        assert reader.topics["/points"].is_latched == (durability != "2")
-
-
 def test_mcap_of_another_recorder(tmp_path):
     """Its profile is not that of ROS 2, and a topic is not serialized as ROS 2 does."""
     with (tmp_path / "log.mcap").open("wb") as stream:
@@ -269,17 +256,6 @@ def test_clouds_keep_the_order_of_the_file_where_the_clock_of_the_recorder_jumpe
     file = tiny_bags.write_checked_mcap(tmp_path / "bag.mcap", chunk_size=10_000, order=order)
     with BagReader(file) as reader:
         assert [tiny_bags.index_of(item) for item in reader.readable_messages("/points")] == order
-
-
-def test_files_are_read_in_the_order_of_time_whatever_metadata_says(tmp_path):
-    bag = tiny_bags.write_mcap(tmp_path / "bag", indices=range(5, 10))
-    tiny_bags.write_mcap(tmp_path / "b", indices=range(5))
-    (tmp_path / "b" / "b.mcap").rename(bag / "z.mcap")
-    metadata = bag / "metadata.yaml"
-    metadata.write_text(metadata.read_text().replace("- bag.mcap", "- bag.mcap\n  - z.mcap"))
-    with BagReader(bag) as reader:
-        found = [tiny_bags.index_of(item) for item in reader.readable_messages("/points")]
-    assert found == list(range(10))
 
 
 def test_files_that_do_not_belong_to_the_recording_are_left_alone(tmp_path):
